@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from ..server.command_line import application
-from ..server.flags import Workspace, settings_from
+from ..server.commands.flags import Workspace, settings_from
 
 __all__ = ["application"]
 

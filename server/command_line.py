@@ -1,4 +1,4 @@
-"""The server's part of the command line: ``plannerforge serve | call | tools | prompts | maps | check``.
+"""The server's part of the command line: ``plannerforge serve | call | tools | prompts | maps | check | test``.
 
 Clients join it in ``agent/command_line.py``, evaluations in ``evals/command_line.py``.
 
@@ -13,9 +13,9 @@ from typing import Annotated
 import typer
 
 from ..schemas.errors import PlannerForgeError
-from .catalog_commands import catalog
-from .flags import MapFolders, Roots, Workers, Workspace, settings_from
-from .maps_commands import maps
+from .commands.catalog import catalog
+from .commands.flags import MapFolders, Roots, Workers, Workspace, settings_from
+from .commands.maps import maps
 
 application = typer.Typer(
     name="plannerforge",
@@ -86,7 +86,7 @@ def call(
     workers: Workers = None,
 ) -> None:
     """Make one tool call, the same that an MCP client makes."""
-    from .one_call import make_call
+    from .commands.one_call import make_call
 
     settings = settings_from(workspace=workspace, roots=roots, map_folders=map_folders, workers=workers, warm_up=False)
     raise typer.Exit(make_call(settings, tool, arguments, as_json=as_json))
@@ -97,7 +97,7 @@ def list_tools(
     essential: Annotated[bool, typer.Option("--essential", help="Only the small set for small models.")] = False,
 ) -> None:
     """List the tools with what they cost in tokens."""
-    from .tool_costs import print_costs
+    from .commands.tool_costs import print_costs
 
     print_costs(settings_from(tools="essential" if essential else None))
 
@@ -111,7 +111,7 @@ def prompts(
 ) -> None:
     """List the prompts of the tasks with what they cost in tokens, or print one."""
     from ..prompts.composition import system_prompt
-    from .tool_costs import print_prompt_costs
+    from .commands.tool_costs import print_prompt_costs
 
     if task is None:
         print_prompt_costs()
@@ -129,6 +129,25 @@ def check(
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
 ) -> None:
     """Check the road networks of CommonRoad files; exit code 1 where one has errors."""
-    from .check_command import check_files
+    from .commands.check import check_files
 
     raise typer.Exit(check_files(files, as_json=as_json))
+
+
+@application.command(name="test")
+def run_tests(
+    suite: Annotated[Path, typer.Argument(help="The suite, a YAML file.", exists=True, dir_okay=False)],
+    junit: Annotated[Path | None, typer.Option(help="Write JUnit XML to this file.")] = None,
+    summary: Annotated[Path | None, typer.Option(help="Write a summary in Markdown to this file.")] = None,
+    report: Annotated[Path | None, typer.Option(help="Write all of it as JSON to this file.")] = None,
+    save_baseline: Annotated[Path | None, typer.Option(help="Keep the runs here, to hold later ones against.")] = None,
+    workspace: Workspace = None,
+    map_folders: MapFolders = None,
+    workers: Workers = None,
+) -> None:
+    """Run a test suite for planners; exit code 0 where all limits hold, 1 where one does not, 2 where it cannot run."""
+    from .commands.suite import SuiteOutputs, test_suite
+
+    roots = [suite.resolve().parent]
+    settings = settings_from(workspace=workspace, roots=roots, map_folders=map_folders, workers=workers, warm_up=False)
+    raise typer.Exit(test_suite(suite, settings, SuiteOutputs(junit, summary, report, save_baseline)))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..engine.rendering import analysis_section, batch_section, comparison_section, report_image, scenario_section
 from ..engine.workspace import REPORT_NAME, Artifact, Export, plan_exports, refuse_taken, write_export
+from ..schemas.analysis.comparison import CompareResultsArguments
 from ..schemas.artifacts import (
     ExportArtifactsArguments,
     ExportArtifactsResult,
@@ -17,7 +18,6 @@ from ..schemas.artifacts import (
     RunTableRequest,
     SolutionRequest,
 )
-from ..schemas.comparison import CompareResultsArguments
 from ..schemas.errors import Faults, InvalidRequest
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.rendering import PictureKind, ReportImage, ReportRequest, ReportSection, ReportWritten

@@ -8,9 +8,9 @@ Time limits are chosen, generously: they end what hangs. Where a client waits fo
 """
 
 from ..engine.execution import Operation
+from ..schemas.analysis.comparison import CompareRequest, CompareResultsResult
 from ..schemas.artifacts import FileWritten, ForeignExport, ForeignExportRequest, RunTableRequest, SolutionRequest
 from ..schemas.catalog import BuildIndexRequest, BuildIndexResponse, RankRequest, RankResponse
-from ..schemas.comparison import CompareRequest, CompareResultsResult
 from ..schemas.generation import (
     ConvertedMap,
     ConvertMapRequest,

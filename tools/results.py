@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..engine.workspace import Artifact
-from ..schemas.comparison import CompareRequest, CompareResultsArguments, CompareResultsResult, Lineage, Side
+from ..schemas.analysis.comparison import CompareRequest, CompareResultsArguments, CompareResultsResult, Lineage, Side
 from ..schemas.errors import Faults, InvalidRequest, NotPossible, UnknownName
 from ..schemas.modification import Edit
 from ..schemas.planning import PlannerConfiguration

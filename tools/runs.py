@@ -192,7 +192,7 @@ async def run_many(call: ToolCall, cells: Sequence[Cell], wait_s: float, notes: 
             progress.report(own_share(finished, known, len(cells)), f"{len(finished)} of {len(cells)} runs")
 
         results = await run_grid(call, cells, on_done)
-        batch = _store_batch(call, cells, results)
+        batch = store_batch(call, cells, results)
         _take_note(call, batch)
         progress.add_result(batch.batch_id)
 
@@ -243,8 +243,8 @@ def _take_note(call: ToolCall, batch: BatchRecord) -> None:
     call.made("batch", batch.batch_id)
 
 
-def _store_batch(call: ToolCall, cells: Sequence[Cell], results: Sequence[CellResult]) -> BatchRecord:
-    """Store the finished grid as a batch."""
+def store_batch(call: ToolCall, cells: Sequence[Cell], results: Sequence[CellResult]) -> BatchRecord:
+    """Store the finished grid as a batch, its lost cells with it."""
     lost = tuple(result.lost for result in results if result.lost is not None)
     recipe = _batch_recipe(cells, [f"{cell.scenario_id} {cell.config_id}" for cell in lost])
     record = BatchRecord(

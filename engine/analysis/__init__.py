@@ -2,6 +2,9 @@
 
 ``analyse``: an operation: rates, metrics, costs and findings of runs.
 ``compare``: an operation: every side of a request against the first one, paired by scenario and conditions.
+``Limit``: a bound on what runs show, or that they are not worse than a baseline.
+``Judged``: the runs of a configuration that limits are judged on.
+``parse_limit``: what the text of a limit says; refused where it says nothing.
 ``write_run_table``: an operation: writes the table of a batch, a row a run.
 ``cost_shares``: mean weighted cost of each term and its share, by configuration, the largest first.
 ``mean_terms``: mean weighted cost of each term over the planning steps of a run.
@@ -22,6 +25,7 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .comparison import compare
+    from .limits import Judged, Limit, parse_limit
     from .moments import review_runs
     from .run_set import RunSet, cost_shares, driven_tracks, mean_terms, read_steps
     from .run_table import write_run_table

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Literal
 
-from ...schemas.comparison import (
+from ...schemas.analysis.comparison import (
     CompareRequest,
     CompareResultsResult,
     Comparison,

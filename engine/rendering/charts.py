@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ...schemas.comparison import CompareRequest, Flip, Side
+from ...schemas.analysis.comparison import CompareRequest, Flip, Side
 from ...schemas.errors import NotPossible
 from ...schemas.rendering import PictureKind
 from ...schemas.results import CostShare

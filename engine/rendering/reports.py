@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...schemas.comparison import CompareResultsResult, Comparison
+from ...schemas.analysis.comparison import CompareResultsResult, Comparison
 from ...schemas.errors import ResourceFailure, UnsafeInput
 from ...schemas.rendering import RenderedImage, ReportImage, ReportRequest, ReportSection, ReportTable, ReportWritten
 from ...schemas.results import AnalyzeResultsResult

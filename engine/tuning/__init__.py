@@ -12,6 +12,7 @@
 ``tuning_of``: The tuning of a planner by its name.
 ``WeightFile``: The planner of a weight file, and its weights and settings as assignments.
 ``read_weight_file``: What a cost-weight file holds; ``UnsafeInput`` where it is not of that form.
+``read_yaml``: A YAML file as mappings, lists and texts; ``UnsafeInput`` where it is hostile.
 ``to_yaml``: A configuration as the text of a cost-weight file.
 """
 
@@ -29,6 +30,6 @@ if TYPE_CHECKING:
     )
     from .settings import Setting, known_settings, setting_values
     from .tunings import PlannerTuning, tuning_of
-    from .weight_file import WeightFile, read_weight_file, to_yaml
+    from .weight_file import WeightFile, read_weight_file, read_yaml, to_yaml
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

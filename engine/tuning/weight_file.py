@@ -47,7 +47,7 @@ def read_weight_file(path: Path) -> WeightFile:
             f"{name} is larger than {_LARGEST_BYTES:,} bytes; a weight file is not",
             next_step="export a configuration as yaml to see the form",
         )
-    content = _content(path)
+    content = read_yaml(path, _MOST_BRACKETS)
     if not isinstance(content, dict) or not isinstance(content.get("cost_weights"), dict):
         raise UnsafeInput(
             f"{name} has no section of cost weights",
@@ -89,18 +89,21 @@ def _assignments(path: Path, content: dict[str, Any], section: str) -> list[str]
     return assignments
 
 
-def _content(path: Path) -> Any:
-    """The file as mappings, lists and texts: no tag of YAML's makes anything else of them.
+def read_yaml(path: Path, most_brackets: int) -> Any:
+    """A YAML file as mappings, lists and texts: no tag of YAML's makes anything else of them.
 
     An alias stands for the whole of what it names, and twelve levels of them make thousands of millions of values from
-    a thousand bytes: no weight file has one.
+    a thousand bytes: no file of ours has one. ``most_brackets``: lists and mappings that are written in brackets.
+
+    Raises:
+        UnsafeInput: it cannot be read, is deeply nested, or has aliases.
     """
     import yaml
 
     try:
         text = path.read_text(encoding="utf-8")
-        if text.count("[") + text.count("{") > _MOST_BRACKETS or _NESTED_IN_A_LINE.search(text):
-            raise UnsafeInput(f"{one_line(path.name)} has lists and mappings deep in each other; a weight file has not")
+        if text.count("[") + text.count("{") > most_brackets or _NESTED_IN_A_LINE.search(text):
+            raise UnsafeInput(f"{one_line(path.name)} has lists and mappings deep in each other, or many")
         if any(isinstance(token, yaml.AliasToken | yaml.AnchorToken) for token in yaml.scan(text)):
             raise UnsafeInput(f"{one_line(path.name)} has YAML aliases", next_step="write the values out")
         return yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506 - it makes nothing but texts, lists and mappings

@@ -27,9 +27,9 @@ from rich.console import Console
 
 from ...prompts.composition import system_prompt
 from ...server.assembly import offered_tools
+from ...server.commands.tool_costs import tool_cost
 from ...server.settings import Settings
 from ...server.tokens import count_tokens
-from ...server.tool_costs import tool_cost
 from ..harness import Figures, print_figures, rate_text, share, shared_folder
 from .corpora import TASKS, packaged_corpora
 from .results.rows import Row

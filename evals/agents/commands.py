@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ...server.flags import Workspace
+from ...server.commands.flags import Workspace
 
 evaluation = typer.Typer(name="eval", no_args_is_help=True, help="Measure agents on requests whose answers are known.")
 corpus = typer.Typer(name="corpus", no_args_is_help=True, help="Requests with ground truth, made from what is at hand.")

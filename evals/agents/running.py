@@ -15,7 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from ...agent.errors import AgentError
 from ...schemas.errors import InvalidRequest, PlannerForgeError, UnknownName
 from ...schemas.text import printable
-from ...server.flags import settings_from
+from ...server.commands.flags import settings_from
 from .attempts import Condition, EvalRequest, Task
 from .campaign import Evaluation, evaluate, rows_path, settle
 from .connection import ServerSession, ServerSetup, copied, open_session, prepare

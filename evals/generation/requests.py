@@ -155,7 +155,7 @@ def corpus_refusals(lines: Sequence[str]) -> list[Refusal]:
 
 def _corpus_refusal(entry: Mapping[str, Any]) -> Refusal:
     """A request of the corpus; where a class is what is wrong, its place, which no map shows either, is left out."""
-    reason = "no_map_here" if entry["id"] in PEOPLE else entry["truth"].get("reason", "no_map_here")
+    reason: Any = "no_map_here" if entry["id"] in PEOPLE else entry["truth"].get("reason", "no_map_here")
     code, _, field = reason.partition(":")
     if code not in get_args(Reason):
         raise ValueError(f"{entry['id']}: unknown reason {code!r}")

@@ -13,7 +13,7 @@ from support.builders import town_road
 from support.server import Connect
 
 from plannerforge.server.assembly import create_server
-from plannerforge.server.one_call import make_call
+from plannerforge.server.commands.one_call import make_call
 from plannerforge.server.settings import Settings
 from plannerforge.tools import importing
 from plannerforge.tools import importing as import_job

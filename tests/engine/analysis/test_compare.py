@@ -5,7 +5,7 @@ from support.runs import DEFAULT, SAFE, metrics, record, source
 
 from plannerforge.engine.analysis.comparison import compare
 from plannerforge.engine.execution.executor import silent
-from plannerforge.schemas.comparison import CompareRequest, CompareResultsResult, Lineage, Side
+from plannerforge.schemas.analysis.comparison import CompareRequest, CompareResultsResult, Lineage, Side
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.runs import Outcome, RunSource
 

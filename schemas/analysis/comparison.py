@@ -4,9 +4,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, WithJsonSchema
 
-from .base import Answer, Arguments, Model, Result
-from .results import ConfigWeights, MetricName, figure, metric_words, with_unit
-from .runs import Outcome, RunReview, RunSource, ScenarioSource, ending
+from ..base import Answer, Arguments, Model, Result
+from ..results import ConfigWeights, MetricName, figure, metric_words, with_unit
+from ..runs import Outcome, RunReview, RunSource, ScenarioSource, ending
 
 UnlistedMetric = Annotated[MetricName, WithJsonSchema({"type": "string"})]
 """A metric whose name the schema leaves out, to stay small; a refusal lists them all."""

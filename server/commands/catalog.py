@@ -32,8 +32,8 @@ def fetch(
     from rich.console import Console
     from rich.progress import Progress
 
-    from ..engine.catalog import download, unpack
-    from ..schemas.errors import PlannerForgeError
+    from ...engine.catalog import download, unpack
+    from ...schemas.errors import PlannerForgeError
 
     console = Console(stderr=True)
     root = settings_from(workspace=workspace).workspace.expanduser().resolve()

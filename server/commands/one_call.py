@@ -11,11 +11,11 @@ from mcp.types import CallToolResult, TextContent
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 
-from ..resources.templates import SCHEME
-from ..tools.rendering import FOLDER
-from .assembly import create_server
-from .settings import Settings
-from .tool_calls import answer_text
+from ...resources.templates import SCHEME
+from ...tools.rendering import FOLDER
+from ..assembly import create_server
+from ..settings import Settings
+from ..tool_calls import answer_text
 
 
 def make_call(settings: Settings, tool: str, arguments: str, *, as_json: bool, to_the_end: bool = False) -> int:

@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Column, Table
 
-from ..schemas.scenarios import CheckedFile
+from ...schemas.scenarios import CheckedFile
 
 _SHOWN_IDS = 4
 """Ids that a line lists of one finding; chosen."""
@@ -16,7 +16,7 @@ _SHOWN_IDS = 4
 
 def check_files(paths: Sequence[Path], *, as_json: bool) -> int:
     """Check every file and print what was found; 0 where no rule found an error, otherwise 1."""
-    from ..engine.network import check_file
+    from ...engine.network import check_file
 
     checked = [check_file(path) for path in paths]
     if as_json:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .settings import Settings, settings_file
+from ..settings import Settings, settings_file
 
 Workspace = Annotated[Path | None, typer.Option(help="Folder for everything that is made.")]
 Roots = Annotated[list[Path] | None, typer.Option("--roots", help="Folder that may be read and written; repeatable.")]

@@ -5,13 +5,13 @@ import json
 from rich.console import Console
 from rich.table import Table
 
-from ..engine.maps import built_in_maps
-from ..prompts.composition import CONDITIONS, TASKS, WorkspaceFacts, system_prompt
-from ..tools.registry import ToolSpec
-from .assembly import offered_tools
-from .settings import Settings
-from .tokens import count_tokens
-from .tool_schema import described_tool
+from ...engine.maps import built_in_maps
+from ...prompts.composition import CONDITIONS, TASKS, WorkspaceFacts, system_prompt
+from ...tools.registry import ToolSpec
+from ..assembly import offered_tools
+from ..settings import Settings
+from ..tokens import count_tokens
+from ..tool_schema import described_tool
 
 
 def tool_cost(spec: ToolSpec) -> int:

@@ -1,0 +1,1 @@
+"""The commands of ``plannerforge``: what each does, and the flags that they share."""
