@@ -6,7 +6,18 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result
-from .runs import Contact, ContactKind, LostCell, Outcome, RunMetrics, RunReview, RunSource, ScenarioSource, ending
+from .runs import (
+    Contact,
+    ContactKind,
+    Lineage,
+    LostCell,
+    Outcome,
+    RunMetrics,
+    RunReview,
+    RunSource,
+    ScenarioSource,
+    ending,
+)
 
 Breakdown = Literal[
     "none", "planner", "config", "prediction", "country", "scenario", "obstacle_count", "obstacle_class"
@@ -30,13 +41,18 @@ class ConfigWeights(Model):
 
 
 class Rate(Model):
-    """A share of ``count`` among ``of`` with its 95 % Wilson interval; all three None where ``of`` is 0."""
+    """A share of ``count`` among ``of`` with its 95 % interval; all three None where ``of`` is 0.
+
+    ``scenarios``: how many there are behind the runs; the interval counts these (docs/statistics.md). None: it counts
+    the runs.
+    """
 
     count: int
     of: int
     share: float | None
     low: float | None
     high: float | None
+    scenarios: int | None = None
 
 
 class OutcomeShare(Model):
@@ -88,13 +104,35 @@ class CostShare(Model):
 
 
 class Correlation(Model):
-    """Spearman's rank correlation of a feature with success (1) or failure (0); ``p_holm`` is Holm-adjusted."""
+    """Spearman's rank correlation of a feature of scenarios with the share of their runs that reached the goal.
+
+    ``n``: scenarios; ``p_holm`` is Holm-adjusted over the features; ``rho_fixed``: what is left of the correlation once
+    the others and the kind of road are held fixed (``held_fixed``), with its p; None where nothing is left.
+    """
 
     feature: str
     n: int
     rho: float
     p: float
     p_holm: float
+    rho_fixed: float | None = None
+    p_fixed: float | None = None
+    held_fixed: tuple[str, ...] = ()
+
+    @property
+    def stands(self) -> bool:
+        """Whether it differs from 0 after Holm's adjustment, and still does with the others held fixed."""
+        left = not self.held_fixed or (self.p_fixed is not None and self.p_fixed < _LEVEL)
+        return self.p_holm < _LEVEL and left
+
+    def left_in_words(self) -> str:
+        """What is left of it once the others are held fixed; empty where nothing could be."""
+        if not self.held_fixed:
+            return ""
+        fixed = ", ".join(self.held_fixed)
+        if self.rho_fixed is None:
+            return f"; with {fixed} held fixed nothing is left"
+        return f"; with {fixed} held fixed ρ={self.rho_fixed:+.2f}, p={figure(self.p_fixed)}"
 
 
 class Suggestion(Model):
@@ -210,6 +248,7 @@ class AnalyseRequest(Model):
     runs: tuple[RunSource, ...]
     configs: tuple[ConfigWeights, ...] = ()
     scenarios: tuple[ScenarioSource, ...] = ()
+    lineage: tuple[Lineage, ...] = ()
     lost: tuple[LostCell, ...] = ()
     breakdown: Breakdown = "none"
     where: tuple[str, ...] = ()
@@ -455,10 +494,11 @@ def _costs(result: AnalyzeResultsResult) -> list[str]:
 
 
 def _correlations(result: AnalyzeResultsResult) -> list[str]:
-    """All of them where findings were asked for; else those that stand after Holm's adjustment."""
-    shown = [item for item in result.correlations if result.detail == "findings" or item.p_holm < _LEVEL]
+    """All of them where findings were asked for; else those that stand after Holm's adjustment, by themselves."""
+    shown = [item for item in result.correlations if result.detail == "findings" or item.stands]
     lines = [
-        f"- success × {item.feature}: ρ={item.rho:+.2f}, p={figure(item.p)}, Holm {figure(item.p_holm)} (n={item.n})"
+        f"- success × {item.feature}: ρ={item.rho:+.2f}, p={figure(item.p)}, Holm {figure(item.p_holm)} "
+        f"(n={item.n} scenarios){item.left_in_words()}"
         for item in shown
     ]
     return ["Spearman correlations:", *lines] if lines else []
@@ -502,10 +542,12 @@ def _percent(share: float | None) -> str:
 
 
 def _rate_text(rate: Rate) -> str:
-    """``6/8 = 75 % (95 %: 41–93 %)``."""
+    """``6/8 = 75 % (95 %: 41–93 %)``, with the number of scenarios where it is another one."""
     if rate.share is None or rate.low is None or rate.high is None:
         return f"{rate.count}/{rate.of}"
-    return f"{rate.count}/{rate.of} = {_percent(rate.share)} (95 %: {100 * rate.low:.0f}–{100 * rate.high:.0f} %)"
+    span = f"95 %: {100 * rate.low:.0f}–{100 * rate.high:.0f} %"
+    scenarios = f", {rate.scenarios} scenarios" if rate.scenarios not in (None, rate.of) else ""
+    return f"{rate.count}/{rate.of} = {_percent(rate.share)} ({span}{scenarios})"
 
 
 _LONGEST = 1e7

@@ -357,12 +357,31 @@ def ending(outcome: Outcome, reason: str, review: RunReview | None = None, *, co
     return reason if outcome == "goal_reached" else f"{outcome.replace('_', ' ')}: {reason}"
 
 
+class Lineage(Model):
+    """Where an edited scenario comes from: its ancestors, the nearest first, and its edits in order, a line each."""
+
+    scenario_id: str
+    ancestors: tuple[str, ...]
+    edits: tuple[str, ...]
+
+    @property
+    def root(self) -> str:
+        """The scenario that was never edited."""
+        return self.ancestors[-1] if self.ancestors else self.scenario_id
+
+
 class ScenarioSource(Model):
-    """A scenario, the CommonRoad file that holds it, and its obstacles by type where they are known."""
+    """A scenario, the CommonRoad file that holds it, and of what is known of it what decides how hard it is.
+
+    ``obstacles``: by type; ``density_per_km``: recorded vehicles per kilometre of lanelets; ``road``: the kind of road
+    by the file's tags, such as ``highway``; empty where they say none.
+    """
 
     scenario_id: str
     path: str
     obstacles: dict[str, int] | None = None
+    density_per_km: float | None = None
+    road: str = ""
 
 
 class RunSource(Model):

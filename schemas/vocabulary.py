@@ -36,6 +36,8 @@ TAGS: Final[dict[str, str]] = {
     "two_lane": "two lanes, usually one per direction",
     "urban": "built-up area",
 }
+ROAD_KINDS: Final = ("highway", "interstate", "slip_road", "roundabout", "intersection", "rural", "urban")
+"""Tags that say the kind of road, the more telling first: of two of them the first counts."""
 SIGNS: Final[dict[str, str]] = {
     "right_before_left_rule": "give way to the right",
     "yield": "give way",

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..engine.workspace import Artifact
-from ..schemas.analysis.comparison import CompareRequest, CompareResultsArguments, CompareResultsResult, Lineage, Side
+from ..schemas.analysis.comparison import CompareRequest, CompareResultsArguments, CompareResultsResult, Side
 from ..schemas.errors import Faults, InvalidRequest, NotPossible, UnknownName
 from ..schemas.modification import Edit
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.results import AnalyseRequest, AnalyzeResultsArguments, AnalyzeResultsResult, ConfigWeights
-from ..schemas.runs import BatchRecord, LostCell, RunRecord, RunSource, ScenarioSource
+from ..schemas.runs import BatchRecord, Lineage, LostCell, RunRecord, RunSource, ScenarioSource
 from ..schemas.scenarios import ScenarioRecord
+from ..schemas.vocabulary import ROAD_KINDS
 from .call import ToolCall
 from .operations import ANALYSE, COMPARE
 
@@ -39,6 +40,7 @@ async def analyze_results(arguments: AnalyzeResultsArguments, call: ToolCall) ->
         runs=runs,
         configs=config_weights(runs, call),
         scenarios=scenario_sources((run.record.scenario_id for run in runs), call),
+        lineage=lineages((run.record.scenario_id for run in runs), call),
         lost=tuple(cell for result in chosen for cell in result.lost),
         breakdown=arguments.breakdown,
         where=tuple(arguments.where),
@@ -175,15 +177,21 @@ def config_weights(runs: Iterable[RunSource], call: ToolCall) -> tuple[ConfigWei
 
 
 def scenario_sources(scenario_ids: Iterable[str], call: ToolCall) -> tuple[ScenarioSource, ...]:
-    """Files and obstacle counts of scenarios, each once."""
-    return tuple(
-        ScenarioSource(
-            scenario_id=artifact.artifact_id,
-            path=str(call.workspace.file("scenario", artifact.artifact_id, "scenario.xml")),
-            obstacles=artifact.read(ScenarioRecord).facts.participants.counts,
+    """Files of scenarios, and what is known of how hard they are, each once."""
+    sources = []
+    for scenario_id in dict.fromkeys(scenario_ids):
+        artifact = call.workspace.get(scenario_id, "scenario")
+        facts = artifact.read(ScenarioRecord).facts
+        sources.append(
+            ScenarioSource(
+                scenario_id=scenario_id,
+                path=str(call.workspace.file("scenario", scenario_id, "scenario.xml")),
+                obstacles=facts.participants.counts,
+                density_per_km=facts.density_per_km,
+                road=next((kind for kind in ROAD_KINDS if kind in facts.tags), ""),
+            )
         )
-        for artifact in (call.workspace.get(key, "scenario") for key in dict.fromkeys(scenario_ids))
-    )
+    return tuple(sources)
 
 
 def lineages(scenario_ids: Iterable[str], call: ToolCall) -> tuple[Lineage, ...]:

@@ -10,7 +10,6 @@ from ...schemas.runs import ContactKind, RunRecord
 from ..commonroad import kept_recording
 from .moments import contact_of
 from .run_set import RunSet, most_frequent_first
-from .statistics import rate
 
 MOST_COLLISIONS, MOST_GOALS = 60, 200
 """Collisions and reached goals that are looked at (chosen): each reads its scenario, and an answer has 50 s."""
@@ -39,7 +38,7 @@ def collision_causes(runs: RunSet) -> CollisionCauses | None:
         not_preventable=not_preventable,
         from_behind=sum(contacts[run_id].kind in FROM_BEHIND for run_id in not_preventable),
         recorded_traffic=any(record.traffic == "recorded" for record in hits if record.run_id in not_preventable),
-        success_without=rate(len(runs.successes), len(runs.valid) - len(not_preventable)),
+        success_without=runs.rate(record for record in runs.valid if record.run_id not in not_preventable),
     )
 
 
@@ -48,11 +47,10 @@ def trivial_goals(runs: RunSet) -> TrivialGoals | None:
     kinds = {record.run_id: kind for record in runs.successes[:MOST_GOALS] if (kind := _trivial_kind(runs, record))}
     if not kinds:
         return None
-    rest = len(runs.valid) - len(kinds)
     return TrivialGoals(
         kinds=dict(sorted(Counter(kinds.values()).items())),
         run_ids=tuple(kinds),
-        success_without=rate(len(runs.successes) - len(kinds), rest),
+        success_without=runs.rate(record for record in runs.valid if record.run_id not in kinds),
     )
 
 

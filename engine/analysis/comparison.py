@@ -1,11 +1,14 @@
 """A against B, paired per scenario (or its edited version), problem, prediction, traffic and seed.
 
-Success is tested by McNemar's exact test, each metric by Wilcoxon's signed-rank test, all p values of one comparison
-adjusted by Holm; the verdict states in words what these figures allow to say.
+The scenario is the unit of all tests (``statistics.py``). Success is tested by McNemar's exact test or, where scenarios
+have several pairs, by flipping the signs of scenarios; each metric by Wilcoxon's signed-rank test on the means of
+scenarios; all p values of one comparison are adjusted by Holm. Of three and more sides all pairs of sides are tested as
+one family. The verdict states in words what these figures allow to say.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from statistics import median
 from typing import Literal
 
@@ -15,27 +18,28 @@ from ...schemas.analysis.comparison import (
     Comparison,
     EditedPair,
     Flip,
-    Lineage,
     MetricTest,
     PairedRun,
+    RankedSide,
     Side,
+    Stratum,
     SuccessTest,
     WeightChange,
 )
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.results import ConfigWeights, figure
-from ...schemas.runs import RunRecord
+from ...schemas.runs import Lineage, RunRecord
 from ..execution import ProgressReporter
-from .moments import review
-from .run_set import METRICS, MetricSpec, RunSet
-from .statistics import FEWEST_PAIRS, holm, mcnemar_exact, paired_difference, signed_rank
+from .moments import contact_of, review
+from .run_set import METRICS, MetricSpec, RunSet, reached_goal
+from .statistics import FEWEST_PAIRS, LEVEL, cluster_means, holm, needed_scenarios, paired_shares, signed_rank
 
 _CONDITIONS = ("prediction", "traffic", "seed")
 """What runs that are paired have in common besides scenario and problem."""
-_LEVEL = 0.05
-"""The usual level of significance."""
-_NOISE = 1e-9
-"""Relative difference of two values up to which they are equal: what rounding leaves, far below any measurement."""
+_MARGIN = 0.10
+"""Ten points of success (chosen): two planners that differ by less are alike for most purposes."""
+_EXPLAINED = 6
+"""Flips whose collision is looked at (chosen): each reads its scenario, and an answer has 50 s."""
 _LISTED_EDITED = 10
 """Pairs by lineage whose edits the structured answer holds (chosen)."""
 _Pairs = Sequence[tuple[RunRecord, RunRecord]]
@@ -54,16 +58,48 @@ def compare(request: CompareRequest, report: ProgressReporter) -> CompareResults
             f"'{request.sides[0].label if request.sides else 'nothing'}' has nothing to be compared with",
             next_step="name two runs or batches, or one batch with several configurations",
         )
-    records = {source.record.run_id: source.record for source in request.runs}
+    runs = RunSet(request.runs, request.configs, request.scenarios, request.lineage)
+    records = {record.run_id: record for record in runs.records}
     baseline, *others = request.sides
     comparisons = []
     for number, other in enumerate(others):
-        comparisons.append(_compare(baseline, other, records, request))
+        comparisons.append(_compare(baseline, other, runs, records, request))
         report((number + 1) / len(others), f"{other.label} against {baseline.label}")
-    return CompareResultsResult(sides=request.sides, comparisons=tuple(comparisons), notes=_notes(request))
+    return CompareResultsResult(
+        sides=request.sides,
+        comparisons=tuple(comparisons),
+        ranking=_ranking(request.sides, runs, records) if len(request.sides) > 2 else (),
+        notes=_notes(request),
+    )
 
 
-def _compare(before: Side, after: Side, records: dict[str, RunRecord], request: CompareRequest) -> Comparison:
+def _ranking(sides: Sequence[Side], runs: RunSet, records: dict[str, RunRecord]) -> tuple[RankedSide, ...]:
+    """The sides by success, with ties: every side against every other, one family of tests (Holm 1979)."""
+    lineages = {lineage.scenario_id: lineage for lineage in runs.lineage}
+    couples = list(combinations(range(len(sides)), 2))
+    tests = [_success(_pair(sides[i], sides[j], records, lineages).pairs, runs) for i, j in couples]
+    tested = [(couple, test) for couple, test in zip(couples, tests, strict=True) if test.p is not None]
+    adjusted = holm([test.p for _, test in tested if test.p is not None])
+    worse: dict[int, list[int]] = {}
+    for ((first, second), test), p in zip(tested, adjusted, strict=True):
+        if p < LEVEL and test.difference:
+            loser, winner = (first, second) if test.difference > 0 else (second, first)
+            worse.setdefault(loser, []).append(winner)
+    ranked = [
+        RankedSide(
+            label=side.label,
+            rank=1 + len(worse.get(index, [])),
+            success=runs.rate(one for run_id in side.run_ids if (one := records[run_id]).outcome != "invalid"),
+            worse_than=tuple(sides[winner].label for winner in worse.get(index, [])),
+        )
+        for index, side in enumerate(sides)
+    ]
+    return tuple(sorted(ranked, key=lambda side: (side.rank, -(side.success.share or 0.0))))
+
+
+def _compare(
+    before: Side, after: Side, runs: RunSet, records: dict[str, RunRecord], request: CompareRequest
+) -> Comparison:
     lineages = {lineage.scenario_id: lineage for lineage in request.lineage}
     pairing = _pair(before, after, records, lineages)
     if not pairing.pairs and not pairing.invalid:
@@ -73,8 +109,13 @@ def _compare(before: Side, after: Side, records: dict[str, RunRecord], request: 
             next_step="run both configurations on the same scenarios in one run_planner call, or analyze_results them",
         )
     weights = _weight_changes(before.config_id, after.config_id, request.configs)
-    specs = [spec for spec in METRICS if _wanted(spec, request, weights_differ=before.config_id != after.config_id)]
-    success, metrics = _with_holm(_success(pairing.pairs), [_metric(spec, pairing.pairs) for spec in specs])
+    incomparable = before.config_id != after.config_id or any(
+        name.startswith("prediction") for name in pairing.differing
+    )
+    specs = [spec for spec in METRICS if _wanted(spec, request, incomparable=incomparable)]
+    tested = _success(pairing.pairs, runs)
+    success, metrics = _with_holm(tested, [_metric(spec, pairing.pairs, runs) for spec in specs])
+    strata = _strata(pairing.pairs)
     edited = [pair for pair in pairing.pairs if pair[0].scenario_id != pair[1].scenario_id]
     to_success = [pair for pair in pairing.pairs if _mastered(pair) == (False, True)]
     to_failure = [pair for pair in pairing.pairs if _mastered(pair) == (True, False)]
@@ -83,15 +124,16 @@ def _compare(before: Side, after: Side, records: dict[str, RunRecord], request: 
         after=after.label,
         success=success,
         metrics=tuple(metrics),
-        to_success=tuple(_flip(pair) for pair in to_success[: request.limit]),
+        to_success=tuple(_flip(pair, runs, i) for i, pair in enumerate(to_success[: request.limit])),
         to_success_count=len(to_success),
-        to_failure=tuple(_flip(pair) for pair in to_failure[: request.limit]),
+        to_failure=tuple(_flip(pair, runs, i) for i, pair in enumerate(to_failure[: request.limit])),
         to_failure_count=len(to_failure),
         weights=weights,
         conditions=pairing.differing,
         unpaired=pairing.unpaired,
         invalid_pairs=pairing.invalid,
-        verdict=_verdict(success, metrics, pairing.pairs),
+        strata=strata,
+        verdict=_verdict(success, metrics, pairing.pairs, strata),
         edited=tuple(_edited(pair, lineages) for pair in edited[:_LISTED_EDITED]),
         edited_count=len(edited),
         single=_single(pairing.pairs[0], request) if len(pairing.pairs) == 1 else None,
@@ -102,8 +144,6 @@ def _notes(request: CompareRequest) -> tuple[str, ...]:
     notes = []
     if "mean_total_cost" in request.metrics and len({side.config_id for side in request.sides}) > 1:
         notes.append("mean_total_cost depends on the weights: across configurations it compares different measures")
-    if len(request.sides) > 2:
-        notes.append("p values are adjusted within each comparison, not over all of them")
     return tuple(notes)
 
 
@@ -123,29 +163,54 @@ def _weight_changes(before: str, after: str, configs: Sequence[ConfigWeights]) -
     )
 
 
-def _success(pairs: _Pairs) -> SuccessTest:
+def _success(pairs: _Pairs, runs: RunSet) -> SuccessTest:
     mastered = [_mastered(pair) for pair in pairs]
     only_before, only_after = mastered.count((True, False)), mastered.count((False, True))
-    difference, low, high = paired_difference(only_after, only_before, len(pairs)) if pairs else (None, None, None)
+    roots = [runs.root(before) for before, _ in pairs]
+    flips = [int(after) - int(before) for before, after in mastered]
+    shares = paired_shares(zip(roots, flips, strict=True)) if pairs else None
+    unclear = shares is not None and shares.p >= LEVEL and not -_MARGIN <= shares.low <= shares.high <= _MARGIN
     return SuccessTest(
         pairs=len(pairs),
+        scenarios=len(set(roots)),
         both=mastered.count((True, True)),
         only_before=only_before,
         only_after=only_after,
         neither=mastered.count((False, False)),
-        difference=difference,
-        low=low,
-        high=high,
-        p=mcnemar_exact(only_before, only_after) if pairs else None,
+        difference=shares.difference if shares else None,
+        low=shares.low if shares else None,
+        high=shares.high if shares else None,
+        p=shares.p if shares else None,
         p_holm=None,
+        needed=needed_scenarios((only_before + only_after) / len(pairs), _MARGIN) if unclear else None,
     )
 
 
-def _metric(spec: MetricSpec, pairs: _Pairs) -> MetricTest:
+def _strata(pairs: _Pairs) -> tuple[Stratum, ...]:
+    """The pairs by prediction and traffic mode; empty where they have one."""
+    groups: dict[str, list[tuple[bool, bool]]] = {}
+    for pair in pairs:
+        groups.setdefault(f"{pair[1].prediction}/{pair[1].traffic}", []).append(_mastered(pair))
+    if len(groups) < 2:
+        return ()
+    return tuple(
+        Stratum(
+            name=name,
+            pairs=len(mastered),
+            only_before=mastered.count((True, False)),
+            only_after=mastered.count((False, True)),
+            difference=(mastered.count((False, True)) - mastered.count((True, False))) / len(mastered),
+        )
+        for name, mastered in sorted(groups.items())
+    )
+
+
+def _metric(spec: MetricSpec, pairs: _Pairs, runs: RunSet) -> MetricTest:
     kept = [pair for pair in pairs if spec.basis == "valid" or _mastered(pair) == (True, True)]
-    values = [(spec.value(first), spec.value(second)) for first, second in kept]
-    defined = [(first, second) for first, second in values if first is not None and second is not None]
-    test = signed_rank([_difference(first, second) for first, second in defined]) if defined else None
+    values = [(runs.root(pair[0]), spec.value(pair[0]), spec.value(pair[1])) for pair in kept]
+    defined = [(root, first, second) for root, first, second in values if first is not None and second is not None]
+    means = cluster_means((root, spec.difference(first, second)) for root, first, second in defined)
+    test = signed_rank(means) if means else None
     # A one-sided look at a shift that the interval does not separate from 0 would be a guess.
     separated = test is not None and test.low is not None and test.high is not None and (test.low > 0 or test.high < 0)
     better: Literal["before", "after"] | None = None
@@ -155,9 +220,10 @@ def _metric(spec: MetricSpec, pairs: _Pairs) -> MetricTest:
         name=spec.name,
         unit=spec.unit,
         pairs=len(defined),
+        scenarios=len(means),
         basis=spec.basis,
-        median_before=median(first for first, _ in defined) if defined else None,
-        median_after=median(second for _, second in defined) if defined else None,
+        median_before=median(first for _, first, _ in defined) if defined else None,
+        median_after=median(second for _, _, second in defined) if defined else None,
         shift=test.shift if test else None,
         low=test.low if test else None,
         high=test.high if test else None,
@@ -165,18 +231,13 @@ def _metric(spec: MetricSpec, pairs: _Pairs) -> MetricTest:
         p=test.p if test and test.pairs >= FEWEST_PAIRS else None,
         p_holm=None,
         better=better,
-        direction=_direction(spec, *defined[0]) if len(pairs) == 1 and defined else None,
+        direction=_direction(spec, *defined[0][1:]) if len(pairs) == 1 and defined else None,
     )
-
-
-def _difference(before: float, after: float) -> float:
-    """After − before; noise of floating point, up to a billionth of the larger one, is no difference."""
-    return 0.0 if abs(after - before) <= _NOISE * max(abs(before), abs(after)) else after - before
 
 
 def _direction(spec: MetricSpec, before: float, after: float) -> Literal["better", "worse", "same", "changed"]:
     """From before to after; values whose three shown digits are alike are the same to a reader."""
-    if _difference(before, after) == 0 or figure(before) == figure(after):
+    if spec.difference(before, after) == 0 or figure(before) == figure(after):
         return "same"
     if spec.better is None:
         return "changed"
@@ -225,19 +286,21 @@ def _with_holm(success: SuccessTest, metrics: list[MetricTest]) -> tuple[Success
     return done[0], done[1:]  # type: ignore[return-value]
 
 
-def _wanted(spec: MetricSpec, request: CompareRequest, *, weights_differ: bool) -> bool:
+def _wanted(spec: MetricSpec, request: CompareRequest, *, incomparable: bool) -> bool:
     if request.metrics:
         return spec.name in request.metrics
-    return not (spec.within_one_configuration and weights_differ)
+    return not (spec.within_one_configuration and incomparable)
 
 
 def _mastered(pair: tuple[RunRecord, RunRecord]) -> tuple[bool, bool]:
     """Whether the run before and the run after reached the goal."""
-    return pair[0].outcome == "goal_reached", pair[1].outcome == "goal_reached"
+    return reached_goal(pair[0]), reached_goal(pair[1])
 
 
-def _flip(pair: tuple[RunRecord, RunRecord]) -> Flip:
+def _flip(pair: tuple[RunRecord, RunRecord], runs: RunSet, place: int) -> Flip:
     before, after = pair
+    failed = after if reached_goal(before) else before
+    contact = contact_of(runs, failed) if failed.collision is not None and place < _EXPLAINED else None
     return Flip(
         scenario_id=before.scenario_id,
         before=before.outcome,
@@ -245,6 +308,7 @@ def _flip(pair: tuple[RunRecord, RunRecord]) -> Flip:
         before_run=before.run_id,
         after_run=after.run_id,
         after_scenario_id="" if after.scenario_id == before.scenario_id else after.scenario_id,
+        why="" if contact is None else contact.in_words(),
     )
 
 
@@ -338,11 +402,11 @@ def _by_key(label: str, side: list[RunRecord], conditions: tuple[str, ...]) -> d
     return by_key
 
 
-def _verdict(success: SuccessTest, metrics: Sequence[MetricTest], pairs: _Pairs) -> str:
+def _verdict(success: SuccessTest, metrics: Sequence[MetricTest], pairs: _Pairs, strata: Sequence[Stratum]) -> str:
     """Better, worse or no difference shown, in plain words: success first, then metrics that differ after Holm's."""
     if len(pairs) == 1:
         return _about_one(pairs[0], metrics)
-    return " ".join([_about_success(success), *_about_metrics(success, metrics)])
+    return " ".join([_about_success(success), *_about_strata(success, strata), *_about_metrics(success, metrics)])
 
 
 def _about_one(pair: tuple[RunRecord, RunRecord], metrics: Sequence[MetricTest]) -> str:
@@ -371,30 +435,40 @@ def _both_fail(pair: tuple[RunRecord, RunRecord]) -> str:
 
 
 def _about_success(test: SuccessTest) -> str:
-    if test.pairs == 0 or test.p is None:
+    if test.pairs == 0 or test.p is None or test.low is None or test.high is None:
         return "No valid pair: nothing can be compared."
     flips = test.only_before + test.only_after
-    if test.pairs < FEWEST_PAIRS:
+    counts = f"{test.only_after} flips to success, {test.only_before} to failure"
+    p = test.p if test.p_holm is None else test.p_holm
+    if p < LEVEL and not test.low <= 0 <= test.high:
+        side, word = ("after", "Better") if (test.difference or 0) > 0 else ("before", "Worse")
+        return f"{word}: '{side}' reaches the goal more often: {counts}."
+    if test.p < LEVEL <= p:
+        return f"No difference in success shown once all tests are counted ({counts}; p {figure(test.p)} alone)."
+    if test.scenarios < FEWEST_PAIRS:
         same = "none flipped" if flips == 0 else f"{flips} flipped"
         needed = f"at least {FEWEST_PAIRS} differing pairs are needed"
         return f"No difference shown: {test.pairs} pairs, {same}: no test can be significant ({needed})."
-    if flips == 0:
-        return f"No difference in success: none of {test.pairs} pairs flipped."
-    if flips < FEWEST_PAIRS:
-        return (
-            f"No difference in success can be shown: only {flips} of {test.pairs} pairs flipped, "
-            f"and fewer than {FEWEST_PAIRS} flips never reach 5 %."
-        )
-    p = test.p if test.p_holm is None else test.p_holm
-    side, word = ("after", "Better") if test.only_after > test.only_before else ("before", "Worse")
-    if p < _LEVEL:
-        counts = f"{test.only_after} flips to success, {test.only_before} to failure"
-        return f"{word}: '{side}' reaches the goal more often: {counts}."
-    return f"No difference in success shown ({test.only_after} flips to success, {test.only_before} to failure)."
+    if test.needed is None:
+        alike = f"they differ by less than {100 * _MARGIN:.0f} points (95 %)"
+        return f"No difference in success: {f'none of {test.pairs} pairs flipped' if flips == 0 else counts}; {alike}."
+    more = f"about {test.needed} scenarios would show {100 * _MARGIN:.0f} points"
+    seen = f"none of {test.pairs} pairs flipped" if flips == 0 else counts
+    return f"No difference in success shown ({seen}); {more}."
+
+
+def _about_strata(test: SuccessTest, strata: Sequence[Stratum]) -> list[str]:
+    """That the difference turns round in some of the strata."""
+    whole = test.difference or 0.0
+    turned = [stratum.name for stratum in strata if stratum.difference * whole < 0]
+    apart = {stratum.difference > 0 for stratum in strata if stratum.difference}
+    if turned:
+        return [f"The sign turns under {', '.join(turned)}: the difference is one of the mixture."]
+    return ["The sign differs between predictions or traffic modes: see the strata."] if len(apart) > 1 else []
 
 
 def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[str]:
-    differing = [test for test in metrics if test.p_holm is not None and test.p_holm < _LEVEL]
+    differing = [test for test in metrics if test.p_holm is not None and test.p_holm < LEVEL]
     if differing:
         words = [
             f"{test.name} {'rises' if (test.shift or 0) > 0 else 'falls'} by {abs(test.shift or 0):.3g} {test.unit}"

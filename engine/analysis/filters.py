@@ -45,7 +45,7 @@ def matching(runs: RunSet, conditions: Sequence[str]) -> RunSet:
         condition = parse_condition(text, words=True)
         holds = _test(runs, condition, text)
         kept = tuple(source for source in kept if holds(source.record) != condition.negated)
-    return RunSet(kept, runs.configs, runs.scenarios)
+    return runs.with_sources(kept)
 
 
 def _test(runs: RunSet, condition: Condition, text: str) -> Callable[[RunRecord], bool]:

@@ -23,7 +23,7 @@ from ...schemas.results import figure
 from ...schemas.runs import Outcome, RunRecord
 from ...schemas.text import quoted
 from .run_set import METRICS
-from .statistics import rate
+from .statistics import rate_by_scenario
 
 _OPERATORS: Mapping[str, Callable[[float, float], bool]] = {
     ">=": operator.ge,
@@ -137,7 +137,7 @@ class _FigureLimit(Limit):
             valid = [record for record in valid if record.run_id not in runs.unpreventable]
         wanted = "goal_reached" if self.name.startswith("success") else self.name
         counted = [record for record in valid if record.outcome == wanted]
-        seen = rate(len(counted), len(valid))
+        seen = rate_by_scenario((record.scenario_id, record.outcome == wanted) for record in valid)
         if seen.share is None or seen.low is None or seen.high is None:
             return False, "no valid run", []
         ends = {">": seen.low, "<": seen.high}

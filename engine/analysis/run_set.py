@@ -4,8 +4,8 @@ Step files are read when they are first asked for. ``METRICS`` lists the metrics
 """
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -13,11 +13,17 @@ from typing import Literal, TypeVar
 import numpy as np
 
 from ...schemas.errors import ResourceFailure
-from ...schemas.results import ConfigWeights, CostShare, MetricName
-from ...schemas.runs import RunRecord, RunSource, RunSteps, ScenarioSource
+from ...schemas.results import ConfigWeights, CostShare, MetricName, Rate
+from ...schemas.runs import Lineage, RunRecord, RunSource, RunSteps, ScenarioSource
 from ..commonroad import Track
+from .statistics import rate_by_scenario
 
 _Name = TypeVar("_Name", bound=str)
+
+
+def reached_goal(record: RunRecord) -> bool:
+    """Whether a run reached its goal."""
+    return record.outcome == "goal_reached"
 
 
 @dataclass(frozen=True)
@@ -27,6 +33,7 @@ class RunSet:
     sources: tuple[RunSource, ...]
     configs: tuple[ConfigWeights, ...] = ()
     scenarios: tuple[ScenarioSource, ...] = ()
+    lineage: tuple[Lineage, ...] = ()
 
     @property
     def records(self) -> tuple[RunRecord, ...]:
@@ -60,9 +67,34 @@ class RunSet:
         known = ((source.scenario_id, source.obstacles) for source in self.scenarios)
         return {scenario_id: obstacles for scenario_id, obstacles in known if obstacles is not None}
 
+    @cached_property
+    def _roots(self) -> dict[str, str]:
+        return {lineage.scenario_id: lineage.root for lineage in self.lineage}
+
+    def root(self, record: RunRecord) -> str:
+        """The scenario that a run counts for: its own, or the one that it was made of by edits."""
+        return self._roots.get(record.scenario_id, record.scenario_id)
+
+    def rate(self, of: Iterable[RunRecord], counted: Callable[[RunRecord], bool] = reached_goal) -> Rate:
+        """The share of some runs that count, by default those that reached the goal, with the scenario as the unit."""
+        return rate_by_scenario((self.root(record), counted(record)) for record in of)
+
+    def with_sources(self, sources: tuple[RunSource, ...]) -> "RunSet":
+        """Other runs, of the same configurations and scenarios."""
+        return replace(self, sources=sources)
+
+    @cached_property
+    def _known(self) -> dict[str, ScenarioSource]:
+        return {source.scenario_id: source for source in self.scenarios}
+
+    def scenario(self, record: RunRecord) -> ScenarioSource | None:
+        """What is known of the scenario of a run."""
+        return self._known.get(record.scenario_id)
+
     def scenario_path(self, record: RunRecord) -> Path | None:
         """The file of a run's scenario; None where it is not known."""
-        return next((Path(one.path) for one in self.scenarios if one.scenario_id == record.scenario_id), None)
+        known = self.scenario(record)
+        return None if known is None else Path(known.path)
 
     def obstacle_count(self, record: RunRecord) -> int | None:
         """The number of obstacles in the scenario of a run; None where it is not known."""
@@ -119,6 +151,10 @@ def most_frequent_first(counts: Counter[_Name]) -> list[tuple[_Name, int]]:
     return sorted(counts.items(), key=lambda item: (-item[1], item[0]))
 
 
+_NOISE = 1e-9
+"""Relative difference of two values up to which they are equal: what rounding leaves, far below any measurement."""
+
+
 @dataclass(frozen=True)
 class MetricSpec:
     """One metric of a run: unit, which direction is better, and over which runs it may be compared.
@@ -126,6 +162,8 @@ class MetricSpec:
     ``basis``: a run that ends in a collision is short and never brakes for its goal, so progress and comfort are
     compared only where both runs reached the goal; nearness to others counts in every valid run.
     ``within_one_configuration``: the figure depends on the weights, so it means nothing across configurations.
+    ``tolerance``: two values that differ by no more are equal: a hundredth of what is commonly told apart, and less
+    than positions written with centimetres leave open.
     """
 
     name: MetricName
@@ -133,6 +171,12 @@ class MetricSpec:
     better: Literal["lower", "higher"] | None
     basis: Literal["valid", "both_reached_goal"]
     within_one_configuration: bool = False
+    tolerance: float = 0.0
+
+    def difference(self, before: float, after: float) -> float:
+        """After − before; 0 where that is no more than the tolerance, or than what rounding leaves."""
+        least = max(self.tolerance, _NOISE * max(abs(before), abs(after)))
+        return 0.0 if abs(after - before) <= least else after - before
 
     def value(self, record: RunRecord) -> float | None:
         """The value of the metric in a run; None where it is not defined."""
@@ -141,16 +185,16 @@ class MetricSpec:
 
 
 METRICS: tuple[MetricSpec, ...] = (
-    MetricSpec("minimum_distance_m", "m", "higher", "valid"),
-    MetricSpec("minimum_time_to_collision_s", "s", "higher", "valid"),
-    MetricSpec("minimum_time_headway_s", "s", "higher", "valid"),
+    MetricSpec("minimum_distance_m", "m", "higher", "valid", tolerance=0.01),
+    MetricSpec("minimum_time_to_collision_s", "s", "higher", "valid", tolerance=0.01),
+    MetricSpec("minimum_time_headway_s", "s", "higher", "valid", tolerance=0.01),
     MetricSpec("risk_score", "of 5", "higher", "valid"),
-    MetricSpec("duration_s", "s", "lower", "both_reached_goal"),
-    MetricSpec("distance_m", "m", None, "both_reached_goal"),
-    MetricSpec("mean_speed_mps", "m/s", None, "both_reached_goal"),
-    MetricSpec("maximum_jerk_mps3", "m/s³", "lower", "both_reached_goal"),
-    MetricSpec("mean_squared_jerk", "m²/s⁶", "lower", "both_reached_goal"),
-    MetricSpec("maximum_lateral_acceleration_mps2", "m/s²", "lower", "both_reached_goal"),
+    MetricSpec("duration_s", "s", "lower", "both_reached_goal", tolerance=0.01),
+    MetricSpec("distance_m", "m", None, "both_reached_goal", tolerance=0.01),
+    MetricSpec("mean_speed_mps", "m/s", None, "both_reached_goal", tolerance=0.01),
+    MetricSpec("maximum_jerk_mps3", "m/s³", "lower", "both_reached_goal", tolerance=0.01),
+    MetricSpec("mean_squared_jerk", "m²/s⁶", "lower", "both_reached_goal", tolerance=0.01),
+    MetricSpec("maximum_lateral_acceleration_mps2", "m/s²", "lower", "both_reached_goal", tolerance=0.01),
     MetricSpec("mean_total_cost", "1", "lower", "both_reached_goal", within_one_configuration=True),
 )
 """The metrics in the order in which they are shown: one line for each field of ``RunMetrics``."""

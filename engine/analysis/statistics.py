@@ -1,4 +1,8 @@
-"""Statistics on shares and on paired runs: intervals, exact tests, Holm's adjustment.
+"""Statistics on shares and on paired runs: intervals, exact tests, Holm's adjustment. The scenario is the unit.
+
+Runs of one scenario (of its planning problems, configurations, predictions, edited versions) are alike: ten of them say
+less than runs of ten scenarios. So intervals are those of as many independent runs as the runs are worth (their design
+effect), and tests treat a scenario as one. Where every scenario has one run, all are the usual ones.
 
 scipy has no Holm adjustment, no interval for paired shares and, with ties, no exact signed-rank test; these are written
 here. So are the Wilson interval, the binomial test of a fair coin and mean ranks: a first comparison in a worker would
@@ -6,7 +10,7 @@ wait for ``scipy.stats``, which takes most of a second to import. The tests hold
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,20 +22,75 @@ FEWEST_PAIRS = 6
 """With fewer differing pairs no two-sided test on signs or ranks can go below 5 %: 2 · 0.5⁵ = 6.25 %."""
 _Z_95 = 1.959963984540054
 """The 97.5 % quantile of the standard normal distribution."""
+_Z_80 = 0.8416212335729143
+"""The 80 % quantile of the standard normal distribution."""
+LEVEL = 0.05
+"""The usual level of significance."""
 _MOST_EXACT = 60
 """Pairs up to which p is exact (chosen): above, the normal approximation is as good and the distribution long."""
 
 
 def rate(count: int, of: int) -> Rate:
-    """The share with its 95 % Wilson interval; without trials there is neither."""
+    """The share with its 95 % Wilson interval, each trial by itself; without trials there is neither."""
     if of == 0:
         return Rate(count=0, of=0, share=None, low=None, high=None)
     low, high = wilson_interval(count, of)
     return Rate(count=count, of=of, share=count / of, low=low, high=high)
 
 
-def wilson_interval(count: int, of: int) -> tuple[float, float]:
+def rate_by_scenario(trials: Iterable[tuple[str, bool]]) -> Rate:
+    """The share of true trials with its 95 % interval; a trial is its scenario and what came out.
+
+    Without trials there is neither. Wilson's interval for the effective number of trials: that number is what is left
+    of them by the design effect of the scenarios (Rao and Scott 1992, "A simple method for the analysis of clustered
+    binary data"), with Student's quantile for as many scenarios (Korn and Graubard 1998; Dean and Pagano 2015 on
+    Wilson's form of it). Where all trials came out alike, a scenario counts as one trial.
+    """
+    clusters = _sums((key, float(outcome)) for key, outcome in trials)
+    count, of = round(sum(total for total, _ in clusters)), sum(size for _, size in clusters)
+    if of == 0:
+        return Rate(count=0, of=0, share=None, low=None, high=None, scenarios=0)
+    share = count / of
+    low, high = wilson_interval(count, of, _effective(clusters, of, share, share * (1 - share)))
+    return Rate(count=count, of=of, share=share, low=low, high=high, scenarios=len(clusters))
+
+
+_Cluster = tuple[float, int]
+"""The sum over the trials of a scenario, and their number."""
+
+
+def _sums(trials: Iterable[tuple[str, float]]) -> list[_Cluster]:
+    """Sum and number by scenario, in order of appearance."""
+    sums: dict[str, tuple[float, int]] = {}
+    for key, value in trials:
+        total, size = sums.get(key, (0.0, 0))
+        sums[key] = (total + value, size + 1)
+    return list(sums.values())
+
+
+def _effective(clusters: Sequence[_Cluster], of: int, mean: float, variance: float) -> float:
+    """How many independent trials the trials of some scenarios are worth, given their mean and variance."""
+    count = len(clusters)
+    if count == of:
+        return float(of)
+    if variance <= 0 or count < 2:
+        return float(count)
+    residuals = sum((total - size * mean) ** 2 for total, size in clusters)
+    design = count / (count - 1) * residuals / (of * variance)
+    return of / max(design, 1.0) * (_Z_95 / _student(count - 1)) ** 2
+
+
+def _student(degrees: int) -> float:
+    """The 97.5 % quantile of Student's distribution."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(degrees, 0.975))
+
+
+def wilson_interval(count: int, of: int, effective: float | None = None) -> tuple[float, float]:
     """95 % score interval of a binomial share (Wilson 1927, "Probable inference"), in Newcombe's (1998) notation.
+
+    ``effective``: of how many independent trials it is; as many as there are where it is left out.
 
     Raises:
         ValueError: no trials, or a count outside them.
@@ -39,32 +98,81 @@ def wilson_interval(count: int, of: int) -> tuple[float, float]:
     if of < 1 or not 0 <= count <= of:
         raise ValueError(f"{count} of {of} is no share")
     share, squared = count / of, _Z_95 * _Z_95
-    middle = share + squared / (2 * of)
-    half = _Z_95 * math.sqrt(share * (1 - share) / of + squared / (4 * of * of))
-    scale = 1 + squared / of
+    trials = float(of) if effective is None else effective
+    middle = share + squared / (2 * trials)
+    half = _Z_95 * math.sqrt(share * (1 - share) / trials + squared / (4 * trials * trials))
+    scale = 1 + squared / trials
     # At the ends the formula gives 0 and 1 but for rounding.
     low = 0.0 if count == 0 else (middle - half) / scale
     high = 1.0 if count == of else (middle + half) / scale
     return low, high
 
 
-def paired_difference(only_after: int, only_before: int, pairs: int) -> tuple[float, float, float]:
-    """Difference of two paired shares (after − before) with an adjusted Wald 95 % interval.
+@dataclass(frozen=True)
+class PairedShares:
+    """Success before and after on the same problems: the difference (after − before), its 95 % interval, and p.
 
-    Half a pair is added to each of the four cells (Agresti and Min 2005, "Simple improved confidence intervals for
-    comparing matched proportions"); the difference itself is the plain one.
+    ``p`` is exact: under the null hypothesis a scenario's flips could as well have gone the other way, all together
+    (McNemar's test where every scenario has one pair). An interval that holds 0 goes with a p of 0.05 and more: where
+    the exact test sees no difference, the interval is widened to 0.
+    """
+
+    difference: float
+    low: float
+    high: float
+    p: float
+
+
+def paired_shares(flips: Iterable[tuple[str, int]]) -> PairedShares:
+    """Difference of two paired shares; a pair is its scenario and 1 (to success), −1 (to failure) or 0.
+
+    The interval is an adjusted Wald interval: half a pair is added to each of the four cells (Agresti and Min 2005,
+    "Simple improved confidence intervals for comparing matched proportions"), after the pairs were reduced to the
+    effective number that their scenarios leave of them, as in :func:`rate_by_scenario`.
 
     Raises:
         ValueError: no pairs.
     """
-    if pairs < 1:
+    pairs = list(flips)
+    if not pairs:
         raise ValueError("no pairs, no difference")
-    difference = (only_after - only_before) / pairs
-    total = pairs + 2
-    after, before = (only_after + 0.5) / total, (only_before + 0.5) / total
+    clusters = _sums((key, float(flip)) for key, flip in pairs)
+    gained, lost = (sum(flip == sign for _, flip in pairs) / len(pairs) for sign in (1, -1))
+    difference = gained - lost
+    effective = _effective(clusters, len(pairs), difference, gained + lost - difference**2)
+    total = effective + 2
+    after, before = (gained * effective + 0.5) / total, (lost * effective + 0.5) / total
     center = after - before
     half = _Z_95 * math.sqrt(max(after + before - center * center, 0.0) / total)
-    return difference, max(center - half, -1.0), min(center + half, 1.0)
+    low, high = max(center - half, -1.0), min(center + half, 1.0)
+    p = _sign_flips([round(total) for total, _ in clusters])
+    if p >= LEVEL:
+        low, high = min(low, 0.0), max(high, 0.0)
+    return PairedShares(difference, low, high, p)
+
+
+def _sign_flips(totals: Sequence[int]) -> float:
+    """Two-sided p of a sum of totals, each of which could as well have the other sign; 1 where all are 0."""
+    sizes = np.array([abs(total) for total in totals if total], dtype=float)
+    if not len(sizes):
+        return 1.0
+    positive = float(sum(total for total in totals if total > 0))
+    if (sizes == 1).all():
+        return mcnemar_exact(len(sizes) - round(positive), round(positive))
+    return _two_sided(sizes, positive)
+
+
+def needed_scenarios(discordant: float, difference: float) -> int | None:
+    """How many pairs would show a difference of two shares at 5 % in four of five trials; None where no number does.
+
+    Connor 1987, "Sample size for testing differences in proportions for the paired-sample design"; ``discordant`` is
+    the share of pairs that flip, of which there are at least as many as the difference.
+    """
+    share = max(discordant, difference)
+    if difference <= 0 or share <= 0:
+        return None
+    inner = max(share - difference**2, 0.0)
+    return math.ceil((_Z_95 * math.sqrt(share) + _Z_80 * math.sqrt(inner)) ** 2 / difference**2)
 
 
 def mcnemar_exact(only_before: int, only_after: int) -> float:
@@ -104,7 +212,7 @@ def signed_rank(differences: Sequence[float]) -> SignedRank:
     values = np.asarray(differences, dtype=float)
     if len(values) == 0:
         raise ValueError("no pairs, no test")
-    ranks = _mean_ranks(np.abs(values))
+    ranks = mean_ranks(np.abs(values))
     positive, negative = float(ranks[values > 0].sum()), float(ranks[values < 0].sum())
     total = positive + negative
     averages = walsh_averages(values)
@@ -119,7 +227,34 @@ def signed_rank(differences: Sequence[float]) -> SignedRank:
     )
 
 
-def _mean_ranks(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def cluster_means(values: Iterable[tuple[str, float]]) -> list[float]:
+    """The mean of each scenario's values, in order of appearance: one figure a scenario."""
+    return [total / size for total, size in _sums(values)]
+
+
+def rank_correlation(rows: Sequence[Sequence[float]], fixed: int = 0) -> tuple[float, float] | None:
+    """Spearman's ρ of the first two columns, one row a scenario, and its two-sided p; None where one does not vary.
+
+    ``fixed``: so many columns more are held fixed: ρ is that of what is left of the ranks of both once the ranks of
+    these are taken out by least squares (partial rank correlation), with as many degrees of freedom less. p is by
+    Student's distribution.
+    """
+    from scipy.special import stdtr
+
+    ranks = np.column_stack([mean_ranks(np.asarray(column, dtype=float)) for column in zip(*rows, strict=True)])
+    others = np.column_stack([np.ones(len(ranks)), ranks[:, 2 : 2 + fixed]])
+    left = ranks[:, :2] - others @ np.linalg.lstsq(others, ranks[:, :2], rcond=None)[0]
+    lengths = np.linalg.norm(left, axis=0)
+    degrees = len(ranks) - 1 - np.linalg.matrix_rank(others)
+    if degrees < 1 or (lengths < 1e-9 * len(ranks)).any():
+        return None
+    rho = float(np.clip(left[:, 0] @ left[:, 1] / lengths.prod(), -1.0, 1.0))
+    if abs(rho) > 1 - 1e-12:
+        return rho, 0.0
+    return rho, min(1.0, 2 * float(stdtr(degrees, -abs(rho) * math.sqrt(degrees / (1 - rho * rho)))))
+
+
+def mean_ranks(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """The rank of each value from 1; equal values share the mean of theirs."""
     _, places, counts = np.unique(values, return_inverse=True, return_counts=True)
     return (np.cumsum(counts) - (counts - 1) / 2)[places]

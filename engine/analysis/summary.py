@@ -14,7 +14,6 @@ from ...schemas.results import (
     AnalysisDetail,
     AnalyzeResultsResult,
     Breakdown,
-    Correlation,
     CostShare,
     Group,
     InvalidItem,
@@ -23,15 +22,15 @@ from ...schemas.results import (
     RunRow,
     UndefinedMetric,
 )
-from ...schemas.runs import Encounter, RunRecord, RunReview
+from ...schemas.runs import Encounter, Outcome, RunRecord, RunReview
 from ..commonroad import parse_benchmark_id
 from ..execution import ProgressReporter
 from .causes import collision_causes, trivial_goals
+from .correlations import correlations
 from .filters import matching
 from .findings import CRITICAL_TIME_TO_COLLISION_S, find_all
 from .moments import contact_of, review, timeline
 from .run_set import METRICS, RunSet, cost_shares, most_frequent_first
-from .statistics import holm, rate
 
 _SHOWN_INVALID, _SUMMARY_FINDINGS, _SUMMARY_COSTS, _MOST_ROWS, _MOST_GROUPS, _FINDING_RUNS = 10, 5, 6, 30, 20, 8
 """Entries of each list (chosen): the default answer stays under 4,500 characters; notes say what is left out."""
@@ -48,7 +47,7 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         NotPossible: no run is left, or a timeline of several runs was asked for.
         UnknownName, InvalidRequest: a condition that cannot be meant.
     """
-    runs = matching(RunSet(request.runs, request.configs, request.scenarios), request.where)
+    runs = matching(RunSet(request.runs, request.configs, request.scenarios, request.lineage), request.where)
     if not runs.sources:
         raise NotPossible(f"no run meets {', '.join(request.where) or 'the request'}", next_step="drop a condition")
     detail: AnalysisDetail = request.detail
@@ -59,7 +58,7 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
             next_step="name one run in results",
         )
     report(0.1, "reading runs")
-    correlated, note = _correlations(runs) if detail in ("summary", "findings") else ((), "")
+    correlated, note = correlations(runs) if detail in ("summary", "findings") else ((), "")
     findings = find_all(runs) if detail in ("summary", "findings") else ()
     stated = findings[:_SUMMARY_FINDINGS] if detail == "summary" else findings
     report(0.7, "findings done")
@@ -71,7 +70,7 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         results=request.results,
         runs=len(runs.sources),
         detail=detail,
-        success=rate(len(runs.successes), len(runs.valid)),
+        success=runs.rate(runs.valid),
         outcomes=_outcome_shares(runs),
         invalid=tuple(
             InvalidItem(run_id=record.run_id, scenario_id=record.scenario_id, reason=record.reason)
@@ -162,11 +161,15 @@ def _outcome_shares(runs: RunSet) -> tuple[OutcomeShare, ...]:
     return tuple(
         OutcomeShare(
             outcome=outcome,
-            rate=rate(count, len(runs.valid)),
+            rate=runs.rate(runs.valid, _ended_as(outcome)),
             run_ids=tuple(record.run_id for record in runs.valid if record.outcome == outcome)[:_SHOWN_RUNS],
         )
-        for outcome, count in most_frequent_first(Counter(record.outcome for record in runs.valid))
+        for outcome, _ in most_frequent_first(Counter(record.outcome for record in runs.valid))
     )
+
+
+def _ended_as(outcome: Outcome) -> Callable[[RunRecord], bool]:
+    return lambda record: record.outcome == outcome
 
 
 def _metric_summaries(runs: RunSet) -> tuple[MetricSummary, ...]:
@@ -216,15 +219,15 @@ def _groups(runs: RunSet, breakdown: Breakdown) -> tuple[Group, ...]:
             members.setdefault(name, []).append(record)
     order = [name for name in _BIN_NAMES if name in members] if breakdown == "obstacle_count" else sorted(members)
     order += [name for name in sorted(members) if name not in order]
-    return tuple(_group(name, members[name]) for name in order)
+    return tuple(_group(runs, name, members[name]) for name in order)
 
 
-def _group(name: str, records: list[RunRecord]) -> Group:
+def _group(runs: RunSet, name: str, records: list[RunRecord]) -> Group:
     valid = [record for record in records if record.outcome != "invalid"]
     counts = Counter(record.outcome for record in valid)
     return Group(
         name=name,
-        success=rate(counts["goal_reached"], len(valid)),
+        success=runs.rate(valid),
         outcomes=dict(most_frequent_first(counts)),
         invalid=len(records) - len(valid),
     )
@@ -260,61 +263,4 @@ _GROUPERS: dict[str, Callable[[RunSet, RunRecord], list[str]]] = {
     "scenario": lambda _, record: [record.scenario_id],
     "obstacle_count": _count_group,
     "obstacle_class": _class_groups,
-}
-
-_FEWEST_RUNS = 12
-"""Below this a rank correlation must exceed 0.58 to differ from 0 at 5 %: too coarse to report."""
-
-
-def _correlations(runs: RunSet) -> tuple[tuple[Correlation, ...], str]:
-    """Spearman correlations of scenario features with success, the strongest first, and a note where there are none.
-
-    Features are known before a run (traffic, speed at the start), never results of it.
-    """
-    valid = runs.valid
-    if len(valid) < _FEWEST_RUNS:
-        return (), f"no correlations: {len(valid)} valid runs, at least {_FEWEST_RUNS} are needed"
-    if not runs.failures or not runs.successes:
-        return (), "no correlations: all valid runs ended alike"
-    tested = []
-    for name, feature in _FEATURES.items():
-        pairs = [(value, float(r.outcome == "goal_reached")) for r in valid if (value := feature(runs, r)) is not None]
-        correlation = _spearman(pairs)
-        if correlation is not None:
-            tested.append((name, len(pairs), *correlation))
-    adjusted = holm([p for *_, p in tested])
-    listed = [
-        Correlation(feature=name, n=n, rho=rho, p=p, p_holm=p_holm)
-        for (name, n, rho, p), p_holm in zip(tested, adjusted, strict=True)
-    ]
-    return tuple(sorted(listed, key=lambda item: (-abs(item.rho), item.feature))), ""
-
-
-def _spearman(pairs: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
-    """ρ and its two-sided p; None where there are too few pairs, or a side is constant."""
-    from scipy.stats import spearmanr
-
-    if len(pairs) < _FEWEST_RUNS:
-        return None
-    first, second = zip(*pairs, strict=True)
-    if len(set(first)) == 1 or len(set(second)) == 1:
-        return None
-    rho, p = spearmanr(first, second)
-    return float(rho), float(p)
-
-
-def _large_vehicles(runs: RunSet, record: RunRecord) -> float | None:
-    by_type = runs.obstacles.get(record.scenario_id)
-    return None if by_type is None else by_type.get("truck", 0) + by_type.get("bus", 0)
-
-
-def _initial_speed(runs: RunSet, record: RunRecord) -> float | None:
-    steps = runs.steps.get(record.run_id)
-    return steps.speed_mps[0] if steps is not None and steps.speed_mps else None
-
-
-_FEATURES: dict[str, Callable[[RunSet, RunRecord], float | None]] = {
-    "obstacles": RunSet.obstacle_count,
-    "trucks_and_buses": _large_vehicles,
-    "initial_speed_mps": _initial_speed,
 }

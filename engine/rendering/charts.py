@@ -13,7 +13,7 @@ from ...schemas.errors import NotPossible
 from ...schemas.rendering import PictureKind
 from ...schemas.results import CostShare
 from ...schemas.runs import Outcome, RunRecord
-from ..analysis import RunSet, compare, cost_shares, rate
+from ..analysis import RunSet, compare, cost_shares
 from ..execution import silent
 from .canvas import INK, MUTED, PICTURE_WIDTH_PX, SMALL_PT, Drawing, new_figure, outcome_colour, series_style
 from .content import short_names
@@ -39,7 +39,7 @@ _OUTCOME_ORDER: tuple[Outcome, ...] = (
 
 
 def _outcomes(runs: RunSet) -> Drawing:
-    """Stacked shares by configuration on the left, success rate with 95 % Wilson interval on the right."""
+    """Stacked shares by configuration on the left, success rate with its 95 % interval on the right."""
     from matplotlib.patches import Patch
 
     names = short_names(runs.records)
@@ -55,7 +55,7 @@ def _outcomes(runs: RunSet) -> Drawing:
         counts = Counter(record.outcome for record in valid)
         seen |= set(counts)
         _draw_shares(shares, row, counts)
-        success = rate(counts["goal_reached"], len(valid))
+        success = runs.rate(valid)
         texts.append(f"{name}: goal reached in {success.count} of {success.of}")
         if success.share is not None and success.low is not None and success.high is not None:
             interval = [100 * success.low, 100 * success.high]

@@ -5,8 +5,8 @@ from typing import Annotated, Literal
 from pydantic import Field, WithJsonSchema
 
 from ..base import Answer, Arguments, Model, Result
-from ..results import ConfigWeights, MetricName, figure, metric_words, with_unit
-from ..runs import Outcome, RunReview, RunSource, ScenarioSource, ending
+from ..results import ConfigWeights, MetricName, Rate, figure, metric_words, with_unit
+from ..runs import Lineage, Outcome, RunReview, RunSource, ScenarioSource, ending
 
 UnlistedMetric = Annotated[MetricName, WithJsonSchema({"type": "string"})]
 """A metric whose name the schema leaves out, to stay small; a refusal lists them all."""
@@ -32,19 +32,6 @@ class Side(Model):
     config_id: str
     config_name: str
     run_ids: tuple[str, ...]
-
-
-class Lineage(Model):
-    """Where an edited scenario comes from: its ancestors, the nearest first, and its edits in order, a line each."""
-
-    scenario_id: str
-    ancestors: tuple[str, ...]
-    edits: tuple[str, ...]
-
-    @property
-    def root(self) -> str:
-        """The scenario that was never edited."""
-        return self.ancestors[-1] if self.ancestors else self.scenario_id
 
 
 class CompareRequest(Model):
@@ -83,7 +70,9 @@ class PairedRun(Model):
 
 
 class Flip(Model):
-    """A scenario that one side mastered and the other did not."""
+    """A scenario that one side mastered and the other did not; ``why``: of a collision, who hit whom and what prevents
+    it.
+    """
 
     scenario_id: str
     before: Outcome
@@ -91,6 +80,7 @@ class Flip(Model):
     before_run: str
     after_run: str
     after_scenario_id: str = Field("", description="where another version of the scenario was run after")
+    why: str = ""
 
 
 class WeightChange(Model):
@@ -102,9 +92,14 @@ class WeightChange(Model):
 
 
 class SuccessTest(Model):
-    """McNemar's exact test on the pairs, and the paired difference of the success rates with its 95 % interval."""
+    """The pairs by success, the paired difference of the success rates with its 95 % interval, and its exact p.
+
+    The scenario is the unit: pairs of one scenario count as far as they differ (docs/statistics.md). ``needed``: how
+    many scenarios would show ten points, where nothing is shown.
+    """
 
     pairs: int
+    scenarios: int = 0
     both: int
     only_before: int
     only_after: int
@@ -114,10 +109,22 @@ class SuccessTest(Model):
     high: float | None
     p: float | None
     p_holm: float | None
+    needed: int | None = None
+
+
+class Stratum(Model):
+    """The pairs under one prediction and traffic mode, of sides that have several."""
+
+    name: str
+    pairs: int
+    only_before: int
+    only_after: int
+    difference: float
 
 
 class MetricTest(Model):
-    """Wilcoxon's signed-rank test of after − before.
+    """Wilcoxon's signed-rank test of after − before, the pairs of a scenario averaged to one; ``pairs``: how many there
+    were, ``scenarios``: how many were tested.
 
     ``shift`` is the Hodges–Lehmann estimate with its 95 % interval (None under six differing pairs), ``effect`` the
     matched-pairs rank-biserial correlation in [−1, 1]; ``better`` names the side that did better, None if neither.
@@ -128,6 +135,7 @@ class MetricTest(Model):
     name: MetricName
     unit: str
     pairs: int
+    scenarios: int = 0
     basis: Literal["valid", "both_reached_goal"]
     median_before: float | None
     median_after: float | None
@@ -154,6 +162,7 @@ class Comparison(Model):
     to_failure_count: int
     weights: tuple[WeightChange, ...]
     conditions: tuple[str, ...] = Field(description="what else differs between the sides as a whole")
+    strata: tuple[Stratum, ...] = Field((), description="where a side has several predictions or traffic modes")
     unpaired: int
     invalid_pairs: int
     verdict: str = Field(description="what the figures allow to say, in one or two sentences")
@@ -162,11 +171,25 @@ class Comparison(Model):
     single: tuple[PairedRun, PairedRun] | None = Field(None, description="before and after, where there is one pair")
 
 
+class RankedSide(Model):
+    """A side of several by its success; sides that no test tells apart from all above them share their rank.
+
+    ``rank``: 1 and how many sides reach the goal significantly more often, by the tests of all pairs of sides with
+    Holm's adjustment.
+    """
+
+    label: str
+    rank: int
+    success: Rate
+    worse_than: tuple[str, ...] = ()
+
+
 class CompareResultsResult(Result):
-    """Paired comparisons of every side with the first."""
+    """Paired comparisons of every side with the first; of three and more sides their ranking."""
 
     sides: tuple[Side, ...]
     comparisons: tuple[Comparison, ...]
+    ranking: tuple[RankedSide, ...] = ()
     flips_asked: int | None = Field(None, description="how many flips were asked to be listed")
     notes: tuple[str, ...] = ()
 
@@ -174,11 +197,20 @@ class CompareResultsResult(Result):
         """One block a comparison, the verdict first."""
         shown = _SHOWN_FLIPS if self.flips_asked is None else self.flips_asked
         lines = [line for comparison in self.comparisons for line in _comparison(comparison, shown)]
+        lines += _ranking(self.ranking)
         return Answer(lines[0], figures=lines[1:], listed=[f"Note: {note}" for note in self.notes])
 
 
 _SHOWN_EDITED, _SHOWN_EDITS, _SHOWN_FLIPS, _LEVEL = 2, 6, 3, 0.05
 """Entries of the brief answer (chosen), and the usual level of significance."""
+
+
+def _ranking(sides: tuple[RankedSide, ...]) -> list[str]:
+    """The sides by rank in one line."""
+    parts = [f"{side.rank}. {side.label} {side.success.count}/{side.success.of}" for side in sides]
+    tied = len({side.rank for side in sides}) == 1
+    told = "; no two of them are told apart" if tied else "; equal ranks are not told apart"
+    return [f"- by success, all pairs tested (Holm): {', '.join(parts)}{told}"] if parts else []
 
 
 def _comparison(comparison: Comparison, shown_flips: int) -> list[str]:
@@ -191,6 +223,7 @@ def _comparison(comparison: Comparison, shown_flips: int) -> list[str]:
     else:
         lines += _edited(comparison)
         lines += _success(comparison.success)
+        lines += _strata(comparison)
         lines += _flips("to success", comparison.to_success, comparison.to_success_count, shown_flips)
         lines += _flips("to failure", comparison.to_failure, comparison.to_failure_count, shown_flips)
         lines += _tested(comparison.metrics)
@@ -237,9 +270,16 @@ def _success(test: SuccessTest) -> list[str]:
         and test.high is not None
     ):
         low, high = 100 * test.low, 100 * test.high
-        line += f"; {100 * test.difference:+.0f} points (95 %: {low:+.0f} to {high:+.0f}), McNemar exact "
+        line += f"; {100 * test.difference:+.0f} points (95 %: {low:+.0f} to {high:+.0f}), "
+        line += f"{'McNemar' if test.scenarios in (0, test.pairs) else f'{test.scenarios} scenarios'} exact "
         line += _p(test.p, test.p_holm)
     return [line]
+
+
+def _strata(comparison: Comparison) -> list[str]:
+    """The difference under each prediction and traffic mode, where there are several."""
+    parts = [f"{one.name} {100 * one.difference:+.0f} points of {one.pairs} pairs" for one in comparison.strata]
+    return [f"- apart: {', '.join(parts)}"] if parts else []
 
 
 def _edited(comparison: Comparison) -> list[str]:
@@ -260,7 +300,8 @@ def _flips(title: str, flips: tuple[Flip, ...], count: int, most: int) -> list[s
     if not count:
         return []
     shown = "; ".join(
-        f"{flip.scenario_id} {flip.before} → {flip.after} ({flip.before_run}, {flip.after_run})"
+        f"{flip.scenario_id} {flip.before} → {flip.after} ({flip.before_run}, {flip.after_run}"
+        f"{f': {flip.why}' if flip.why else ''})"
         for flip in flips[:most]
     )
     more = f"; {count - len(flips[:most])} more: limit={count}" if count > len(flips[:most]) else ""
@@ -304,11 +345,12 @@ def _metric(metric: MetricTest) -> str:
     interval = ""
     if metric.low is not None and metric.high is not None:
         interval = f" (95 %: {figure(metric.low)} to {figure(metric.high)})"
+    scenarios = "" if metric.scenarios in (0, metric.pairs) else f" of {metric.scenarios} scenarios"
     better = f"; {metric.better} is better" if metric.better else ""
     return (
         f"- {metric_words(metric.name)}: median {_medians(metric)}, "
         f"shift {figure(metric.shift)}{interval}, effect {figure(metric.effect, 2)}, {_p(metric.p, metric.p_holm)}"
-        f"{better} (n={metric.pairs} {over})"
+        f"{better} (n={metric.pairs} {over}{scenarios})"
     )
 
 

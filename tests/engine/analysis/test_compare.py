@@ -58,7 +58,8 @@ def test_a_single_pair_is_a_pair_and_none_is_none() -> None:
 
 def test_equal_runs_differ_in_nothing_and_that_is_said() -> None:
     found = compared(runs(["goal_reached"] * 6), runs(["goal_reached"] * 6, SAFE)).comparisons[0]
-    assert found.verdict == "No difference in success: none of 6 pairs flipped. No metric differs significantly."
+    said = "No difference in success shown (none of 6 pairs flipped); about 77 scenarios would show 10 points."
+    assert found.verdict == f"{said} No metric differs significantly."
 
 
 def test_enough_flips_are_significant_after_holm() -> None:
@@ -211,3 +212,62 @@ def test_the_verdict_of_a_single_pair_counts_what_is_listed() -> None:
     assert "; worse in 1 metric; one pair" in said
     assert "- worse: largest jerk 2 → 3 m/s³" in said
     assert "time headway 0.82 s" in said
+
+
+def test_runs_of_one_scenario_are_one_witness() -> None:
+    def repeated(outcome: Outcome, config: object) -> list[RunSource]:
+        return [source(record("ZAM_T-1_1_T-1", outcome, config, seed=seed)) for seed in range(8)]  # type: ignore[arg-type]
+
+    others = ["goal_reached"] * 6
+    before = [*repeated("collision", DEFAULT), *runs(others)[2:]]  # type: ignore[arg-type]
+    after = [*repeated("goal_reached", SAFE), *runs(others, SAFE)[2:]]  # type: ignore[arg-type]
+    test = compared(before, after).comparisons[0].success
+    assert (test.pairs, test.scenarios, test.only_after, test.p) == (12, 5, 8, 1.0)
+    assert test.low is not None
+    assert test.low < 0
+
+
+def test_a_difference_that_turns_round_between_predictions_is_told() -> None:
+    def under(prediction: str, good: int, bad: int, config: object) -> list[RunSource]:
+        outcomes: list[Outcome] = ["goal_reached"] * good + ["timeout"] * bad
+        return [
+            source(record(f"ZAM_{prediction}-{i}_1_T-1", outcome, config, prediction=prediction))  # type: ignore[arg-type]
+            for i, outcome in enumerate(outcomes)
+        ]
+
+    before = [*under("constant_velocity", 2, 8, DEFAULT), *under("ground_truth", 6, 0, DEFAULT)]
+    after = [*under("constant_velocity", 9, 1, SAFE), *under("ground_truth", 4, 2, SAFE)]
+    found = compared(before, after)
+    (comparison,) = found.comparisons
+    assert [(one.name, one.only_after, one.only_before) for one in comparison.strata] == [
+        ("constant_velocity/recorded", 7, 0),
+        ("ground_truth/recorded", 0, 2),
+    ]
+    assert "The sign turns under ground_truth/recorded" in comparison.verdict
+    assert "- apart: constant_velocity/recorded +70 points of 10 pairs" in found.to_text()
+
+
+def test_three_sides_are_ranked_and_equal_ones_share_a_rank() -> None:
+    third = SAFE.model_copy(update={"config_id": "cfg_c", "name": "frenetix:Third"})
+    good: list[Outcome] = ["goal_reached"] * 20
+    bad: list[Outcome] = ["timeout"] * 12 + ["goal_reached"] * 8
+    nearly: list[Outcome] = ["timeout"] * 2 + ["goal_reached"] * 18
+    groups = [runs(bad), runs(good, SAFE), runs(nearly, third)]
+    request = CompareRequest(
+        sides=tuple(side(name, group) for name, group in zip(("bad", "good", "nearly"), groups, strict=True)),
+        runs=tuple(run for group in groups for run in group),
+    )
+    found = compare(request, silent)
+    assert [(one.label, one.rank, one.worse_than) for one in found.ranking] == [
+        ("good", 1, ()),
+        ("nearly", 1, ()),
+        ("bad", 3, ("good", "nearly")),
+    ]
+    assert "1. good 20/20, 1. nearly 18/20, 3. bad 8/20; equal ranks are not told apart" in found.to_text()
+
+
+def test_differences_below_what_is_measured_are_none() -> None:
+    first = runs(["goal_reached"] * 8)
+    second = runs(["goal_reached"] * 8, SAFE, gaps=[2.009] * 8)
+    (metric,) = (one for one in compared(first, second).comparisons[0].metrics if one.name == "minimum_distance_m")
+    assert (metric.p, metric.shift) == (1.0, 0.0)

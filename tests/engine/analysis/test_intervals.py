@@ -1,13 +1,22 @@
 """Shares and their intervals."""
 
+import itertools
 import math
 
+import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy import stats
 
-from plannerforge.engine.analysis.statistics import paired_difference, rate, wilson_interval
+from plannerforge.engine.analysis.statistics import (
+    mcnemar_exact,
+    needed_scenarios,
+    paired_shares,
+    rate,
+    rate_by_scenario,
+    wilson_interval,
+)
 
 shares = st.integers(1, 500).flatmap(lambda of: st.tuples(st.integers(0, of), st.just(of)))
 
@@ -47,21 +56,93 @@ def test_rate_of_nothing_has_no_share() -> None:
     assert (empty.share, empty.low, empty.high) == (None, None, None)
 
 
-def test_paired_difference_by_hand() -> None:
-    difference, low, high = paired_difference(only_after=5, only_before=1, pairs=20)
-    half = 1.959963984540054 * math.sqrt((7 / 22 - (4 / 22) ** 2) / 22)
-    assert (difference, low, high) == pytest.approx((0.2, 4 / 22 - half, 4 / 22 + half))
+def alone(after: int, before: int, same: int) -> list[tuple[str, int]]:
+    """Pairs of a scenario each: flips to success, to failure, and none."""
+    flips = [1] * after + [-1] * before + [0] * same
+    return [(f"scenario {index}", flip) for index, flip in enumerate(flips)]
 
 
-@given(st.integers(0, 40), st.integers(0, 40), st.integers(1, 40))
-def test_paired_difference_is_symmetric(after: int, before: int, more: int) -> None:
-    pairs = after + before + more
-    difference, low, high = paired_difference(after, before, pairs)
-    turned, turned_low, turned_high = paired_difference(before, after, pairs)
-    assert (difference, low, high) == pytest.approx((-turned, -turned_high, -turned_low))
-    assert -1 <= low <= high <= 1
+def test_paired_shares_by_hand() -> None:
+    found = paired_shares(alone(9, 1, 10))
+    half = 1.959963984540054 * math.sqrt((11 / 22 - (8 / 22) ** 2) / 22)
+    assert (found.difference, found.low, found.high) == pytest.approx((0.4, 8 / 22 - half, 8 / 22 + half))
+    assert found.p == pytest.approx(mcnemar_exact(1, 9))
 
 
-def test_no_pairs_no_difference() -> None:
+@given(st.integers(0, 40), st.integers(0, 40), st.integers(0, 40))
+def test_paired_shares_mirror_and_never_contradict_their_test(after: int, before: int, same: int) -> None:
+    assume(after + before + same)
+    found, turned = paired_shares(alone(after, before, same)), paired_shares(alone(before, after, same))
+    assert (found.difference, found.low, found.high) == pytest.approx((-turned.difference, -turned.high, -turned.low))
+    assert found.p == turned.p
+    assert found.low <= found.difference <= found.high
+    if found.p >= 0.05:
+        assert found.low <= 0 <= found.high
+
+
+def test_five_flips_of_24_pairs_show_nothing_and_their_interval_says_so() -> None:
+    found = paired_shares(alone(0, 5, 19))
+    assert found.p == 0.0625
+    assert found.high == 0.0
+
+
+def test_no_pairs_have_no_difference() -> None:
     with pytest.raises(ValueError, match="no pairs"):
-        paired_difference(0, 0, 0)
+        paired_shares([])
+
+
+def repeated(trials: list[tuple[str, int]], times: int) -> list[tuple[str, int]]:
+    return [trial for trial in trials for _ in range(times)]
+
+
+@given(st.integers(1, 12), st.integers(1, 12), st.integers(2, 5))
+def test_runs_that_repeat_their_scenario_add_nothing(good: int, bad: int, times: int) -> None:
+    single = [(f"scenario {index}", int(index < good)) for index in range(good + bad)]
+    one = rate_by_scenario((key, bool(value)) for key, value in single)
+    many = rate_by_scenario((key, bool(value)) for key, value in repeated(single, times))
+    assert many.share == one.share
+    assert many.low is not None
+    assert one.low is not None
+    assert many.high is not None
+    assert one.high is not None
+    assert many.low <= one.low + 1e-12
+    assert many.high >= one.high - 1e-12
+    assert (one.scenarios, many.scenarios) == (good + bad, good + bad)
+
+
+@given(shares)
+def test_a_run_each_scenario_gives_the_plain_interval(share: tuple[int, int]) -> None:
+    count, of = share
+    found, plain = rate_by_scenario((str(i), i < count) for i in range(of)), rate(count, of)
+    assert (found.low, found.high, found.share) == (plain.low, plain.high, plain.share)
+
+
+def test_flips_of_one_scenario_are_one_flip() -> None:
+    flips = repeated(alone(5, 0, 10), 4)
+    assert paired_shares(flips).p == paired_shares(alone(5, 0, 10)).p == 0.0625
+    assert paired_shares(alone(20, 0, 40)).p < 1e-5
+
+
+def test_unequal_scenarios_are_flipped_as_wholes() -> None:
+    pairs = [("a", 1), ("a", 1), ("a", 1), ("b", 1), ("c", -1), ("c", -1)]
+    totals = (3, 1, -2)
+    sums = [sum(sign * total for sign, total in zip(signs, totals, strict=True)) for signs in SIGNS]
+    expected = sum(abs(value) >= 2 for value in sums) / len(sums)
+    assert paired_shares(pairs).p == pytest.approx(expected)
+
+
+SIGNS = list(itertools.product((1, -1), repeat=3))
+
+
+@pytest.mark.parametrize(("discordant", "difference"), [(0.2, 0.1), (0.15, 0.1), (0.4, 0.15)])
+def test_the_number_of_scenarios_needed_gives_the_power_that_is_said(discordant: float, difference: float) -> None:
+    needed = needed_scenarios(discordant, difference)
+    assert needed is not None
+    up, down = (discordant + difference) / 2, (discordant - difference) / 2
+    drawn = np.random.default_rng(3).multinomial(needed, [up, down, 1 - discordant], size=2000)
+    z = (drawn[:, 0] - drawn[:, 1]) / np.sqrt(np.maximum(drawn[:, 0] + drawn[:, 1], 1))
+    assert 0.76 <= (z > 1.96).mean() <= 0.87
+
+
+def test_no_number_shows_no_difference() -> None:
+    assert needed_scenarios(0.2, 0.0) is None

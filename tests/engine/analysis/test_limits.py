@@ -12,7 +12,7 @@ from plannerforge.schemas.runs import Outcome, RunRecord
 
 
 def named(run_id: str, run: RunRecord) -> RunRecord:
-    return run.model_copy(update={"run_id": run_id})
+    return run.model_copy(update={"run_id": run_id, "scenario_id": f"ZAM_{run_id}-1_1_T-1"})
 
 
 def judged(outcomes: str, against: Mapping[str, tuple[SuccessTest, tuple[str, ...]]] | None = None) -> Judged:

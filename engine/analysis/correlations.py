@@ -1,0 +1,135 @@
+"""Which features of scenarios go with success: rank correlations, a scenario as one, and what is left of them.
+
+Features are known before a run (traffic, speed at the start), never results of it. They go with each other too: dense
+traffic is slow, and motorways are fast. So each is also correlated with the others and the kind of road held fixed.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import fmean
+
+from ...schemas.results import Correlation
+from ...schemas.runs import RunRecord
+from .run_set import RunSet, reached_goal
+from .statistics import holm, rank_correlation
+
+_FEWEST_SCENARIOS = 12
+"""Below this a rank correlation must exceed 0.58 to differ from 0 at 5 %: too coarse to report."""
+_FEWEST_OF_A_ROAD = 3
+"""A kind of road with fewer scenarios is not told from the others (chosen): its mean would be theirs alone."""
+ROAD = "road"
+
+
+@dataclass(frozen=True)
+class _Scenario:
+    """The features of a scenario, its kind of road, and the share of its runs that reached the goal."""
+
+    features: Mapping[str, float]
+    road: str
+    success: float
+
+
+def correlations(runs: RunSet) -> tuple[tuple[Correlation, ...], str]:
+    """Spearman correlations of features with success, the strongest first, and a note where there are none."""
+    seen = _scenarios(runs)
+    if len(seen) < _FEWEST_SCENARIOS:
+        return (), f"no correlations: valid runs of {len(seen)} scenarios, at least {_FEWEST_SCENARIOS} are needed"
+    if len({scenario.success for scenario in seen}) == 1:
+        return (), "no correlations: all scenarios ended alike"
+    tested = {name: (n, *found) for name in _FEATURES if (found := _plain(seen, name)) for n in [_count(seen, name)]}
+    adjusted = holm([p for _, _, p in tested.values()])
+    listed = []
+    for (name, (n, rho, p)), p_holm in zip(tested.items(), adjusted, strict=True):
+        held, left = _held_fixed(seen, name, [other for other in tested if other != name])
+        listed.append(
+            Correlation(
+                feature=name,
+                n=n,
+                rho=rho,
+                p=p,
+                p_holm=p_holm,
+                rho_fixed=None if left is None else left[0],
+                p_fixed=None if left is None else left[1],
+                held_fixed=held,
+            )
+        )
+    return tuple(sorted(listed, key=lambda item: (-abs(item.rho), item.feature))), ""
+
+
+def _scenarios(runs: RunSet) -> list[_Scenario]:
+    groups: dict[str, list[RunRecord]] = {}
+    for record in runs.valid:
+        groups.setdefault(runs.root(record), []).append(record)
+    return [_scenario(runs, records) for records in groups.values()]
+
+
+def _scenario(runs: RunSet, records: Sequence[RunRecord]) -> _Scenario:
+    """A scenario's features: means over its runs, whose planning problems and versions may differ."""
+    values = {
+        name: [value for record in records if (value := feature(runs, record)) is not None]
+        for name, feature in _FEATURES.items()
+    }
+    known = runs.scenario(records[0])
+    return _Scenario(
+        features={name: fmean(found) for name, found in values.items() if found},
+        road="" if known is None else known.road,
+        success=fmean(reached_goal(record) for record in records),
+    )
+
+
+def _count(seen: Sequence[_Scenario], name: str) -> int:
+    return sum(name in scenario.features for scenario in seen)
+
+
+def _plain(seen: Sequence[_Scenario], name: str) -> tuple[float, float] | None:
+    """ρ and its p over the scenarios that have the feature; None where there are too few, or one does not vary."""
+    rows = [(scenario.features[name], scenario.success) for scenario in seen if name in scenario.features]
+    return rank_correlation(rows) if len(rows) >= _FEWEST_SCENARIOS else None
+
+
+def _held_fixed(
+    seen: Sequence[_Scenario], name: str, others: Sequence[str]
+) -> tuple[tuple[str, ...], tuple[float, float] | None]:
+    """What can be held fixed, and ρ and p once it is; None where nothing can be, or nothing is left of either then."""
+    known = [scenario for scenario in seen if {name, *others} <= scenario.features.keys()]
+    counts: dict[str, int] = {}
+    for scenario in known:
+        counts[scenario.road] = counts.get(scenario.road, 0) + 1
+    roads = sorted(road for road, count in counts.items() if count >= _FEWEST_OF_A_ROAD)[1:]
+    held = (*others, *([ROAD] if roads else []))
+    columns = len(others) + len(roads)
+    if not columns or len(known) < _FEWEST_SCENARIOS + columns:
+        return (), None
+    rows = [
+        (
+            scenario.features[name],
+            scenario.success,
+            *(scenario.features[other] for other in others),
+            *(float(scenario.road == road) for road in roads),
+        )
+        for scenario in known
+    ]
+    return held, rank_correlation(rows, columns)
+
+
+def _large_vehicles(runs: RunSet, record: RunRecord) -> float | None:
+    by_type = runs.obstacles.get(record.scenario_id)
+    return None if by_type is None else by_type.get("truck", 0) + by_type.get("bus", 0)
+
+
+def _initial_speed(runs: RunSet, record: RunRecord) -> float | None:
+    steps = runs.steps.get(record.run_id)
+    return steps.speed_mps[0] if steps is not None and steps.speed_mps else None
+
+
+def _density(runs: RunSet, record: RunRecord) -> float | None:
+    known = runs.scenario(record)
+    return None if known is None else known.density_per_km
+
+
+_FEATURES: dict[str, Callable[[RunSet, RunRecord], float | None]] = {
+    "obstacles": RunSet.obstacle_count,
+    "density_per_km": _density,
+    "trucks_and_buses": _large_vehicles,
+    "initial_speed_mps": _initial_speed,
+}
