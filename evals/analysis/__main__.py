@@ -5,6 +5,8 @@ keys and judges by code apart from the product. The keys that count:
 
 ``causes``: ``class_right`` (share of made collisions whose kind is told as it is), ``fault_right`` (told to be
 preventable or not, as the truth has it).
+``nulls``: ``false_findings_rate`` (of batches in which nothing differs, those in which a comparison states that
+something does), ``interval_coverage`` (95 % intervals that hold the truth).
 
 ``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too; then the status is
 1. ``--json`` prints the last line alone.
@@ -18,7 +20,10 @@ from pathlib import Path
 from ..harness import Parts, add_part_options, existing, print_parts, shared_folder
 from .bench import AnalysisBench
 
-PARTS: Parts[AnalysisBench] = Parts(package=__package__ or "", keys={"causes": ("class_right", "fault_right")})
+PARTS: Parts[AnalysisBench] = Parts(
+    package=__package__ or "",
+    keys={"causes": ("class_right", "fault_right"), "nulls": ("false_findings_rate", "interval_coverage")},
+)
 """The parts in the order in which they are measured, and the keys that each owes."""
 
 
