@@ -174,19 +174,29 @@ def _time_headways_s(ego: Track, met: _Encounters) -> Values:
     """Seconds until the ego's front is where the front of the vehicle ahead is now, at the ego's speed.
 
     Time headway as in Vogel 2003 (a comparison of headway and time to collision): the distance from front to front
-    along the ego's path over its speed. The path is what the ego drove from then on, straight on behind its end;
-    a vehicle is ahead when it is on that path (sideways overlap of the bodies) and heads within 45° of it. Infinite for
-    all others and while the ego stands.
+    along the ego's path over its speed. Infinite for all who are not ahead (:func:`gaps_ahead_m`) and while the ego
+    stands.
+    """
+    front_to_front = np.maximum(gaps_ahead_m(ego, met) + met.other.sizes_m[:, 0], 0.0)
+    moving = met.ego.speeds_mps > _STANDING_MPS
+    return np.where(moving, front_to_front / np.maximum(met.ego.speeds_mps, _STANDING_MPS), np.inf)
+
+
+def gaps_ahead_m(ego: Track, met: _Encounters) -> Values:
+    """How far ahead along the ego's path others are, from its front to their rear; infinite for all who are not ahead.
+
+    The path is what the ego drove from then on, straight on behind its end; a vehicle is ahead when it is on that path
+    (sideways overlap of the bodies) and heads within 45° of it.
     """
     last = np.array([np.cos(ego.headings_rad[-1]), np.sin(ego.headings_rad[-1])])
     path = np.concatenate([ego.positions, ego.positions[-1:] + _NEAR_M * last])
     stations = arc_length(path)
     station, distance, heading = _on_path(path, stations, met)
-    ahead_m = station - stations[met.state] + (met.other.sizes_m[:, 0] - met.ego.sizes_m[:, 0]) / 2
     on_it = distance < (met.ego.sizes_m[:, 1] + met.other.sizes_m[:, 1]) / 2
     along = np.abs(wrap_angles(met.other.headings_rad - heading)) < SAME_DIRECTION_RAD
-    in_front = (station - stations[met.state] > _BESIDE_M) & on_it & along & (met.ego.speeds_mps > _STANDING_MPS)
-    return np.where(in_front, np.maximum(ahead_m, 0.0) / np.maximum(met.ego.speeds_mps, _STANDING_MPS), np.inf)
+    in_front = (station - stations[met.state] > _BESIDE_M) & on_it & along
+    gap = station - stations[met.state] - (met.other.sizes_m[:, 0] + met.ego.sizes_m[:, 0]) / 2
+    return np.where(in_front, gap, np.inf)
 
 
 def risk_scores(gaps_m: Values, times_to_collision: Values) -> NDArray[np.intp]:

@@ -31,13 +31,17 @@ else:
 
 
 class ConfigWeights(Model):
-    """The cost weights of a planner configuration, and its settings that have values other than the default."""
+    """The cost weights of a planner configuration, and its settings that have values other than the default.
+
+    ``default_weights``: those of the planner's first preset.
+    """
 
     config_id: str
     name: str
     planner: str
     weights: dict[str, float]
     settings: dict[str, float] = Field(default_factory=dict)
+    default_weights: dict[str, float] = Field(default_factory=dict)
 
 
 class Rate(Model):
@@ -135,22 +139,60 @@ class Correlation(Model):
         return f"; with {fixed} held fixed ρ={self.rho_fixed:+.2f}, p={figure(self.p_fixed)}"
 
 
+class TriedChange(Model):
+    """What a suggested change did in a trial: runs that failed and were run again, and a sample of those that passed.
+
+    ``p``: one-sided, of so many flips to success among all flips where either way were as likely. ``config_id``: the
+    configuration with the change.
+    """
+
+    config_id: str
+    change: str
+    failing: int
+    gained: int
+    passing: int
+    lost: int
+    p: float
+
+    @property
+    def helps(self) -> bool:
+        """Whether it may be told as a help: at least four flips to success and none back, or as clear with some."""
+        return self.gained > self.lost and self.p <= _CLEAR_P
+
+    def in_words(self) -> str:
+        """What it bought and what it cost."""
+        verdict = "helps" if self.helps else "shows no clear gain" if self.gained >= self.lost else "harms"
+        return (
+            f"tried {self.change} ({self.config_id}): {verdict}: {self.gained} of {self.failing} failing runs reach "
+            f"the goal, {self.lost} of {self.passing} passing ones no longer do"
+        )
+
+
+_CLEAR_P = 0.0625
+"""Four flips of four one way by chance (chosen): a trial has few runs, and advice is not proof."""
+
+
 class Suggestion(Model):
-    """Which weight to move in which direction, and how sure that is."""
+    """Which weight to move in which direction, and why; ``tried``: what it did, None where it was not tried."""
 
     config_id: str
     weight: str
     direction: Literal["raise", "lower"]
     why: str
+    tried: TriedChange | None = None
 
 
 class Finding(Model):
-    """A computed statement with its evidence; ``run_count``: all runs, ``run_ids`` the first of them."""
+    """A computed statement with its evidence; ``run_count``: all runs, ``run_ids`` the first of them.
+
+    ``alternatives``: what else would explain it.
+    """
 
     name: str
     statement: str
     run_ids: tuple[str, ...]
     run_count: int | None = None
+    alternatives: str = ""
     suggestion: Suggestion | None = None
     next_step: str = ""
 
@@ -239,6 +281,7 @@ class AnalyzeResultsArguments(Arguments):
     breakdown: Breakdown = "none"
     where: list[str] = Field([], max_length=12, description="'outcome=collision', 'config=cfg_…', 'duration_s>=5'")
     detail: AnalysisDetail = "summary"
+    trial: bool = Field(False, description="run suggested changes on failing and passing runs")
 
 
 class AnalyseRequest(Model):
@@ -284,6 +327,7 @@ class AnalyzeResultsResult(Result):
     causes: CollisionCauses | None = None
     trivial: TrivialGoals | None = None
     notes: tuple[str, ...] = ()
+    job_id: str = Field("", description="of the trial of suggestions, while it runs")
 
     def answer(self) -> Answer:
         """One run: how it ended and its moments; several: rates, failures, figures; then what the detail asks for."""
@@ -401,7 +445,9 @@ def _several_runs(result: AnalyzeResultsResult) -> Answer:
         listed += _costs(result)
     listed += _correlations(result)
     stated = _stated(result)
-    shown = stated[:_SHOWN_FINDINGS] if result.detail == "summary" else stated
+    tried = [finding for finding in stated if finding.suggestion is not None and finding.suggestion.tried is not None]
+    stated = [*tried, *(finding for finding in stated if finding not in tried)]
+    shown = stated[: max(_SHOWN_FINDINGS, len(tried))] if result.detail == "summary" else stated
     listed += ["Findings:", *(_finding_text(finding) for finding in shown)] if shown else []
     more = len(stated) - len(shown)
     listed += [f"… {more} more: detail=findings"] if more > 0 else []
@@ -409,6 +455,8 @@ def _several_runs(result: AnalyzeResultsResult) -> Answer:
     causes = result.causes
     if causes is not None and causes.recorded_traffic and 2 * causes.from_behind > causes.collisions:
         main = "run_planner with traffic=reactive: most collisions are by others that follow a recording"
+    if result.job_id:
+        main = f"get_job with job_id '{result.job_id}', then the same call again: the trial goes on"
     return Answer(head, figures=figures, listed=[*listed, *_noted(result)], next_step=main)
 
 
@@ -440,11 +488,14 @@ def _failures(result: AnalyzeResultsResult) -> list[str]:
 
 
 def _finding_text(finding: Finding) -> str:
-    """One finding in one line, with evidence and suggestion."""
+    """One finding in one line, with evidence, what else would explain it, and the suggestion, tried or not."""
     parts = [f"- [{finding.name}] {finding.statement}"]
+    if finding.alternatives:
+        parts.append(f"Or: {finding.alternatives}.")
     if finding.suggestion:
         change = finding.suggestion
-        parts.append(f"Suggest: {change.direction} {change.weight} of {change.config_id} ({change.why}).")
+        tried = "untried: trial=true runs it" if change.tried is None else change.tried.in_words()
+        parts.append(f"Suggest: {change.direction} {change.weight} of {change.config_id} ({change.why}; {tried}).")
     if finding.next_step:
         parts.append(f"See {finding.next_step}.")
     parts.append(f"Runs: {_listed(finding.run_ids, 2, finding.run_count)}")

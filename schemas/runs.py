@@ -203,6 +203,8 @@ class Contact(Model):
     1 m/s² without a break until the contact; None: it did not. ``came_in_s``: for a cut-in, when the one ahead came
     into the way of the one behind. ``also_touched``: others that overlap the ego at the same step. ``prevention``: None
     where the tracks do not hold the one that was hit.
+    ``predicted_gap_m``: how far apart the two would have been at the collision, had the other moved as the run's
+    predictor said a second before; None where it was not there then, or is not known to have been predicted.
     """
 
     kind: ContactKind
@@ -219,6 +221,12 @@ class Contact(Model):
     came_in_s: float | None = None
     also_touched: tuple[int, ...] = ()
     prevention: Prevention | None = None
+    predicted_gap_m: float | None = None
+
+    @property
+    def unforeseen(self) -> bool:
+        """Whether the two would have stayed apart, had the other moved as it was predicted a second before."""
+        return self.predicted_gap_m is not None and self.predicted_gap_m > 0
 
     def in_words(self) -> str:
         """Who hit whom, from where, when, at which speeds, and whether the ego had braked before."""
@@ -228,6 +236,8 @@ class Contact(Model):
         speeds = f"ego {self.ego_speed_mps:.1f} m/s, {self._other} {self.other_speed_mps:.1f} m/s"
         also = f"; also touched then: {', '.join(map(str, self.also_touched))}" if self.also_touched else ""
         judged = "" if self.prevention is None else f"; {self.prevention.in_words()}"
+        if self.unforeseen:
+            judged += f"; unforeseen: {self.predicted_gap_m:.1f} m apart as predicted a second before"
         return f"{self._what} at {self.time_s:.1f} s ({speeds}{self._braked}){also}{judged}"
 
     @property
@@ -374,7 +384,8 @@ class ScenarioSource(Model):
     """A scenario, the CommonRoad file that holds it, and of what is known of it what decides how hard it is.
 
     ``obstacles``: by type; ``density_per_km``: recorded vehicles per kilometre of lanelets; ``road``: the kind of road
-    by the file's tags, such as ``highway``; empty where they say none.
+    by the file's tags, such as ``highway``, empty where they say none; ``limit_kmh``: the highest speed limit on the
+    ego's lanelets, None where none is posted.
     """
 
     scenario_id: str
@@ -382,6 +393,7 @@ class ScenarioSource(Model):
     obstacles: dict[str, int] | None = None
     density_per_km: float | None = None
     road: str = ""
+    limit_kmh: float | None = None
 
 
 class RunSource(Model):

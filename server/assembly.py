@@ -83,11 +83,12 @@ async def open_services(settings: Settings, start_folder: Path, threads: CallThr
 
 def offered_tools(settings: Settings) -> tuple[ToolSpec, ...]:
     """The tools that these settings offer, in the order of the registry; the small set without seldom arguments."""
-    return tuple(
-        spec if settings.tools == "all" else replace(spec, unlisted=spec.seldom)
-        for spec in TOOLS
-        if (spec.essential or settings.tools == "all") and (spec.read_only or not settings.read_only)
-    )
+    offered = [spec for spec in TOOLS if settings.tools == "all" or spec.essential]
+    if settings.tools != "all":
+        offered = [replace(spec, unlisted=spec.seldom) for spec in offered]
+    if settings.read_only:
+        offered = [spec.only_reading() for spec in offered if spec.read_only]
+    return tuple(offered)
 
 
 async def warm_up(

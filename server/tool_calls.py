@@ -38,6 +38,8 @@ async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> Ca
     """
     try:
         arguments = read_arguments(spec.arguments_type, given, call.remarks)
+        if made := [name for name in spec.refused if getattr(arguments, name)]:
+            raise NotPossible(f"this server makes nothing, and {made[0]} does", next_step=f"leave {made[0]} out")
         return _shaped(await spec.load_function()(arguments, call), call.remarks)
     except InputNeeded:
         raise

@@ -33,7 +33,10 @@ def _without_unlisted(tool: Tool, spec: ToolSpec) -> Tool:
     """The tool without the arguments that this listing leaves out; whoever knows them may give them."""
     listed = tool.input_schema.get("properties", {})
     kept = {name: schema for name, schema in listed.items() if name not in spec.unlisted}
-    return tool.model_copy(update={"input_schema": {**tool.input_schema, "properties": kept}}) if listed else tool
+    is_reading = spec.read_only and not spec.making
+    hints = tool.annotations and tool.annotations.model_copy(update={"read_only_hint": is_reading})
+    shown = tool.model_copy(update={"annotations": hints})
+    return shown.model_copy(update={"input_schema": {**tool.input_schema, "properties": kept}}) if listed else shown
 
 
 @cache
@@ -47,7 +50,10 @@ def tool_description(spec: ToolSpec) -> Tool:
         input_schema=input_schema(arguments),
         output_schema=None if result is None else output_schema(result),
         annotations=ToolAnnotations(
-            read_only_hint=spec.read_only, destructive_hint=False, idempotent_hint=True, open_world_hint=spec.open_world
+            read_only_hint=spec.read_only and not spec.making,
+            destructive_hint=False,
+            idempotent_hint=True,
+            open_world_hint=spec.open_world,
         ),
     )
 

@@ -6,7 +6,7 @@ in ``operations.py``.
 
 import importlib
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, get_type_hints
 
 from ..schemas.base import Arguments, Result
@@ -25,6 +25,8 @@ class ToolSpec:
         essential: part of the small set for small models.
         seldom: arguments that the small set does not list, and still takes.
         unlisted: arguments that this listing leaves out.
+        making: arguments with which a tool that is read-only otherwise makes something.
+        refused: arguments that this listing refuses.
         open_world: may ask services on the net.
     """
 
@@ -35,6 +37,8 @@ class ToolSpec:
     essential: bool = True
     seldom: tuple[str, ...] = ()
     unlisted: tuple[str, ...] = ()
+    making: tuple[str, ...] = ()
+    refused: tuple[str, ...] = ()
     open_world: bool = False
 
     @property
@@ -48,6 +52,10 @@ class ToolSpec:
         """The model of the structured answer, as the function declares it; None for one that answers with pictures."""
         result: type[Result | ImageAnswer] = get_type_hints(self.load_function())["return"]
         return result if issubclass(result, Result) else None
+
+    def only_reading(self) -> "ToolSpec":
+        """The tool as a server that makes nothing offers it."""
+        return replace(self, making=(), refused=self.making, unlisted=(*self.unlisted, *self.making))
 
     def load_function(self) -> Callable[[Arguments, Any], Awaitable[Any]]:
         """The function, imported now."""
@@ -74,7 +82,7 @@ TOOLS: tuple[ToolSpec, ...] = (
     ToolSpec("run_planner", "Run a planner", "planning"),
     ToolSpec("get_job", "Look at a job", "artifacts", read_only=True),
     ToolSpec("cancel_job", "Cancel a job", "artifacts", essential=False),
-    ToolSpec("analyze_results", "Analyse results", "results", read_only=True),
+    ToolSpec("analyze_results", "Analyse results", "results", read_only=True, seldom=("trial",), making=("trial",)),
     ToolSpec("compare_results", "Compare results", "results", read_only=True),
     ToolSpec("render", "Draw", "rendering", read_only=True),
     ToolSpec("list_artifacts", "List artifacts", "artifacts", read_only=True, essential=False),

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from ..engine.tuning import preset_configuration
 from ..engine.workspace import Artifact
 from ..schemas.analysis.comparison import CompareRequest, CompareResultsArguments, CompareResultsResult, Side
 from ..schemas.errors import Faults, InvalidRequest, NotPossible, UnknownName
@@ -46,7 +47,12 @@ async def analyze_results(arguments: AnalyzeResultsArguments, call: ToolCall) ->
         where=tuple(arguments.where),
         detail=arguments.detail,
     )
-    return await call.run(ANALYSE, request)
+    result = await call.run(ANALYSE, request)
+    if not arguments.trial:
+        return result
+    from .trial import with_trials  # it runs planners, whose tools name results by words of this module
+
+    return await with_trials(result, runs, call)
 
 
 async def compare_results(arguments: CompareResultsArguments, call: ToolCall) -> CompareResultsResult:
@@ -171,6 +177,7 @@ def config_weights(runs: Iterable[RunSource], call: ToolCall) -> tuple[ConfigWei
                     planner=config.planner,
                     weights=config.weights | config.external_weights,
                     settings=config.settings.model_dump(exclude_defaults=True),
+                    default_weights=preset_configuration(config.planner).weights,
                 )
             )
     return tuple(weights)
@@ -189,6 +196,7 @@ def scenario_sources(scenario_ids: Iterable[str], call: ToolCall) -> tuple[Scena
                 obstacles=facts.participants.counts,
                 density_per_km=facts.density_per_km,
                 road=next((kind for kind in ROAD_KINDS if kind in facts.tags), ""),
+                limit_kmh=max(facts.roads.limits_ego_kmh, default=None),
             )
         )
     return tuple(sources)

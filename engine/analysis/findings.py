@@ -1,65 +1,176 @@
-"""Findings: statements on what runs have in common, with the runs behind them.
+"""Findings: statements on what runs have in common, with the runs behind them and what else would explain them.
 
-A finding is a generator ``(runs) -> findings`` that has its name. To add one, write the function, put it into
-``FINDINGS`` where its statement shall stand among the others, and test it.
+A finding is a generator ``(evidence) -> findings`` that has its name. To add one, write the function, put it into
+``FINDINGS`` where its statement shall stand among the others, and test it. What is stated holds run by run: shares are
+those of the median run, never of a sum that one run may decide; what others did to the ego is not laid to its planner.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from statistics import median
 
 from ...schemas.results import Finding, Suggestion
-from ...schemas.runs import RunRecord
-from .run_set import RunSet, config_terms, mean_terms, share_of
+from ...schemas.runs import Contact, Encounter, RunRecord, RunReview
+from .causes import FROM_BEHIND
+from .moments import contact_of, held_up_share, review
+from .reach import cannot_be_reached
+from .run_set import RunSet, mean_terms, reached_goal, share_of
+from .statistics import LEVEL, fisher_exact, holm
+
+_MOST_LOOKED_AT = 60
+"""Runs of a kind whose scenario is read (chosen): an answer has 50 s."""
+
+
+class Evidence:
+    """What findings are made of: the runs, and for those that a finding asks for, their moments."""
+
+    def __init__(self, runs: RunSet) -> None:
+        self.runs = runs
+        self._contacts: dict[str, Contact | None] = {}
+        self._reviews: dict[str, RunReview] = {}
+
+    def contact(self, record: RunRecord) -> Contact | None:
+        """How the collision of a run came about; None without one, and of more than sixty."""
+        if record.run_id not in self._contacts and len(self._contacts) < _MOST_LOOKED_AT:
+            self._contacts[record.run_id] = contact_of(self.runs, record)
+        return self._contacts.get(record.run_id)
+
+    def review(self, record: RunRecord) -> RunReview | None:
+        """The moments of a run; None of more than sixty."""
+        if record.run_id not in self._reviews and len(self._reviews) < _MOST_LOOKED_AT:
+            self._reviews[record.run_id] = review(self.runs, record)
+        return self._reviews.get(record.run_id)
+
+    def hits(self) -> list[RunRecord]:
+        """Runs that ended in a collision with another."""
+        return [one for one in self.runs.failures if one.collision and one.collision.obstacle_id is not None]
+
+    def is_the_others(self, record: RunRecord) -> bool:
+        """Whether another drove into the ego from behind, or no reference driver prevents the collision."""
+        contact = self.contact(record)
+        if contact is None:
+            return False
+        unpreventable = contact.prevention is not None and not contact.prevention.possible
+        return contact.kind in FROM_BEHIND or unpreventable
 
 
 def find_all(runs: RunSet) -> tuple[Finding, ...]:
     """What every finding states of these runs, in the order of the registry."""
-    return tuple(finding for find in FINDINGS for finding in find(runs))
+    evidence = Evidence(runs)
+    return tuple(finding for find in FINDINGS for finding in find(evidence))
 
 
-def _main_failure(runs: RunSet) -> Iterator[Finding]:
+def _main_failure(evidence: Evidence) -> Iterator[Finding]:
     """The most frequent failure mode with both denominators: the failures and the valid runs."""
-    failures = runs.failures
+    failures = evidence.runs.failures
     if not failures:
         return
     counts = Counter(record.outcome for record in failures)
     outcome, count = min(counts.items(), key=lambda item: (-item[1], item[0]))
-    run_ids = tuple(record.run_id for record in failures if record.outcome == outcome)
+    run_ids = _ids(record for record in failures if record.outcome == outcome)
     words = outcome.replace("_", " ")
-    statement = f"{words}: {count} of {len(failures)} failures, {count} of {len(runs.valid)} valid runs."
+    statement = f"{words}: {count} of {len(failures)} failures, {count} of {len(evidence.runs.valid)} valid runs."
     next_step = f"render kind=animation ids=[{run_ids[0]}]"
     yield Finding(name="main_failure", statement=statement, run_ids=run_ids, next_step=next_step)
 
 
-_OBSTACLE_TERMS = ("prediction", "distance_to_obstacles", "responsibility")
-"""Cost terms that keep the ego away from others, the one that is suggested first at the front."""
+_FEW = 2
+"""Runs that a statement on several needs (chosen): one is a case, and the answer on it alone says more."""
+
+
+def _unforeseen(evidence: Evidence) -> Iterator[Finding]:
+    """Collisions with others that moved otherwise than predicted: had they kept to it, there would have been none."""
+    hits = [one for one in evidence.hits() if not evidence.is_the_others(one) and one.prediction != "ground_truth"]
+    known = [one for one in hits if (contact := evidence.contact(one)) and contact.predicted_gap_m is not None]
+    missed = [one for one in known if (contact := evidence.contact(one)) and contact.unforeseen]
+    if len(missed) * 2 < max(len(known), 1) or not missed:
+        return
+    gaps = [evidence.contact(one).predicted_gap_m or 0.0 for one in missed]  # type: ignore[union-attr]
+    yield Finding(
+        name="unforeseen",
+        statement=(
+            f"In {len(missed)} of {len(known)} collisions that an ego could prevent the other moved otherwise than "
+            f"predicted a second before: by that both would have been {median(gaps):.1f} m apart (median)."
+        ),
+        run_ids=_ids(missed),
+        alternatives="the plan kept too little distance for any prediction to be wrong",
+        next_step="run_planner with prediction=ground_truth on the same scenarios, then compare_results",
+    )
+
+
+_GUARDS: Mapping[str, tuple[str, ...]] = {
+    "collision": ("prediction", "distance_to_obstacles", "responsibility"),
+    "off_road": ("lane_center_offset", "distance_to_reference_path"),
+    "timeout": ("velocity_offset", "velocity"),
+    "goal_late": ("velocity_offset", "velocity"),
+}
+"""By failure, the cost terms that work against it."""
+_OFF = 0.2
+"""A weight below a fifth of the planner's default is as good as off (chosen)."""
+
+
+def _weight_off(evidence: Evidence) -> Iterator[Finding]:
+    """Per configuration: a weight that is off against the planner's default, where runs fail as it would prevent."""
+    runs = evidence.runs
+    defaults = {config.config_id: config.default_weights for config in runs.configs}
+    for config_id, records in runs.by_config(runs.valid).items():
+        weights = runs.weights(config_id)
+        off = {
+            name: value
+            for name, value in defaults.get(config_id, {}).items()
+            if value > 0 and weights.get(name, value) < _OFF * value
+        }
+        for name, default in off.items():
+            outcomes = [outcome for outcome, guards in _GUARDS.items() if name in guards]
+            failed = [one for one in records if one.outcome in outcomes and not evidence.is_the_others(one)]
+            if len(failed) < _FEW or len(failed) * 10 < len(records):
+                continue
+            words = " or ".join(outcome.replace("_", " ") for outcome in outcomes)
+            yield Finding(
+                name="weight_off",
+                statement=(
+                    f"{name} is {weights.get(name, 0.0):g} under {records[0].config_name}, {default:g} by default, and "
+                    f"{len(failed)} of {len(records)} runs end as it works against ({words})."
+                ),
+                run_ids=_ids(failed),
+                alternatives="these scenarios are hard under the default too: run it beside",
+                suggestion=_suggestion(runs, config_id, name),
+            )
+
+
 _LAST_S = 1.0
 """Span before a collision over which cost is looked at (chosen): in it the ego could still have braked or steered."""
 _WEAK_SHARE = 0.10
 """Share of the cost below which the obstacle terms hardly counted (chosen)."""
 
 
-def _weak_obstacle_cost(runs: RunSet) -> Iterator[Finding]:
+def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
     """Per configuration: collisions with under 10 % of the cost on obstacles during the last second before them.
 
     The chosen candidate passed the collision check against what was predicted; a small share says that nothing but
-    that check kept the ego away from others. Stated only where it holds for at least half of the collisions.
+    that check kept the ego away from others. Stated only where it holds for at least half of the collisions that an ego
+    could prevent.
     """
-    hits = [record for record in runs.failures if record.collision and record.collision.obstacle_id is not None]
+    runs = evidence.runs
+    hits = [record for record in evidence.hits() if not evidence.is_the_others(record)]
     for config_id, records in runs.by_config(hits).items():
         shares = {record.run_id: share for record in records if (share := _obstacle_share(runs, record)) is not None}
         weak = tuple(run_id for run_id, share in shares.items() if share < _WEAK_SHARE)
         if not weak or len(weak) * 2 < len(shares):
             continue
         middle = 100 * median(shares[run_id] for run_id in weak)
-        statement = (
-            f"In {len(weak)} of {len(shares)} collisions of {records[0].config_name}, obstacles made up under "
-            f"{100 * _WEAK_SHARE:.0f} % of the chosen cost in the last second (median {middle:.1f} %)."
+        known = [name for name in _GUARDS["collision"] if name in runs.weights(config_id)]
+        yield Finding(
+            name="weak_obstacle_cost",
+            statement=(
+                f"In {len(weak)} of {len(shares)} collisions of {records[0].config_name} that an ego could prevent, "
+                f"obstacles made up under {100 * _WEAK_SHARE:.0f} % of the chosen cost in the last second "
+                f"(median {middle:.1f} %)."
+            ),
+            run_ids=weak,
+            alternatives="the other was not predicted to be there, so that no weight would have seen it",
+            suggestion=_suggestion(runs, config_id, known[0]) if known else None,
         )
-        known = [name for name in _OBSTACLE_TERMS if name in runs.weights(config_id)]
-        suggestion = _suggestion(runs, config_id, known[0]) if known else None
-        yield Finding(name="weak_obstacle_cost", statement=statement, run_ids=weak, suggestion=suggestion)
 
 
 def _obstacle_share(runs: RunSet, record: RunRecord) -> float | None:
@@ -68,74 +179,138 @@ def _obstacle_share(runs: RunSet, record: RunRecord) -> float | None:
     if steps is None or record.collision is None:
         return None
     terms = mean_terms(steps, since_step=record.collision.step - round(_LAST_S / record.step_s))
-    return share_of(terms, _OBSTACLE_TERMS)
+    return share_of(terms, _GUARDS["collision"])
 
 
 _PROGRESS_TERM = "velocity_offset"
 """The cost term of driving slower than wanted."""
+_HELD_UP_SHARE = 0.4
+"""Share of a drive behind a slower vehicle from which that decides when the ego arrives (chosen)."""
 
 
-def _held_back(runs: RunSet) -> Iterator[Finding]:
-    """Per configuration: the largest cost term of the runs that ended by the time limit or came too late.
+def _late(evidence: Evidence) -> Iterator[Finding]:
+    """Runs that came too late: goals that nothing reaches in time, egos behind slower vehicles, and what cost the rest.
 
-    Where it is the speed offset itself, the planner pays for being slow and still is: its weight is too small against
-    the rest. Where it is another, that one is what holds the ego back.
+    Each run is laid to the first that holds. For the rest, per configuration, the largest cost term of the median run:
+    where it is the speed offset itself, the planner pays for being slow and still is, so its weight is too small
+    against the rest; where it is another, that one is what holds the ego back.
     """
+    runs = evidence.runs
     late = [record for record in runs.failures if record.outcome in ("timeout", "goal_late")]
-    slow = [record for record in late if record.run_id in runs.steps]
-    for config_id, records in runs.by_config(slow).items():
-        terms = config_terms(runs, records)
-        if not terms:
-            continue
-        largest = max(terms, key=lambda term: (terms[term], term))
-        share = share_of(terms, [largest])
-        if share is None:
-            continue
-        statement = (
-            f"{len(records)} of the runs of {records[0].config_name} ran out of time or came too late; {largest} "
-            f"was {100 * share:.0f} % of their cost."
+    looked_at = late[:_MOST_LOOKED_AT]
+    too_far = [record for record in looked_at if cannot_be_reached(runs, record)]
+    rest = [record for record in looked_at if record not in too_far]
+    held_up = [record for record in rest if held_up_share(runs, record) >= _HELD_UP_SHARE]
+    if too_far:
+        yield Finding(
+            name="goal_out_of_reach",
+            statement=(
+                f"{len(too_far)} of {len(late)} late runs could not be on time: their goal is farther away than an ego "
+                "comes that accelerates to the speed limit and keeps it."
+            ),
+            run_ids=_ids(too_far),
+            next_step="modify_scenario set_goal with a later time or a nearer goal",
         )
-        run_ids = tuple(record.run_id for record in records)
-        suggestion = _suggestion(runs, config_id, largest, lower=largest != _PROGRESS_TERM)
-        yield Finding(name="held_back", statement=statement, run_ids=run_ids, suggestion=suggestion)
+    if held_up:
+        yield Finding(
+            name="held_up",
+            statement=(
+                f"{len(held_up)} of {len(late)} late runs were behind a slower vehicle for "
+                f"{100 * _HELD_UP_SHARE:.0f} % of the drive or more."
+            ),
+            run_ids=_ids(held_up),
+            alternatives="an ego that overtakes, or that starts nearer to it, would be on time",
+            next_step=f"render kind=animation ids=[{held_up[0].run_id}]",
+        )
+    others = [record for record in rest if record not in held_up]
+    for config_id, records in runs.by_config(others).items():
+        yield from _held_back(runs, config_id, records)
 
 
-def _rejecting_constraint(runs: RunSet) -> Iterator[Finding]:
-    """The constraint with the most rejected candidates over all infeasible runs."""
-    stuck = [record for record in runs.failures if record.outcome == "infeasible" and record.rejected_candidates]
-    counts: Counter[str] = Counter()
-    for record in stuck:
-        counts.update(record.rejected_candidates)
-    if not counts.total():
+def _held_back(runs: RunSet, config_id: str, records: list[RunRecord]) -> Iterator[Finding]:
+    terms = _median_shares(runs, records)
+    if not terms:
         return
-    name, count = min(counts.items(), key=lambda item: (-item[1], item[0]))
-    statement = (
-        f"In {len(stuck)} infeasible runs '{name}' rejected {count:,} of {counts.total():,} rejected candidates "
-        f"({100 * count / counts.total():.0f} %)."
+    largest = max(terms, key=lambda term: (terms[term], term))
+    yield Finding(
+        name="held_back",
+        statement=(
+            f"{len(records)} of the runs of {records[0].config_name} ran out of time or came too late; {largest} was "
+            f"{100 * terms[largest]:.0f} % of the cost in the median one."
+        ),
+        run_ids=_ids(records),
+        alternatives="the goal's time suits another speed, or traffic leaves no way",
+        suggestion=_suggestion(runs, config_id, largest, lower=largest != _PROGRESS_TERM),
     )
-    run_ids = tuple(record.run_id for record in stuck)
-    next_step = f"analyze_results results=[{run_ids[0]}] detail=timeline"
-    yield Finding(name="rejecting_constraint", statement=statement, run_ids=run_ids, next_step=next_step)
+
+
+def _median_shares(runs: RunSet, records: Iterable[RunRecord]) -> dict[str, float]:
+    """By term, its share of the cost in the median of the runs that have any cost."""
+    terms = [mean_terms(runs.steps[record.run_id]) for record in records if record.run_id in runs.steps]
+    shares = [{term: value / total for term, value in mean.items()} for mean in terms if (total := sum(mean.values()))]
+    names = sorted({term for share in shares for term in share})
+    return {term: median(share.get(term, 0.0) for share in shares) for term in names}
+
+
+def _rejecting_constraint(evidence: Evidence) -> Iterator[Finding]:
+    """The constraint that rejects most candidates in most of the infeasible runs."""
+    stuck = [one for one in evidence.runs.failures if one.outcome == "infeasible" and one.rejected_candidates]
+    first = Counter(_most(one.rejected_candidates) for one in stuck)
+    if not first:
+        return
+    name = _most(first)
+    count = first[name]
+    if count * 2 <= len(stuck):
+        return
+    shares = [one.rejected_candidates.get(name, 0) / sum(one.rejected_candidates.values()) for one in stuck]
+    run_ids = _ids(stuck)
+    yield Finding(
+        name="rejecting_constraint",
+        statement=(
+            f"In {count} of {len(stuck)} infeasible runs '{name}' rejected most candidates, "
+            f"{100 * median(shares):.0f} % of the rejected ones in the median run."
+        ),
+        run_ids=run_ids,
+        alternatives="the sampling holds no candidate that this place allows: sampling_level",
+        next_step=f"analyze_results results=[{run_ids[0]}] detail=timeline",
+    )
+
+
+def _most(counts: Mapping[str, int]) -> str:
+    """The name of the largest count, of equal ones the first in the alphabet."""
+    return min(counts, key=lambda name: (-counts[name], name))
 
 
 _CRITICAL_GAP_M = 0.5
 """Gap between rectangles below which a run was close (chosen)."""
 CRITICAL_TIME_TO_COLLISION_S = 1.5
 """Encounters below it are critical (van der Horst and Hogema 1993, "Time-to-collision and collision avoidance")."""
+_ROLLING_MPS = 2.0
+"""A slower ego queues or creeps (chosen): what it comes near to then is no near miss."""
 
 
-def _near_misses(runs: RunSet) -> Iterator[Finding]:
-    """Per configuration: runs that reached the goal with a gap under 0.5 m or a time to collision under 1.5 s."""
+def _near_misses(evidence: Evidence) -> Iterator[Finding]:
+    """Per configuration: successes in which the ego itself came near: to another ahead or crossing, not creeping.
+
+    Those behind, beside and oncoming in their own lane decide for themselves how near they come, and are counted apart.
+    """
+    runs = evidence.runs
     for config_id, records in runs.by_config(runs.successes).items():
-        close = tuple(record.run_id for record in records if _is_close(record))
-        if not close:
+        close = [record for record in records if _is_close(record)]
+        own = [record for record in close if _came_near(evidence.review(record))]
+        if not own:
             continue
-        statement = (
-            f"{len(close)} of {len(records)} successes of {records[0].config_name} came closer than "
-            f"{_CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s to a collision."
+        others = f"; in {len(close) - len(own)} more others came near to it" if len(close) > len(own) else ""
+        yield Finding(
+            name="near_misses",
+            statement=(
+                f"In {len(own)} of {len(records)} successes of {records[0].config_name} the ego came within "
+                f"{_CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s of another ahead or crossing{others}."
+            ),
+            run_ids=_ids(own),
+            alternatives="the other braked or cut in, which the ego then mastered",
+            suggestion=_suggestion(runs, config_id, "distance_to_obstacles"),
         )
-        suggestion = _suggestion(runs, config_id, "distance_to_obstacles")
-        yield Finding(name="near_misses", statement=statement, run_ids=close, suggestion=suggestion)
 
 
 def _is_close(record: RunRecord) -> bool:
@@ -145,90 +320,193 @@ def _is_close(record: RunRecord) -> bool:
     return (gap is not None and gap < _CRITICAL_GAP_M) or (time is not None and time < CRITICAL_TIME_TO_COLLISION_S)
 
 
+def _came_near(looked_at: RunReview | None) -> bool:
+    """Whether the ego itself brought about one of the moments that make a run close."""
+    if looked_at is None:
+        return False
+    closest, urgent = looked_at.closest, looked_at.most_urgent
+    near = closest is not None and closest.gap_m < _CRITICAL_GAP_M and _is_the_egos(closest)
+    time = None if urgent is None else urgent.time_to_collision_s
+    soon = time is not None and time < CRITICAL_TIME_TO_COLLISION_S
+    return near or (urgent is not None and soon and _is_the_egos(urgent))
+
+
+def _is_the_egos(moment: Encounter) -> bool:
+    ahead = moment.side == "front" and moment.direction in ("same", "crossing")
+    return ahead and moment.ego_speed_mps > _ROLLING_MPS
+
+
 _COMFORTABLE_MPS2 = 3.0
 """Largest lateral acceleration that a lane keeping system may cause (ISO 11270:2014)."""
 
 
-def _uncomfortable_turns(runs: RunSet) -> Iterator[Finding]:
-    """Per configuration: successes above 3 m/s² of lateral acceleration."""
+def _uncomfortable_turns(evidence: Evidence) -> Iterator[Finding]:
+    """Per configuration: at least a quarter of its successes above 3 m/s² of lateral acceleration."""
+    runs = evidence.runs
     for config_id, records in runs.by_config(runs.successes).items():
         values = {r.run_id: r.metrics.maximum_lateral_acceleration_mps2 for r in records if r.metrics is not None}
         harsh = tuple(run_id for run_id, value in values.items() if value > _COMFORTABLE_MPS2)
-        if not harsh:
+        if not harsh or len(harsh) * 4 < len(values):
             continue
-        statement = (
-            f"{len(harsh)} of {len(values)} successes of {records[0].config_name} exceeded {_COMFORTABLE_MPS2:g} m/s² "
-            f"of lateral acceleration (largest {max(values.values()):.1f})."
+        yield Finding(
+            name="uncomfortable_turns",
+            statement=(
+                f"{len(harsh)} of {len(values)} successes of {records[0].config_name} exceeded {_COMFORTABLE_MPS2:g} "
+                f"m/s² of lateral acceleration (largest {max(values.values()):.1f})."
+            ),
+            run_ids=harsh,
+            alternatives="the way to the goal is that narrow at the speed that its time asks for",
+            suggestion=_suggestion(runs, config_id, "lateral_jerk"),
         )
-        suggestion = _suggestion(runs, config_id, "lateral_jerk")
-        yield Finding(name="uncomfortable_turns", statement=statement, run_ids=harsh, suggestion=suggestion)
 
 
 _DOMINATING_SHARE = 0.8
 """Share of the cost above which one term decides nearly everything (chosen)."""
 
 
-def _dominating_cost(runs: RunSet) -> Iterator[Finding]:
-    """Per configuration: a term with over 80 % of the chosen candidates' cost; other weights hardly matter then."""
+def _dominating_cost(evidence: Evidence) -> Iterator[Finding]:
+    """Per configuration: a term with over 80 % of the chosen candidates' cost in the median run."""
+    runs = evidence.runs
     for records in runs.by_config(runs.valid).values():
-        terms = config_terms(runs, records)
-        run_ids = tuple(record.run_id for record in records if record.run_id in runs.steps)
-        for term in terms:
-            share = share_of(terms, [term])
-            if share is not None and share > _DOMINATING_SHARE:
-                statement = (
-                    f"{term} is {100 * share:.0f} % of the cost under {records[0].config_name}: the other weights "
-                    "hardly decide anything here."
+        for term, share in _median_shares(runs, records).items():
+            if share > _DOMINATING_SHARE:
+                yield Finding(
+                    name="dominating_cost",
+                    statement=(
+                        f"{term} is {100 * share:.0f} % of the cost in the median run under {records[0].config_name}."
+                    ),
+                    run_ids=_ids(record for record in records if record.run_id in runs.steps),
+                    alternatives=(
+                        "a term that is alike for all candidates decides nothing, however large: what differs between "
+                        "candidates is not recorded"
+                    ),
                 )
-                yield Finding(name="dominating_cost", statement=statement, run_ids=run_ids)
 
 
-def _idle_weights(runs: RunSet) -> Iterator[Finding]:
+def _idle_weights(evidence: Evidence) -> Iterator[Finding]:
     """Per configuration: positive weights whose term was 0 in every chosen candidate of every run."""
+    runs = evidence.runs
     for config_id, records in runs.by_config(runs.valid).items():
-        terms = config_terms(runs, records)
-        weights = sorted(runs.weights(config_id).items())
-        idle = [name for name, weight in weights if weight > 0 and terms.get(name, 0.0) == 0]
+        terms = _median_shares(runs, records)
+        seen = {term for one in records if one.run_id in runs.steps for term, value in _costs(runs, one) if value}
+        idle = [name for name, weight in sorted(runs.weights(config_id).items()) if weight > 0 and name not in seen]
         if not terms or not idle:
             continue
-        run_ids = tuple(record.run_id for record in records if record.run_id in runs.steps)
-        statement = (
-            f"{', '.join(idle)} of {records[0].config_name} cost nothing in any of {len(run_ids)} runs: changing "
-            f"{'it' if len(idle) == 1 else 'them'} upward may do nothing on such scenarios."
+        run_ids = _ids(record for record in records if record.run_id in runs.steps)
+        yield Finding(
+            name="idle_weights",
+            statement=(
+                f"{', '.join(idle)} of {records[0].config_name} cost nothing in any of {len(run_ids)} runs: changing "
+                f"{'it' if len(idle) == 1 else 'them'} upward may do nothing on such scenarios."
+            ),
+            run_ids=run_ids,
+            alternatives="candidates that were not chosen may have cost by it",
         )
-        yield Finding(name="idle_weights", statement=statement, run_ids=run_ids)
 
 
-def _hard_scenarios(runs: RunSet) -> Iterator[Finding]:
-    """Scenarios that failed under all of two or more configurations: weights are not what is missing."""
+def _costs(runs: RunSet, record: RunRecord) -> Iterable[tuple[str, float]]:
+    return mean_terms(runs.steps[record.run_id]).items()
+
+
+_HARDER_POINTS = 0.2
+"""Difference of success that is worth a statement (chosen)."""
+
+
+def _harder_group(evidence: Evidence) -> Iterator[Finding]:
+    """A class of obstacles or a kind of road whose scenarios fail more often than the others, by Fisher's exact test.
+
+    A scenario counts once, as reached where most of its runs reached the goal. The p values of all groups are adjusted
+    by Holm; collisions that are the others' doing are left out.
+    """
+    runs = evidence.runs
+    reached: dict[str, list[bool]] = {}
+    groups: dict[str, set[str]] = {}
+    for record in runs.valid:
+        if record.collision is not None and evidence.is_the_others(record):
+            continue
+        root, known = runs.root(record), runs.scenario(record)
+        reached.setdefault(root, []).append(reached_goal(record))
+        for kind in runs.obstacles.get(record.scenario_id, {}):
+            groups.setdefault(f"with a {kind}", set()).add(root)
+        if known is not None and known.road:
+            groups.setdefault(f"tagged {known.road}", set()).add(root)
+    mastered = {root for root, goals in reached.items() if sum(goals) * 2 > len(goals)}
+    counts = {name: _two_groups(members, set(reached), mastered) for name, members in groups.items()}
+    tested = {name: pair for name, pair in counts.items() if min(pair[0][1], pair[1][1]) >= _FEWEST_OF_A_GROUP}
+    adjusted = holm([fisher_exact(*pair) for pair in tested.values()])
+    for (name, (inside, outside)), p in sorted(zip(tested.items(), adjusted, strict=True), key=lambda item: item[1]):
+        if p >= LEVEL or outside[0] / outside[1] - inside[0] / inside[1] < _HARDER_POINTS:
+            continue
+        members = groups[name] - mastered
+        yield Finding(
+            name="harder_group",
+            statement=(
+                f"Scenarios {name} are harder: goal in {inside[0]} of {inside[1]}, of the others in {outside[0]} of "
+                f"{outside[1]} (Fisher's exact test, Holm p {p:.2g})."
+            ),
+            run_ids=_ids(record for record in runs.failures if runs.root(record) in members),
+            alternatives="what comes with it, such as density or road: see the correlations with these held fixed",
+            next_step="analyze_results breakdown=obstacle_class",
+        )
+
+
+_FEWEST_OF_A_GROUP = 4
+"""Scenarios on either side below which no exact test finds much (chosen)."""
+
+
+def _two_groups(members: set[str], seen: set[str], mastered: set[str]) -> tuple[tuple[int, int], tuple[int, int]]:
+    """(mastered, of) inside and outside of a group."""
+    inside, outside = members & seen, seen - members
+    return (len(inside & mastered), len(inside)), (len(outside & mastered), len(outside))
+
+
+def _hard_scenarios(evidence: Evidence) -> Iterator[Finding]:
+    """Scenarios that failed under all of two or more configurations: weights are not what is missing.
+
+    Left out are those of which all failures are the doing of others that follow a recording.
+    """
+    runs = evidence.runs
     by_scenario: dict[str, list[RunRecord]] = {}
     for record in runs.valid:
         by_scenario.setdefault(record.scenario_id, []).append(record)
     tried = {key: records for key, records in by_scenario.items() if len({r.config_id for r in records}) > 1}
-    hard = {key: records for key, records in tried.items() if all(r.outcome != "goal_reached" for r in records)}
-    if not hard:
+    hard = {key: records for key, records in tried.items() if not any(map(reached_goal, records))}
+    fair = {key: records for key, records in hard.items() if not all(map(evidence.is_the_others, records))}
+    if not fair:
         return
-    names = sorted(hard)
+    names = sorted(fair)
     shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
-    statement = f"{len(hard)} of {len(tried)} scenarios failed under every configuration tried: {shown}."
-    run_ids = tuple(record.run_id for key in names for record in hard[key])
-    next_step = f"describe_scenario scenario_id={names[0]} detail=checks"
-    yield Finding(name="hard_scenarios", statement=statement, run_ids=run_ids, next_step=next_step)
+    others = len(hard) - len(fair)
+    apart = f" ({others} more by collisions that no ego prevents)" if others else ""
+    yield Finding(
+        name="hard_scenarios",
+        statement=f"{len(fair)} of {len(tried)} scenarios failed under every configuration tried{apart}: {shown}.",
+        run_ids=_ids(record for key in names for record in fair[key]),
+        alternatives="a goal that cannot be reached, or a prediction that misses what happens there",
+        next_step=f"describe_scenario scenario_id={names[0]} detail=checks",
+    )
+
+
+def _ids(records: Iterable[RunRecord]) -> tuple[str, ...]:
+    return tuple(record.run_id for record in records)
 
 
 def _suggestion(runs: RunSet, config_id: str, weight: str, *, lower: bool = False) -> Suggestion | None:
     """To raise (or lower) a weight of a configuration; None where its value is unknown."""
     value = runs.weights(config_id).get(weight)
-    if value is None:
+    if value is None or (lower and value == 0):
         return None
     direction = "lower" if lower else "raise"
     return Suggestion(config_id=config_id, weight=weight, direction=direction, why=f"it is {value:g} now")
 
 
-FINDINGS: tuple[Callable[[RunSet], Iterable[Finding]], ...] = (
+FINDINGS: tuple[Callable[[Evidence], Iterable[Finding]], ...] = (
     _main_failure,
+    _weight_off,
+    _unforeseen,
+    _harder_group,
+    _late,
     _weak_obstacle_cost,
-    _held_back,
     _rejecting_constraint,
     _near_misses,
     _uncomfortable_turns,

@@ -7,7 +7,7 @@ driven steps and the tracks of the others only.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -27,11 +27,15 @@ from ...schemas.runs import (
     RunSteps,
 )
 from ..commonroad import Track, kept_recording, static_tracks
-from ..criticality import encounters, gaps_m, times_to_collision_s
+from ..criticality import encounters, gaps_ahead_m, gaps_m, times_to_collision_s
 from ..execution import ProgressReporter
 from ..geometry import Points, Values, oriented_rectangle, wrap_angle, wrap_angles
+from ..planners import predictor
 from .prevention import prevention_of
 from .run_set import RunSet, driven_tracks
+
+if TYPE_CHECKING:
+    from ..planners.prediction import Predictor
 
 _MOMENTS, _LAST_S = 10, 3.0
 """Entries of a timeline and the span that they cover (chosen): a collision is decided in its last seconds."""
@@ -43,6 +47,10 @@ _CAME_IN_S = 3.0
 """Chosen: who was in the way for longer did not cut in. UN Regulation 157 and most cut-in studies look at 1 to 3 s."""
 _BRAKING_MPS2 = -1.0
 """Chosen: a stronger deceleration is braking, a weaker one may be coasting."""
+_FORESEEN_S = 1.0
+"""Chosen: what is predicted a second before a collision still lets an ego brake by 7 m/s, and is not yet the touch."""
+_HELD_UP_S, _SLOWER = 3.0, 0.9
+"""Chosen: a vehicle ahead within 3 s that is a tenth slower than the ego began decides how fast the ego can be."""
 _AGREES_M = 1e-3
 """A closest gap that differs by more from the run's own metric is one that the tracks here do not show."""
 
@@ -62,7 +70,7 @@ def review(runs: RunSet, record: RunRecord) -> RunReview:
     steps = runs.steps.get(record.run_id)
     if steps is None or not steps.x_m or record.metrics is None:
         return RunReview(run_id=record.run_id)
-    drive = _Drive(record, steps, _tracks(runs, record, steps))
+    drive = _drive(runs, record, steps)
     closest, urgent = drive.nearest_moments()
     return RunReview(
         run_id=record.run_id,
@@ -79,7 +87,22 @@ def contact_of(runs: RunSet, record: RunRecord) -> Contact | None:
     steps = runs.steps.get(record.run_id)
     if record.collision is None or steps is None or not steps.x_m:
         return None
-    return _Drive(record, steps, _tracks(runs, record, steps)).contact()
+    return _drive(runs, record, steps).contact()
+
+
+def held_up_share(runs: RunSet, record: RunRecord) -> float:
+    """The share of a run in which a slower vehicle ahead was near; 0 without the run's steps."""
+    steps = runs.steps.get(record.run_id)
+    return _drive(runs, record, steps).held_up_share() if steps is not None and len(steps.x_m) > 1 else 0.0
+
+
+def _drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Drive":
+    """A run with the tracks of all others, and the predictor that it had."""
+    path = runs.scenario_path(record)
+    if path is None:
+        return _Drive(record, steps, _tracks(runs, record, steps))
+    network = kept_recording(path).loaded.scenario.lanelet_network
+    return _Drive(record, steps, _tracks(runs, record, steps), predictor(record.prediction, network))
 
 
 @dataclass(frozen=True)
@@ -102,8 +125,10 @@ class _Motion:
 class _Drive:
     """One run with the tracks of all others."""
 
-    def __init__(self, record: RunRecord, steps: RunSteps, tracks: dict[int, Track]) -> None:
-        self._record, self._tracks = record, tracks
+    def __init__(
+        self, record: RunRecord, steps: RunSteps, tracks: dict[int, Track], predict: "Predictor | None" = None
+    ) -> None:
+        self._record, self._tracks, self._predict = record, tracks, predict
         self._ego = Track(
             obstacle_id=-1,
             kind="car",
@@ -199,7 +224,34 @@ class _Drive:
             came_in_s=came_in,
             also_touched=self._also_touched(hit.step, hit.obstacle_id),
             prevention=prevention_of(self._ego, other, hit.step, self._record.step_s),
+            predicted_gap_m=self._predicted_gap_m(other, hit.step, reached),
         )
+
+    def _predicted_gap_m(self, other: Track, hit_step: int, reached: int) -> float | None:
+        """How far apart both bodies would be at the collision, had the other moved as predicted a second before."""
+        import shapely
+
+        steps = min(round(_FORESEEN_S / self._record.step_s), reached)
+        at = other.index_at(hit_step - steps)
+        if self._predict is None or at is None or steps < 1 or len(other.positions) < 2:
+            return None
+        foreseen = self._predict(other, at, steps, self._record.step_s)
+        body = oriented_rectangle(foreseen.positions[-1], float(foreseen.headings_rad[-1]), other.size_m)
+        own = shapely.Polygon(self._ego.corners_at(reached))
+        return round(float(own.distance(shapely.Polygon(body))), 3)
+
+    def held_up_share(self) -> float:
+        """The share of the drive in which another ahead on the ego's path, slower than the ego began, was near.
+
+        Near is up to 3 s of the ego's first speed, bumper to bumper.
+        """
+        met = encounters(self._ego, list(self._tracks.values()))
+        if not len(met.state):
+            return 0.0
+        wanted = float(self._ego.speeds_mps[0])
+        ahead = gaps_ahead_m(self._ego, met)
+        slows = (ahead < _HELD_UP_S * wanted) & (met.other.speeds_mps < _SLOWER * wanted)
+        return len(np.unique(met.state[slows])) / len(self._ego.positions)
 
     def _kind(
         self, index: int, other: Track, at: int, sides: tuple[BodySide, BodySide]

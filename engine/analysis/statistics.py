@@ -302,6 +302,14 @@ def _rank_sum_chances(doubled_ranks: NDArray[np.int64]) -> NDArray[np.float64]:
     return chances
 
 
+def fisher_exact(first: tuple[int, int], second: tuple[int, int]) -> float:
+    """Two-sided p of Fisher's exact test on two groups, each as (count, of): all tables as unlikely or more so."""
+    of, other, total = first[1], second[1], first[0] + second[0]
+    ways = {k: math.comb(of, k) * math.comb(other, total - k) for k in range(max(0, total - other), min(of, total) + 1)}
+    seen = ways[first[0]]
+    return sum(way for way in ways.values() if way <= seen) / sum(ways.values())
+
+
 def holm(p_values: Sequence[float]) -> list[float]:
     """Step-down adjusted p values (Holm 1979), in the given order."""
     count = len(p_values)

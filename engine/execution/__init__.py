@@ -14,6 +14,7 @@
 ``JobProgress``: Records the progress and the results of a job.
 ``JobRunner``: Starts, waits for and cancels jobs.
 ``JobStore``: Reads and writes job records.
+``JobWork``: What a job does, given the means to report its progress.
 ``Limits``: The folders, processes, memory in bytes and time in seconds that a call may use.
 ``end_with_parent``: Have the operating system kill this process when the one that started it is gone.
 ``limit_memory``: Bound the data memory of this process, in bytes.
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
         no_progress,
         silent,
     )
-    from .jobs import Job, JobProgress, JobRunner, JobStore
+    from .jobs import Job, JobProgress, JobRunner, JobStore, JobWork
     from .limits import Limits, end_with_parent, limit_memory
     from .pool import PRELOAD, WorkerPool
     from .threads import CallThreads, ReachableExecutor, run_in

@@ -146,7 +146,7 @@ def _naive_p(result: CompareResultsResult) -> float:
     """McNemar's exact p, each pair by itself."""
     test = result.comparisons[0].success
     flips, fewer = test.only_before + test.only_after, min(test.only_before, test.only_after)
-    return min(1.0, 2 * sum(math.comb(flips, k) for k in range(fewer + 1)) / 2**flips)
+    return float(min(1.0, 2 * sum(math.comb(flips, k) for k in range(fewer + 1)) / 2**flips))
 
 
 def _naive_covers(rate: Rate, truth: float) -> bool:

@@ -1,6 +1,7 @@
 """The judge of answers finds statements that files do not bear out, statements that exclude one another, and gaps."""
 
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,23 @@ MADE = Call(
     "generate_scenarios",
     {"place": "Fahrhausen", "scenario_type": "intersection", "density": "medium", "duration_s": 8, "seed": 3},
 )
+
+
+@pytest.fixture(scope="module")
+async def made_once(anyio_backend: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A workspace with one scenario, all maps read: to be copied."""
+    folder = tmp_path_factory.mktemp("judged")
+    async with opened(folder / "workspace", (folder,)) as client:
+        answer = await answer_to(client, MADE)
+        assert not answer.is_error, answer.text
+    return folder / "workspace"
+
+
+@pytest.fixture
+def place(made_once: Path, tmp_path: Path) -> Path:
+    """A folder with a workspace of the test's own that holds the scenario."""
+    shutil.copytree(made_once, tmp_path / "workspace")
+    return tmp_path
 
 
 async def answered(folder: Path, *calls: Call) -> tuple[Told, World]:
@@ -44,8 +62,8 @@ def spoiled(told: Told, pattern: str) -> Told:
     return replace(told, text=text)
 
 
-async def test_false_statements_of_a_description_are_found(tmp_path: Path) -> None:
-    answer, world = await answered(tmp_path, Call("describe_scenario", {"detail": "vehicles"}))
+async def test_false_statements_of_a_description_are_found(place: Path) -> None:
+    answer, world = await answered(place, Call("describe_scenario", {"detail": "vehicles"}))
     assert judge(answer, world).false_statements == []
     assert judge(answer, world).compared > 15
     for pattern in (
@@ -63,8 +81,8 @@ async def test_false_statements_of_a_description_are_found(tmp_path: Path) -> No
         assert judge(spoiled(answer, pattern), world).false_statements, pattern
 
 
-async def test_false_statements_of_a_generation_are_found(tmp_path: Path) -> None:
-    answer, world = await answered(tmp_path)
+async def test_false_statements_of_a_generation_are_found(place: Path) -> None:
+    answer, world = await answered(place)
     assert judge(answer, world).false_statements == []
     for pattern in (
         r"(\d+) vehicles",
@@ -75,9 +93,9 @@ async def test_false_statements_of_a_generation_are_found(tmp_path: Path) -> Non
         assert judge(spoiled(answer, pattern), world).false_statements, pattern
 
 
-async def test_false_statements_of_an_edit_and_contradictions_are_found(tmp_path: Path) -> None:
+async def test_false_statements_of_an_edit_and_contradictions_are_found(place: Path) -> None:
     edits = [{"op": "remove_vehicle", "vehicles": ["nearest:1"]}]
-    answer, world = await answered(tmp_path, Call("modify_scenario", {"scenario_id": "latest", "edits": edits}))
+    answer, world = await answered(place, Call("modify_scenario", {"scenario_id": "latest", "edits": edits}))
     verdict = judge(answer, world)
     assert (verdict.false_statements, verdict.contradictions) == ([], [])
     for pattern in (r"(\d+) vehicles exactly", r"removed 1: (\d+)", r"\(nearest:1: (\d+)"):
@@ -88,9 +106,9 @@ async def test_false_statements_of_an_edit_and_contradictions_are_found(tmp_path
     assert judge(replace(answer, text=re.sub(r"(?m)^(?:New|Nothing new) for.*\n", "", both)), world).contradictions
 
 
-async def test_false_statements_of_a_run_are_found(tmp_path: Path) -> None:
+async def test_false_statements_of_a_run_are_found(place: Path) -> None:
     calls = (Call("run_planner", {"scenarios": ["latest"]}), Call("analyze_results", {"results": ["latest_run"]}))
-    answer, world = await answered(tmp_path, *calls)
+    answer, world = await answered(place, *calls)
     assert judge(answer, world).false_statements == []
     for pattern in (
         r"(?:goal|collision).* at ([\d.]+) s",
@@ -106,8 +124,8 @@ async def test_false_statements_of_a_run_are_found(tmp_path: Path) -> None:
     ).false_statements
 
 
-async def test_a_search_that_counts_or_lists_wrongly_is_found(tmp_path: Path) -> None:
-    answer, world = await answered(tmp_path, Call("find_scenarios", {"obstacles": ["car>=5"]}))
+async def test_a_search_that_counts_or_lists_wrongly_is_found(place: Path) -> None:
+    answer, world = await answered(place, Call("find_scenarios", {"obstacles": ["car>=5"]}))
     assert judge(answer, world).false_statements == []
     for pattern in (r"^(\d+) of \d+ scenario", r"^\d+ of (\d+) scenario", r"(\d+) cars", r"ego ([\d.]+) m/s"):
         assert judge(spoiled(answer, pattern), world).false_statements, pattern

@@ -203,7 +203,7 @@ async def test_tools_are_listed_in_the_order_of_the_registry_with_true_hints(
         tools = (await client.list_tools()).tools
     assert [tool.name for tool in tools] == [spec.name for spec in probe_tools]
     for tool, spec in zip(tools, probe_tools, strict=True):
-        assert tool.annotations.read_only_hint == spec.read_only
+        assert tool.annotations.read_only_hint == (spec.read_only and not spec.making)
         assert (tool.annotations.destructive_hint, tool.annotations.open_world_hint) == (False, False)
 
 

@@ -1,9 +1,18 @@
 """Runs made by hand: records and step files, for tests of analysis and pictures."""
 
+import math
 from pathlib import Path
 
 from plannerforge.schemas.results import ConfigWeights
-from plannerforge.schemas.runs import CollisionRecord, Outcome, RunMetrics, RunRecord, RunSource, RunSteps
+from plannerforge.schemas.runs import (
+    CollisionRecord,
+    DrivenObstacle,
+    Outcome,
+    RunMetrics,
+    RunRecord,
+    RunSource,
+    RunSteps,
+)
 
 DEFAULT = ConfigWeights(
     config_id="cfg_a",
@@ -71,7 +80,25 @@ def record(
     )
 
 
-def source(run: RunRecord, folder: Path | None = None, **costs: float) -> RunSource:
+def driven(x_m: float, y_m: float, speed_mps: float, heading_rad: float = 0.0) -> DrivenObstacle:
+    """A car that drives evenly for 41 steps, from a place on."""
+    steps = range(41)
+    return DrivenObstacle(
+        obstacle_id=7,
+        kind="car",
+        length_m=4.5,
+        width_m=1.8,
+        first_step=0,
+        x_m=tuple(x_m + math.cos(heading_rad) * speed_mps * 0.1 * step for step in steps),
+        y_m=tuple(y_m + math.sin(heading_rad) * speed_mps * 0.1 * step for step in steps),
+        heading_rad=(heading_rad,) * 41,
+        speed_mps=(speed_mps,) * 41,
+    )
+
+
+def source(
+    run: RunRecord, folder: Path | None = None, others: tuple[DrivenObstacle, ...] = (), **costs: float
+) -> RunSource:
     """The run with a file of 41 steps straight ahead at 10 m/s, planned every third step at these constant costs."""
     if folder is None:
         return RunSource(record=run)
@@ -85,6 +112,7 @@ def source(run: RunRecord, folder: Path | None = None, **costs: float) -> RunSou
         acceleration_mps2=(0.0,) * 41,
         plan_steps=planned,
         costs={term: (value,) * len(planned) for term, value in costs.items()},
+        others=others,
     )
     path = folder / f"{run.run_id}.json"
     path.write_text(steps.model_dump_json(), encoding="utf-8")

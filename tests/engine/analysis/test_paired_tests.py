@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from plannerforge.engine.analysis.statistics import holm, mcnemar_exact, signed_rank, walsh_averages
+from plannerforge.engine.analysis.statistics import fisher_exact, holm, mcnemar_exact, signed_rank, walsh_averages
 
 differences = st.lists(st.integers(-20, 20).map(lambda value: value / 4), min_size=1, max_size=10)
 
@@ -91,3 +91,10 @@ def test_holm_by_hand() -> None:
 def test_holm_never_lowers_a_p_value(values: list[float]) -> None:
     adjusted = holm(values)
     assert all(value <= found <= 1 for value, found in zip(values, adjusted, strict=True))
+
+
+@given(st.integers(0, 12), st.integers(0, 12), st.integers(0, 12), st.integers(0, 12))
+def test_fishers_test_is_scipys(first: int, more: int, second: int, others: int) -> None:
+    table = [[first, more], [second, others]]
+    found = fisher_exact((first, first + more), (second, second + others))
+    assert found == pytest.approx(stats.fisher_exact(table).pvalue)
