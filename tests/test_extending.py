@@ -189,8 +189,8 @@ def test_a_metric_is_a_field_of_run_metrics_and_a_line_in_metrics() -> None:
 
 
 def test_a_finding_is_stated(monkeypatch: pytest.MonkeyPatch) -> None:
-    def all_runs_are_of_one_planner(runs: RunSet) -> list[Finding]:
-        ids = tuple(run.run_id for run in runs.valid)
+    def all_runs_are_of_one_planner(evidence: findings.Evidence) -> list[Finding]:
+        ids = tuple(run.run_id for run in evidence.runs.valid)
         return [Finding(name="all_runs_are_of_one_planner", statement="One planner drove.", run_ids=ids)]
 
     monkeypatch.setattr(findings, "FINDINGS", (*findings.FINDINGS, all_runs_are_of_one_planner))

@@ -25,10 +25,11 @@ from ..schemas.results import AnalyzeResultsArguments
 from ..schemas.runs import BatchRecord, RunRecord, RunSource
 from ..schemas.scenarios import ScenarioRecord
 from ..schemas.text import printable
+from .analysis.tool import analyze_results, compare_results
 from .call import ToolCall
 from .operations import WRITE_OPENDRIVE, WRITE_OPENSCENARIO, WRITE_REPORT, WRITE_RUN_TABLE, WRITE_SOLUTION
 from .rendering import draw, named_artifact
-from .results import analyze_results, compare_results, run_sources
+from .results import run_sources
 
 _FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "goal_late", "goal_early")
 """Outcomes whose run a report shows first, whatever the order: any of them is a failure of the planner."""

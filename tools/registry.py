@@ -82,8 +82,10 @@ TOOLS: tuple[ToolSpec, ...] = (
     ToolSpec("run_planner", "Run a planner", "planning"),
     ToolSpec("get_job", "Look at a job", "artifacts", read_only=True),
     ToolSpec("cancel_job", "Cancel a job", "artifacts", essential=False),
-    ToolSpec("analyze_results", "Analyse results", "results", read_only=True, seldom=("trial",), making=("trial",)),
-    ToolSpec("compare_results", "Compare results", "results", read_only=True),
+    ToolSpec(
+        "analyze_results", "Analyse results", "analysis.tool", read_only=True, seldom=("trial",), making=("trial",)
+    ),
+    ToolSpec("compare_results", "Compare results", "analysis.tool", read_only=True),
     ToolSpec("render", "Draw", "rendering", read_only=True),
     ToolSpec("list_artifacts", "List artifacts", "artifacts", read_only=True, essential=False),
     ToolSpec("export_artifacts", "Export artifacts", "exporting", essential=False),

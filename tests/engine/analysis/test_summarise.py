@@ -226,9 +226,9 @@ def test_rows_say_of_collisions_where_they_came_from(tmp_path: Path) -> None:
 
 
 def test_a_finding_counts_all_of_its_runs_and_names_the_first() -> None:
-    close = metrics(minimum_distance_m=0.1)
-    runs = [source(record(f"ZAM_T-{n}_1_T-1", figures=close)) for n in range(12)]
+    harsh = metrics(maximum_lateral_acceleration_mps2=4.0)
+    runs = [source(record(f"ZAM_T-{n}_1_T-1", figures=harsh)) for n in range(12)]
     result = analysed(*runs)
-    finding = next(finding for finding in result.findings if finding.name == "near_misses")
+    finding = next(finding for finding in result.findings if finding.name == "uncomfortable_turns")
     assert (len(finding.run_ids), finding.run_count) == (8, 12)
     assert f"Runs: {runs[0].record.run_id} {runs[1].record.run_id} +10" in result.to_text()

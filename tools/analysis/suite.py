@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..engine.analysis import Judged, Limit, parse_limit
-from ..engine.workspace import Workspace
-from ..schemas.analysis.comparison import CompareRequest, Side, SuccessTest
-from ..schemas.analysis.suite import (
+from ...engine.analysis import Judged, Limit, parse_limit
+from ...engine.workspace import Workspace
+from ...schemas.analysis.comparison import CompareRequest, Side, SuccessTest
+from ...schemas.analysis.suite import (
     LimitVerdict,
     Suite,
     SuiteBaseline,
@@ -19,22 +19,22 @@ from ..schemas.analysis.suite import (
     SuiteFiles,
     SuiteReport,
 )
-from ..schemas.catalog import FindScenariosArguments
-from ..schemas.errors import Faults, InvalidRequest, NotPossible, PlannerForgeError, UnknownName, closest
-from ..schemas.importing import ImportFilesArguments
-from ..schemas.planning import PlannerConfiguration
-from ..schemas.runs import BatchRecord, ReviewRequest, RunRecord, RunReview, RunSource, ending
-from ..schemas.text import counted, one_line, quoted
-from .call import ToolCall
-from .catalog import find_scenarios
-from .configurations import resolve_configuration, store_configuration
-from .generation.tool import generate_scenarios
-from .importing import import_files
-from .operations import COMPARE, REVIEW_RUNS
-from .planning import configure_planner
-from .results import lineages, run_sources, scenario_sources
-from .runs import Cell, CellResult, run_grid, store_batch
-from .scenarios import choose_scenarios
+from ...schemas.catalog import FindScenariosArguments
+from ...schemas.errors import Faults, InvalidRequest, NotPossible, PlannerForgeError, UnknownName, closest
+from ...schemas.importing import ImportFilesArguments
+from ...schemas.planning import PlannerConfiguration
+from ...schemas.runs import BatchRecord, ReviewRequest, RunRecord, RunReview, RunSource, ending
+from ...schemas.text import counted, one_line, quoted
+from ..call import ToolCall
+from ..catalog import find_scenarios
+from ..configurations import resolve_configuration, store_configuration
+from ..generation.tool import generate_scenarios
+from ..importing import import_files
+from ..operations import COMPARE, REVIEW_RUNS
+from ..planning import configure_planner
+from ..results import lineages, run_sources, scenario_sources
+from ..runs import Cell, CellResult, run_grid, store_batch
+from ..scenarios import choose_scenarios
 
 _AT_ONCE = 20
 """Runs that are reviewed in one operation (chosen): each reads its scenario, and an operation has 50 s."""

@@ -9,16 +9,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
 
-from ..engine.execution import JobProgress, JobWork
-from ..engine.tuning import changed_configuration, preset_configuration
-from ..engine.workspace import Recipe, versions_of
-from ..schemas.errors import InvalidRequest
-from ..schemas.planning import PlannerConfiguration
-from ..schemas.results import AnalyzeResultsResult, Finding, Suggestion, TriedChange
-from ..schemas.runs import RunRecord, RunSource
-from .call import ToolCall
-from .configurations import resolve_configuration, store_configuration
-from .runs import Cell, run_grid
+from ...engine.execution import JobProgress, JobWork
+from ...engine.tuning import changed_configuration, preset_configuration
+from ...engine.workspace import Recipe, versions_of
+from ...schemas.errors import InvalidRequest
+from ...schemas.planning import PlannerConfiguration
+from ...schemas.results import AnalyzeResultsResult, Finding, Suggestion, TriedChange
+from ...schemas.runs import RunRecord, RunSource
+from ..call import ToolCall
+from ..configurations import resolve_configuration, store_configuration
+from ..runs import Cell, run_grid
 
 MOST_TRIED = 3
 """Suggestions that one call tries (chosen)."""
