@@ -78,9 +78,8 @@ def result_named(word: str, call: ToolCall) -> Artifact:
         stored = call.newest(kind, count=place + 1)  # type: ignore[arg-type]
         if len(stored) > place:
             return stored[place]
-        there = [
-            artifact.artifact_id for artifact in (*newest_results("batch", 4, call), *newest_results("run", 4, call))
-        ]
+        newest = (*call.newest("batch", count=4), *call.newest("run", count=4))
+        there = [artifact.artifact_id for artifact in newest]
         raise UnknownName(f"there is no {word.replace('_', ' ')}", valid=there, next_step="call run_planner")
     kind = call.workspace.kind_of(word)
     if kind not in ("run", "batch"):

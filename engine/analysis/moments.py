@@ -7,7 +7,7 @@ driven steps and the tracks of the others only.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -30,12 +30,9 @@ from ..commonroad import Track, kept_recording, static_tracks
 from ..criticality import encounters, gaps_ahead_m, gaps_m, times_to_collision_s
 from ..execution import ProgressReporter
 from ..geometry import Points, Values, oriented_rectangle, wrap_angle, wrap_angles
-from ..planners import predictor
+from ..planners import Predictor, predictor
 from .prevention import prevention_of
 from .run_set import RunSet, driven_tracks
-
-if TYPE_CHECKING:
-    from ..planners.prediction import Predictor
 
 _MOMENTS, _LAST_S = 10, 3.0
 """Entries of a timeline and the span that they cover (chosen): a collision is decided in its last seconds."""
@@ -126,7 +123,7 @@ class _Drive:
     """One run with the tracks of all others."""
 
     def __init__(
-        self, record: RunRecord, steps: RunSteps, tracks: dict[int, Track], predict: "Predictor | None" = None
+        self, record: RunRecord, steps: RunSteps, tracks: dict[int, Track], predict: Predictor | None = None
     ) -> None:
         self._record, self._tracks, self._predict = record, tracks, predict
         self._ego = Track(

@@ -19,6 +19,7 @@
 ``DrivenRun``: States, plans and verdict of a run.
 ``simulate``: The run of a planner on a planning problem, until the judge ends it.
 ``write_solution``: An operation: writes a run's trajectory as a CommonRoad solution file.
+``Predictor``: A function that predicts one track.
 ``predictor``: The function that predicts one track on a network, by the name of a prediction.
 ``check_modes``: Raises ``InvalidRequest`` where a prediction does not go with the traffic.
 ``open_traffic``: The others of a scenario, recorded or reactive, at the ego's first step.
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from .frenetix.costs import CandidateBatch, responsibility
     from .frenetix.planner import Frenetix
     from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
-    from .prediction import predictor
+    from .prediction import Predictor, predictor
     from .reference_path import BEYOND_GOAL_M, build_reference_path
     from .registry import PLANNERS, check_modes, known_planner, make_planner, open_traffic
     from .runs import run_planner
