@@ -8,7 +8,20 @@ from .base import Arguments, Model
 from .results import ConfigWeights
 from .runs import RunSource, ScenarioSource
 
-PictureKind = Literal["auto", "picture", "animation", "outcomes", "costs", "flips", "profile"]
+PictureKind = Literal[
+    "auto",
+    "picture",
+    "animation",
+    "outcomes",
+    "causes",
+    "strata",
+    "distributions",
+    "flips",
+    "costs",
+    "terms",
+    "profile",
+    "timeline",
+]
 
 
 class RenderArguments(Arguments):

@@ -6,6 +6,11 @@
 ``Judged``: the runs of a configuration that limits are judged on.
 ``parse_limit``: what the text of a limit says; refused where it says nothing.
 ``write_run_table``: an operation: writes the table of a batch, a row a run.
+``Course``: a run over time: motions, gap to the nearest other, time to collision.
+``course_of``: a run over time, or None without its steps.
+``known_contacts``: who hit whom in the collisions of runs.
+``METRICS``: the metrics of a run with unit, direction and the runs in which they may be compared.
+``MetricSpec``: one of these metrics.
 ``cost_shares``: mean weighted cost of each term and its share, by configuration, the largest first.
 ``mean_terms``: mean weighted cost of each term over the planning steps of a run.
 ``review_runs``: an operation: who hit whom, the closest moment and the largest motions of each run.
@@ -24,10 +29,11 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
+    from .causes import known_contacts
     from .comparison import compare
     from .limits import Judged, Limit, parse_limit
-    from .moments import review_runs
-    from .run_set import RunSet, cost_shares, driven_tracks, mean_terms, read_steps
+    from .moments import Course, course_of, review_runs
+    from .run_set import METRICS, MetricSpec, RunSet, cost_shares, driven_tracks, mean_terms, read_steps
     from .run_table import write_run_table
     from .statistics import SignedRank, mcnemar_exact, rate, signed_rank, wilson_interval
     from .summary import analyse

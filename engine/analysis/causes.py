@@ -6,7 +6,7 @@ Both stand beside the rate over all valid runs and never in its place.
 from collections import Counter
 
 from ...schemas.results import CollisionCauses, TrivialGoals, TrivialKind
-from ...schemas.runs import ContactKind, RunRecord
+from ...schemas.runs import Contact, ContactKind, RunRecord
 from ..commonroad import kept_recording
 from .moments import contact_of
 from .run_set import RunSet, most_frequent_first
@@ -24,8 +24,7 @@ def collision_causes(runs: RunSet) -> CollisionCauses | None:
     hits = [record for record in runs.valid if record.collision is not None]
     if not hits:
         return None
-    seen = {record.run_id: contact_of(runs, record) for record in hits[:MOST_COLLISIONS]}
-    contacts = {run_id: contact for run_id, contact in seen.items() if contact is not None}
+    contacts = known_contacts(runs)
     if not contacts:
         return None
     judged = {run_id: contact.prevention for run_id, contact in contacts.items() if contact.prevention is not None}
@@ -40,6 +39,13 @@ def collision_causes(runs: RunSet) -> CollisionCauses | None:
         recorded_traffic=any(record.traffic == "recorded" for record in hits if record.run_id in not_preventable),
         success_without=runs.rate(record for record in runs.valid if record.run_id not in not_preventable),
     )
+
+
+def known_contacts(runs: RunSet) -> dict[str, Contact]:
+    """Who hit whom by run id, of the first 60 collisions of valid runs; those of an unknown course are left out."""
+    hits = [record for record in runs.valid if record.collision is not None]
+    seen = {record.run_id: contact_of(runs, record) for record in hits[:MOST_COLLISIONS]}
+    return {run_id: contact for run_id, contact in seen.items() if contact is not None}
 
 
 def trivial_goals(runs: RunSet) -> TrivialGoals | None:

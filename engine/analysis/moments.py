@@ -103,6 +103,31 @@ def _drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Drive":
 
 
 @dataclass(frozen=True)
+class Course:
+    """A run over time, a value a state: what passengers feel, and how near others were (NaN: none within 60 m).
+
+    ``obstacle_ids``: who was nearest, −1 where none was; ``time_to_collision_s``: NaN where no other was on a collision
+    course. ``lateral_mps2`` is positive to the left.
+    """
+
+    time_s: Values
+    speed_mps: Values
+    acceleration_mps2: Values
+    lateral_mps2: Values
+    gap_m: Values
+    obstacle_ids: tuple[int, ...]
+    time_to_collision_s: Values
+
+
+def course_of(runs: RunSet, record: RunRecord) -> Course | None:
+    """A run over time; None without its steps."""
+    steps = runs.steps.get(record.run_id)
+    if steps is None or not steps.x_m:
+        return None
+    return _Drive(record, steps, _tracks(runs, record, steps)).course()
+
+
+@dataclass(frozen=True)
 class _Motion:
     """What passengers feel, a value a step after the first, whose acceleration is the scenario's and not the planner's.
 
@@ -142,6 +167,26 @@ class _Drive:
             speed_mps=self._ego.speeds_mps[1:],
             acceleration_mps2=np.asarray(steps.acceleration_mps2[1:], dtype=float),
             lateral_mps2=self._ego.speeds_mps[1:] * turn / record.step_s,
+        )
+
+    def course(self) -> Course:
+        """The whole run, a value a state."""
+        others, count = list(self._tracks.values()), len(self._ego.positions)
+        gaps, urgent, nearest = np.full(count, np.nan), np.full(count, np.nan), np.full(count, -1)
+        met = encounters(self._ego, others)
+        found, times = gaps_m(met), times_to_collision_s(met.ego, met.other)
+        for pair in np.argsort(-found, kind="stable"):  # the nearest last, so that it stays
+            gaps[met.state[pair]] = found[pair]
+            nearest[met.state[pair]] = others[int(met.track[pair])].obstacle_id
+        np.fmin.at(urgent, met.state[np.isfinite(times)], times[np.isfinite(times)])
+        return Course(
+            time_s=np.arange(count, dtype=np.float64) * self._record.step_s,
+            speed_mps=self._ego.speeds_mps,
+            acceleration_mps2=np.concatenate([[np.nan], self.motion.acceleration_mps2])[:count],
+            lateral_mps2=np.concatenate([[np.nan], self.motion.lateral_mps2])[:count],
+            gap_m=gaps,
+            obstacle_ids=tuple(int(one) for one in nearest),
+            time_to_collision_s=urgent,
         )
 
     def nearest_moments(self) -> tuple[Encounter | None, Encounter | None]:

@@ -1,4 +1,4 @@
-"""An animated GIF of a scenario, with the ego of a run where there is one.
+"""An animated GIF of a scenario, with the ego of a run where there is one; slower around its decisive moment.
 
 The background is drawn once; every frame restores it and draws only what moves.
 """
@@ -27,45 +27,93 @@ _MOST_FRAMES = 56
 """Bounds drawing time and size (chosen)."""
 _PAUSE_MS = 1500
 """For which the last frame stays before the animation begins anew (chosen)."""
+_SLOWED, _AROUND_S, _MOST_SLOW_FRAMES = 4, 1.0, 20
+"""So many times slower than real time, within so many seconds of the moment, in at most so many frames (chosen)."""
+_HOLD_MS = 1000
+"""For which the frame of the moment stays (chosen)."""
 _LARGEST_BYTES = 2_000_000
 """Above this fewer colours are used (chosen)."""
 _MOST_LABELLED = 40
 """Vehicles up to which ids are written (chosen): more would cover each other."""
 
 
-def animate(view: ScenarioView, path: Path, report: ProgressReporter) -> tuple[tuple[int, int], str]:
+@dataclasses.dataclass(frozen=True)
+class Moment:
+    """What an animation slows at: its step, and what happens then in words."""
+
+    step: int
+    words: str
+
+
+@dataclasses.dataclass(frozen=True)
+class _Pace:
+    """The steps that become frames, and which of them are shown slowly."""
+
+    steps: tuple[int, ...]
+    step_s: float
+    moment: Moment | None
+
+    def is_slow(self, step: int) -> bool:
+        """Whether a step is near the moment."""
+        return self.moment is not None and abs(step - self.moment.step) * self.step_s <= _AROUND_S + 1e-9
+
+    def durations_ms(self) -> list[int]:
+        """How long each frame stays: real time, longer around the moment, a while at it and at the end."""
+        if len(self.steps) == 1:
+            return [500]
+        durations = []
+        for step, following in zip(self.steps, (*self.steps[1:], None), strict=True):
+            real = 0.0 if following is None else 1000 * self.step_s * (following - step)
+            slow = _SLOWED if self.is_slow(step) and following is not None and self.is_slow(following) else 1
+            held = _HOLD_MS if self.moment is not None and step == self.moment.step else 0
+            durations.append(_PAUSE_MS if following is None else max(round(real * slow / 10) * 10, 20) + held)
+        return durations
+
+
+def animate(
+    view: ScenarioView, path: Path, report: ProgressReporter, moment: Moment | None = None
+) -> tuple[tuple[int, int], str]:
     """Draw a scenario or its runs from the first to the last step and write them as GIF in real time.
+
+    Around the moment that is given it is four times slower, which the frames say.
 
     Returns:
         The size in pixels, and the alternative text.
     """
-    steps = _frame_steps(view)
-    frames, shown = _draw_frames(view, steps, report)
-    milliseconds = (
-        max(round(view.content.step_s * 1000 * (steps[1] - steps[0]) / 10) * 10, 20) if len(steps) > 1 else 500
-    )
-    _write_gif(frames, path, milliseconds)
+    steps = _frame_steps(view, moment)
+    pace = _Pace(tuple(steps), view.content.step_s, moment)
+    frames, shown = _draw_frames(view, pace, report)
+    _write_gif(frames, path, pace.durations_ms())
     report(1.0, "animation written")
     begin, end = steps[0] * view.content.step_s, steps[-1] * view.content.step_s
     text = f"Animation of {view.content.scenario_id} from {begin:.1f} to {end:.1f} s"
     runs = "; ".join(run.label for run in view.paths)
     kinds = f", with {', '.join(shown.kinds)}" if shown.kinds else ""
-    return frames[0].size, f"{text}, {runs or 'recorded traffic'}{kinds}."
+    slow = ""
+    if moment is not None:
+        slow = f" {_SLOWED} times slower around {moment.step * view.content.step_s:.1f} s: {moment.words}."
+    return frames[0].size, f"{text}, {runs or 'recorded traffic'}{kinds}.{slow}"
 
 
-def _frame_steps(view: ScenarioView) -> list[int]:
-    """The time steps that become frames: evenly spaced, at most 56, the last one included."""
+def _frame_steps(view: ScenarioView, moment: Moment | None) -> list[int]:
+    """The time steps that become frames: evenly spaced, at most 56, the last one included; around the moment denser."""
     first = min((path.first_step for path in view.paths), default=view.content.ego_step)
     last = max((path.last_step for path in view.paths), default=view.content.last_step)
     last = max(last, first)
     stride = max(int(np.ceil((last - first) / (_MOST_FRAMES - 1))), 1)
-    steps = list(range(first, last + 1, stride))
-    return steps if steps[-1] == last else [*steps, last]
+    steps = {*range(first, last + 1, stride), last}
+    if moment is not None:
+        around = round(_AROUND_S / view.content.step_s)
+        dense = max(int(np.ceil(2 * around / _MOST_SLOW_FRAMES)), 1)
+        slow = range(moment.step - around // dense * dense, moment.step + around + 1, dense)
+        steps |= {step for step in slow if first <= step <= last}
+    return sorted(steps)
 
 
-def _draw_frames(view: ScenarioView, steps: Sequence[int], report: ProgressReporter) -> tuple[list["Image"], Inventory]:
+def _draw_frames(view: ScenarioView, pace: _Pace, report: ProgressReporter) -> tuple[list["Image"], Inventory]:
     from PIL import Image
 
+    steps = pace.steps
     viewport = Viewport.of(view.content, view.paths, steps[0])
     width, plot_width = _WIDTH_PX, _WIDTH_PX - 2 * SIDE_PX
     plot_height = min(plot_width * viewport.height_m / viewport.width_m, _TALLEST_PLOT_PX)
@@ -84,7 +132,7 @@ def _draw_frames(view: ScenarioView, steps: Sequence[int], report: ProgressRepor
     frames = []
     for number, step in enumerate(steps):
         canvas.restore_region(background)
-        artists = _moving_artists(axes, dataclasses.replace(view, step=step), viewport)
+        artists = _moving_artists(axes, dataclasses.replace(view, step=step), viewport, pace)
         for artist in sorted(artists, key=lambda artist: artist.get_zorder()):
             artist.draw(canvas.get_renderer())
             artist.remove()
@@ -93,7 +141,7 @@ def _draw_frames(view: ScenarioView, steps: Sequence[int], report: ProgressRepor
     return frames, shown
 
 
-def _moving_artists(axes: "Axes", view: ScenarioView, viewport: Viewport) -> list[Any]:
+def _moving_artists(axes: "Axes", view: ScenarioView, viewport: Viewport, pace: _Pace) -> list[Any]:
     before = set(axes.get_children())
     draw_signals(axes, view.content, view.step, viewport)
     vehicles = view.content.vehicles_at(view.step)
@@ -102,6 +150,8 @@ def _moving_artists(axes: "Axes", view: ScenarioView, viewport: Viewport) -> lis
     draw_endings(axes, view.paths, view.step)
     _write_ids(axes, vehicles, viewport)
     _write_state(axes, view)
+    if pace.moment is not None and pace.is_slow(view.step):
+        _write_slowness(axes, view, pace.moment)
     return [artist for artist in axes.get_children() if artist not in before]
 
 
@@ -136,19 +186,30 @@ def _write_state(axes: "Axes", view: ScenarioView) -> None:
             )  # fmt: skip
 
 
+def _write_slowness(axes: "Axes", view: ScenarioView, moment: Moment) -> None:
+    """That time runs slower here, and how far the moment is."""
+    away = (view.step - moment.step) * view.content.step_s
+    when = "now" if view.step == moment.step else f"{abs(away):.1f} s {'before' if away < 0 else 'after'}"
+    axes.annotate(
+        f"{_SLOWED}× slower · {when}: {moment.words}", (0, 1), xycoords="axes fraction", xytext=(10, -12),
+        textcoords="offset points", ha="left", va="top", fontsize=TEXT_PT, color=INK, zorder=8,
+        fontweight="bold" if view.step == moment.step else "normal",
+        bbox={"facecolor": "#F0E442", "edgecolor": INK, "linewidth": 1.0, "pad": 4},
+    )  # fmt: skip
+
+
 def _speed(path: DrivenPath, step: int, *, alone: bool) -> str:
     speed = f"{path.speeds_mps[path.index_at(step)]:4.1f} m/s"
     return f"ego {speed}" if alone else f"{path.name} {speed}"
 
 
-def _write_gif(frames: Sequence["Image"], path: Path, milliseconds: int) -> None:
+def _write_gif(frames: Sequence["Image"], path: Path, durations_ms: Sequence[int]) -> None:
     """One palette for all frames, so that nothing flickers; fewer colours where the file grows too large."""
     from PIL import Image
 
     for colours in (128, 64, 32):
         palette = exact_palette([frames[0], frames[len(frames) // 2], frames[-1]], colours)
         flat = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-        durations = [milliseconds] * (len(flat) - 1) + [_PAUSE_MS]
-        flat[0].save(path, save_all=True, append_images=flat[1:], duration=durations, loop=0, disposal=1)
+        flat[0].save(path, save_all=True, append_images=flat[1:], duration=list(durations_ms), loop=0, disposal=1)
         if path.stat().st_size <= _LARGEST_BYTES:
             return

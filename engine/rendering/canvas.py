@@ -81,6 +81,15 @@ def outcome_colour(outcome: str) -> str:
     return _OUTCOME_COLOURS.get(outcome, _GREY)
 
 
+def ink_on_outcome(outcome: str) -> str:
+    """Colour of text on the colour of an outcome."""
+    return "white" if outcome in ("goal_reached", "collision", "off_road") else INK
+
+
+HATCHES = ("", "//", "..", "xx", "\\\\", "--")
+"""One a series of bars, for those who do not see its colour; further series are not drawn."""
+
+
 def series_style(index: int) -> tuple[str, LineStyle]:
     """Colour and dash pattern of the n-th series; they repeat after six."""
     return _SERIES[index % len(_SERIES)]

@@ -1,12 +1,13 @@
-"""Charts of runs: how they ended, what their cost was made of, what flipped, speed and acceleration over time.
+"""Charts of runs: how they ended, what their cost was made of, what flipped; and the table of all charts.
 
-A chart is a function ``(runs) -> Drawing``. To add one, write the function, put it into ``CHARTS`` and its kind into
-``PictureKind``, and test it.
+Those of causes and strata are in ``cause_charts.py``, of metrics in ``distributions.py``, of single runs over time in
+``courses.py``. A chart is a function ``(runs) -> Drawing``. To add one, write the function, put it into ``CHARTS`` and
+its kind into ``PictureKind``, and test it.
 """
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ...schemas.analysis.comparison import CompareRequest, Flip, Side
 from ...schemas.errors import NotPossible
@@ -15,16 +16,27 @@ from ...schemas.results import CostShare
 from ...schemas.runs import Outcome, RunRecord
 from ..analysis import RunSet, compare, cost_shares
 from ..execution import silent
-from .canvas import INK, MUTED, PICTURE_WIDTH_PX, SMALL_PT, Drawing, new_figure, outcome_colour, series_style
+from .canvas import (
+    HATCHES,
+    INK,
+    MUTED,
+    PICTURE_WIDTH_PX,
+    SMALL_PT,
+    Drawing,
+    ink_on_outcome,
+    new_figure,
+    outcome_colour,
+    series_style,
+)
+from .cause_charts import causes, strata
 from .content import short_names
-from .furniture import write_title
+from .courses import profile, terms, timeline
+from .distributions import distributions
+from .furniture import shortened, write_legend, write_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
-_DARK = ("goal_reached", "collision", "off_road")
-"""Outcomes with so dark a colour that text on it is white."""
 _OUTCOME_ORDER: tuple[Outcome, ...] = (
     "goal_reached",
     "goal_early",
@@ -67,7 +79,7 @@ def _outcomes(runs: RunSet) -> Drawing:
             )  # fmt: skip
     _label_outcome_axes(shares, rates, groups)
     shown = [name for name in _OUTCOME_ORDER if name in seen]
-    _write_legend(
+    write_legend(
         figure,
         0.19 if len(shown) < 6 else 0.0,
         len(_OUTCOME_ORDER),
@@ -80,19 +92,13 @@ def _outcomes(runs: RunSet) -> Drawing:
     return Drawing(figure, f"Outcomes by configuration. {'; '.join(texts)}.")
 
 
-def _write_legend(figure: "Figure", x: float, columns: int, **style: Any) -> None:
-    """A legend at the bottom of the figure, from ``x`` (share of the width) on."""
-    corner, size = (x, 0), SMALL_PT + 0.5
-    figure.legend(loc="lower left", ncols=columns, frameon=False, bbox_to_anchor=corner, fontsize=size, **style)
-
-
 def _draw_shares(axes: "Axes", row: int, counts: Mapping[Outcome, int]) -> None:
     left, total = 0.0, sum(counts.values())
     for outcome in _OUTCOME_ORDER:
         if counts[outcome]:
             width = 100 * counts[outcome] / total
             axes.barh(row, width, left=left, color=outcome_colour(outcome), edgecolor="white", height=0.62)
-            ink = "white" if outcome in _DARK else INK
+            ink = ink_on_outcome(outcome)
             axes.text(left + width / 2, row, str(counts[outcome]), ha="center", va="center", color=ink)
             left += width
 
@@ -102,7 +108,7 @@ def _label_outcome_axes(shares: "Axes", rates: "Axes", groups: Sequence[tuple[st
     for name, records in groups:
         invalid = sum(record.outcome == "invalid" for record in records)
         extra = f", {invalid} invalid" if invalid else ""
-        labels.append(f"{_shortened(name, 26)}\n{len(records) - invalid} valid{extra}")
+        labels.append(f"{shortened(name, 26)}\n{len(records) - invalid} valid{extra}")
     shares.set_yticks(range(len(groups)), labels)
     shares.invert_yaxis()
     shares.set_xlim(0, 100)
@@ -114,10 +120,6 @@ def _label_outcome_axes(shares: "Axes", rates: "Axes", groups: Sequence[tuple[st
     rates.set_axisbelow(True)
 
 
-_HATCHES = ("", "//", "..", "xx", "\\\\", "--")
-"""One a configuration: further ones are not drawn."""
-
-
 def _costs(runs: RunSet) -> Drawing:
     """Mean weighted cost per planning step of every term, one bar a configuration.
 
@@ -127,7 +129,7 @@ def _costs(runs: RunSet) -> Drawing:
     costs = cost_shares(runs)
     if not costs:
         raise NotPossible("these runs have no recorded cost terms", next_step="render kind=outcomes")
-    configs = list(dict.fromkeys((item.config_id, item.config_name) for item in costs))[: len(_HATCHES)]
+    configs = list(dict.fromkeys((item.config_id, item.config_name) for item in costs))[: len(HATCHES)]
     by_term = {(item.config_id, item.term): item for item in costs}
     largest = {item.term: item.mean_weighted for item in sorted(costs, key=lambda item: item.mean_weighted)}
     terms = sorted(largest, key=lambda term: (-largest[term], term))
@@ -140,9 +142,9 @@ def _costs(runs: RunSet) -> Drawing:
         values = [by_term[config_id, term].mean_weighted if (config_id, term) in by_term else 0.0 for term in terms]
         rows = [row - 0.4 + bar * (number + 0.5) for row in range(len(terms))]
         count = max(item.runs for item in costs if item.config_id == config_id)
-        label = f"{_shortened(name, 30)} ({count} run{'' if count == 1 else 's'})"
+        label = f"{shortened(name, 30)} ({count} run{'' if count == 1 else 's'})"
         axes.barh(
-            rows, values, height=bar * 0.9, color=colour, hatch=_HATCHES[number], edgecolor="white", linewidth=0.5,
+            rows, values, height=bar * 0.9, color=colour, hatch=HATCHES[number], edgecolor="white", linewidth=0.5,
             label=label,
         )  # fmt: skip
         for row, term, value in zip(rows, terms, values, strict=True):
@@ -155,7 +157,7 @@ def _costs(runs: RunSet) -> Drawing:
         "mean weighted cost of the chosen candidate per planning step [1] (share of the configuration's total)"
     )
     axes.margins(x=0.16)
-    _write_legend(figure, 0.21, 3)
+    write_legend(figure, 0.21, 3)
     write_title(figure, "Cost terms", "raw cost × weight; terms that were always 0 are left out")
     texts = [f"{name}: {', '.join(_largest_shares(costs, config_id))}" for config_id, name in configs]
     return Drawing(figure, f"Weighted cost terms. {'; '.join(texts)}.")
@@ -200,7 +202,7 @@ def _flips(runs: RunSet) -> Drawing:
     axes.set_ylim(len(flips) if flips else 1, -1)
     axes.set_axis_off()
     for x, name in ((50, comparison.before), (83, comparison.after)):
-        axes.text(x, -0.75, _shortened(name, 34), ha="center", va="center", fontweight="bold")
+        axes.text(x, -0.75, shortened(name, 34), ha="center", va="center", fontweight="bold")
     for row, flip in enumerate(flips):
         _draw_flip(axes, row, flip)
     if not flips:
@@ -220,81 +222,23 @@ def _flips(runs: RunSet) -> Drawing:
 def _draw_flip(axes: "Axes", row: int, flip: Flip) -> None:
     from matplotlib.patches import Rectangle
 
-    axes.text(0.3, row, _shortened(flip.scenario_id, 42), va="center")
+    axes.text(0.3, row, shortened(flip.scenario_id, 42), va="center")
     for x, outcome in ((50, flip.before), (83, flip.after)):
         axes.add_patch(Rectangle((x - 11, row - 0.36), 22, 0.72, facecolor=outcome_colour(outcome), edgecolor="none"))
-        ink = "white" if outcome in _DARK else INK
+        ink = ink_on_outcome(outcome)
         axes.text(x, row, outcome.replace("_", " "), ha="center", va="center", color=ink, fontsize=SMALL_PT + 1)
     axes.annotate("", (71, row), (62, row), arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 1.6})
 
 
-_MOST_PROFILES = 6
-"""Runs of a profile: as many as there are line styles."""
-
-
-def _profile(runs: RunSet) -> Drawing:
-    """Speed and acceleration over time since the start, one line a run (at most six), its end marked by outcome.
-
-    Raises:
-        NotPossible: no run has recorded steps.
-    """
-    driven = [(record, runs.steps[record.run_id]) for record in runs.records if record.run_id in runs.steps]
-    driven = [(record, steps) for record, steps in driven if steps.speed_mps]
-    if not driven:
-        raise NotPossible("these runs have no recorded steps", next_step="run them again with run_planner")
-    shown = driven[:_MOST_PROFILES]
-    scenarios = list(dict.fromkeys(record.scenario_id for record, _ in shown))
-    rows = (len(shown) + 1) // 2
-    height = 640 + 22 * rows
-    figure = new_figure(PICTURE_WIDTH_PX, height)
-    low = (64 + 22 * rows) / height
-    panel = (height - 64 - 22 * rows - 92) / height / 2
-    acceleration = figure.add_axes((0.07, low, 0.9, panel))
-    speed = figure.add_axes((0.07, low + panel + 18 / height, 0.9, panel), sharex=acceleration)
-    texts = []
-    for number, (record, steps) in enumerate(shown):
-        colour, dashes = series_style(number)
-        times = [index * record.step_s for index in range(len(steps.speed_mps))]
-        name = record.config_name if len(scenarios) == 1 else f"{record.scenario_id}, {record.config_name}"
-        label = f"{_shortened(name, 52)}: {record.outcome.replace('_', ' ')}"
-        for axes, values in ((speed, steps.speed_mps), (acceleration, steps.acceleration_mps2)):
-            axes.plot(
-                times, values, color=colour, linestyle=dashes, linewidth=2.2, label=label if axes is speed else None
-            )
-            marker = "o" if record.outcome == "goal_reached" else "X"
-            axes.plot(times[-1], values[-1], marker=marker, color=colour, markersize=11, zorder=5, clip_on=False)
-        speeds = f"{min(steps.speed_mps):.1f} to {max(steps.speed_mps):.1f} m/s over {times[-1]:.1f} s"
-        texts.append(f"{name} ({record.outcome.replace('_', ' ')}): {speeds}")
-    for axes in (speed, acceleration):
-        axes.grid(color="#E2E2E2", linewidth=0.8)
-        axes.set_axisbelow(True)
-    speed.set_ylim(bottom=min(0.0, speed.get_ylim()[0]))
-    acceleration.axhline(0, color="#9A9A9A", linewidth=0.9)
-    speed.set_ylabel("speed [m/s]")
-    acceleration.set_ylabel("acceleration [m/s²]")
-    acceleration.set_xlabel("time since the start [s]")
-    speed.tick_params(labelbottom=False)
-    figure.align_ylabels([speed, acceleration])
-    _write_legend(figure, 0.06, 2)
-    write_title(
-        figure,
-        f"Speed and acceleration on {scenarios[0] if len(scenarios) == 1 else f'{len(scenarios)} scenarios'}",
-        "the ego; a disc ends a run that reached its goal, a cross one that did not",
-    )
-    more = len(driven) - len(shown)
-    notes = (f"{more} more runs are not drawn",) if more else ()
-    return Drawing(figure, f"Speed and acceleration of the ego. {'; '.join(texts)}.", notes)
-
-
-def _shortened(text: str, length: int) -> str:
-    """The text cut to a length, with an ellipsis where something is missing."""
-    return text if len(text) <= length else text[: length - 1] + "…"
-
-
 CHARTS: dict[PictureKind, Callable[[RunSet], Drawing]] = {
     "outcomes": _outcomes,
-    "costs": _costs,
+    "causes": causes,
+    "strata": strata,
+    "distributions": distributions,
     "flips": _flips,
-    "profile": _profile,
+    "costs": _costs,
+    "terms": terms,
+    "profile": profile,
+    "timeline": timeline,
 }
 """The charts by the kind that is asked for."""

@@ -1,9 +1,9 @@
-"""What stands around a scenario: its title, and a legend of what it shows."""
+"""What stands around a drawing: its title, and a legend of what it shows."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from .canvas import EGO_COLOUR, INK, MUTED, SMALL_PT, TEXT_PT, TITLE_PT, class_colour, light_mark, series_style
 from .content import ScenarioView, Viewport
@@ -19,6 +19,17 @@ def write_title(figure: "Figure", title: str, subtitle: str, *, x: float = 0.012
     height = figure.get_figheight() * figure.dpi
     figure.text(x, 1 - top_px / height, title, fontsize=TITLE_PT, fontweight="bold", va="top")
     figure.text(x, 1 - (top_px + 26) / height, subtitle, fontsize=TEXT_PT, color=MUTED, va="top")
+
+
+def write_legend(figure: "Figure", x: float, columns: int, **style: Any) -> None:
+    """A legend at the bottom of the figure, from ``x`` (share of the width) on."""
+    corner, size = (x, 0), SMALL_PT + 0.5
+    figure.legend(loc="lower left", ncols=columns, frameon=False, bbox_to_anchor=corner, fontsize=size, **style)
+
+
+def shortened(text: str, length: int) -> str:
+    """The text cut to a length, with an ellipsis where something is missing."""
+    return text if len(text) <= length else text[: length - 1] + "…"
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,11 @@ from pathlib import Path
 
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.rendering import Rendered, RenderedImage, RenderRequest
-from ..analysis import RunSet
+from ...schemas.runs import ReviewRequest
+from ..analysis import RunSet, review_runs
 from ..commonroad import kept_recording
-from ..execution import ProgressReporter
-from .animation import animate
+from ..execution import ProgressReporter, silent
+from .animation import Moment, animate
 from .canvas import write_png
 from .charts import CHARTS
 from .content import DrivenPath, ScenarioContent, ScenarioView, content_of, driven_path, short_names
@@ -35,7 +36,7 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
     if kind == "animation":
         path = Path(request.folder) / "animation.gif"
         views, notes = _views(request, most=1)
-        size, alt_text = animate(views[0], path, report)
+        size, alt_text = animate(views[0], path, report, _decisive_moment(request, views[0]))
     else:
         path = Path(request.folder) / f"{kind}.png"
         if kind == "picture":
@@ -58,6 +59,29 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
     )
     report(1.0, "drawn")
     return Rendered(kind=kind, images=(image,), notes=tuple(notes))
+
+
+_NEAR_M = 5.0
+"""A closest encounter that is farther away than this decides nothing (chosen)."""
+
+
+def _decisive_moment(request: RenderRequest, view: ScenarioView) -> Moment | None:
+    """The first collision of the runs that are drawn; of a single run without one its closest encounter, where near."""
+    hits = [(path, path.record.collision) for path in view.paths]
+    collisions = sorted((hit.step, path.name, hit) for path, hit in hits if hit is not None)
+    if collisions:
+        step, name, hit = collisions[0]
+        what = "the ego leaves the road" if hit.obstacle_id is None else f"collision with {hit.kind} {hit.obstacle_id}"
+        return Moment(step, what if len(view.paths) == 1 else f"{name}: {what}")
+    if len(view.paths) != 1:
+        return None
+    path = view.paths[0]
+    chosen = tuple(source for source in request.runs if source.record.run_id == path.record.run_id)
+    closest = review_runs(ReviewRequest(runs=chosen, scenarios=request.scenarios), silent).reviews[0].closest
+    if closest is None or closest.gap_m > _NEAR_M:
+        return None
+    step = path.first_step + round(closest.time_s / path.record.step_s)
+    return Moment(step, f"closest, {closest.gap_m:.2f} m to {closest.other} {closest.place}")
 
 
 def _views(request: RenderRequest, *, most: int) -> tuple[list[ScenarioView], list[str]]:

@@ -52,7 +52,9 @@ def test_colours_that_mean_something_are_exact(tmp_path: Path, town: ScenarioSou
     assert {(255, 255, 255), (228, 228, 228), (213, 94, 0), (86, 180, 233), (0, 158, 115)} <= colours
 
 
-@pytest.mark.parametrize("kind", ["picture", "outcomes", "costs", "flips", "profile"])
+@pytest.mark.parametrize(
+    "kind", ["picture", "causes", "distributions", "terms", "timeline", "outcomes", "costs", "flips", "profile"]
+)
 def test_pictures_and_charts_are_the_same_bytes_again(
     tmp_path: Path, town: ScenarioSource, pair: tuple[RunSource, RunSource], kind: str
 ) -> None:
@@ -126,7 +128,7 @@ def test_auto_chooses_outcomes_for_several_scenarios(tmp_path: Path, town: Scena
         assert Path(image.path).name == f"{kind}.png"
 
 
-@pytest.mark.parametrize("kind", ["outcomes", "costs", "flips", "profile"])
+@pytest.mark.parametrize("kind", sorted(CHARTS))
 def test_charts_without_runs_are_refused(tmp_path: Path, town: ScenarioSource, kind: str) -> None:
     with pytest.raises(NotPossible, match="no run was named"):
         drawn(tmp_path, kind=kind, scenarios=(town,))

@@ -1,0 +1,271 @@
+"""Charts of why runs fail: who hit whom and whether the ego could have prevented it; success by kinds of scenarios."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from ...schemas.errors import NotPossible
+from ...schemas.results import Rate
+from ...schemas.runs import Contact, RunRecord
+from ..analysis import RunSet, known_contacts
+from .canvas import INK, MUTED, PICTURE_WIDTH_PX, SMALL_PT, Drawing, new_figure, outcome_colour, series_style
+from .content import short_names
+from .furniture import shortened, write_legend, write_title
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_Fault = Literal["preventable", "not preventable", "not judged"]
+_FAULTS: dict[_Fault, tuple[str, str, str]] = {
+    "preventable": (outcome_colour("collision"), "", "a reference driver prevents it"),
+    "not preventable": (outcome_colour("goal_early"), "//", "no reference driver prevents it"),
+    "not judged": ("#BDBDBD", "..", "not judged"),
+}
+"""Colour, hatch and words of each."""
+_MOST_KINDS = 24
+"""Rows of a chart (chosen): as many as a screen shows."""
+
+
+def causes(runs: RunSet) -> Drawing:
+    """Collisions by kind and by whether any ego could have prevented them; below, success with and without the latter.
+
+    Raises:
+        NotPossible: no collision whose course is known.
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    hits = [record for record in runs.valid if record.collision is not None]
+    contacts = known_contacts(runs)
+    if not contacts:
+        raise NotPossible(
+            "no collision of these runs can be told apart" if hits else "none of these runs ended in a collision",
+            next_step="render kind=outcomes",
+        )
+    names = short_names(runs.records)
+    groups = runs.by_config(runs.valid)
+    counts = _counts(groups, contacts)
+    listed = list(counts)[:_MOST_KINDS]
+    top, rates_height = 76, 34 * len(groups) + 20
+    kinds_height = 30 * len(listed) + 20
+    height = top + kinds_height + 70 + rates_height + 100
+    figure = new_figure(PICTURE_WIDTH_PX, height)
+    upper = figure.add_axes((0.27, 1 - (top + kinds_height) / height, 0.7, kinds_height / height))
+    lower = figure.add_axes((0.27, 100 / height, 0.7, rates_height / height))
+    for row, key in enumerate(listed):
+        _draw_kind(upper, row, counts[key])
+    numbers = {config: number for number, config in enumerate(groups, start=1)}
+    labels = [kind if len(groups) == 1 else f"{kind} · {numbers[config]}" for kind, config in listed]
+    upper.set_yticks(range(len(listed)), labels)
+    upper.invert_yaxis()
+    upper.set_xlabel("collisions")
+    upper.xaxis.set_major_locator(MaxNLocator(integer=True))
+    not_preventable = {run_id for run_id, contact in contacts.items() if _fault(contact) == "not preventable"}
+    for row, records in enumerate(groups.values()):
+        without = runs.rate(record for record in records if record.run_id not in not_preventable)
+        _draw_rate(lower, row - 0.16, runs.rate(records), filled=True)
+        _draw_rate(lower, row + 0.2, without, filled=False)
+    lower.set_yticks(range(len(groups)), [f"{numbers[config]}. {shortened(names[config], 28)}" for config in groups])
+    lower.set_ylim(len(groups) - 0.4, -0.6)
+    _label_rates(lower)
+    _fault_legend(write_legend, figure)
+    judged = sum(contact.prevention is not None for contact in contacts.values())
+    none = f"no reference driver prevents {len(not_preventable)} of the {judged} that could be judged"
+    write_title(figure, "Who hit whom, and could it be prevented", f"{len(hits)} collisions; {none}")
+    kinds = "; ".join(f"{kind} under {names[config]} {_in_words(counts[kind, config])}" for kind, config in listed)
+    notes = [f"{len(counts) - len(listed)} more kinds are not drawn"] if len(counts) > len(listed) else []
+    if len(contacts) < len(hits):
+        notes.append(f"{len(contacts)} of {len(hits)} collisions are drawn: the course of the others was not looked at")
+    return Drawing(figure, f"Collisions by kind: {kinds}. Of all, {none}.", tuple(notes))
+
+
+def _fault(contact: Contact) -> _Fault:
+    if contact.prevention is None:
+        return "not judged"
+    return "preventable" if contact.prevention.possible else "not preventable"
+
+
+def _counts(
+    groups: dict[str, list[RunRecord]], contacts: dict[str, Contact]
+) -> dict[tuple[str, str], dict[_Fault, int]]:
+    """Collisions by kind and configuration, the most frequent kind first, and by whether they could be prevented."""
+    counts: dict[tuple[str, str], dict[_Fault, int]] = {}
+    totals: dict[str, int] = {}
+    for config_id, records in groups.items():
+        for contact in (contacts[record.run_id] for record in records if record.run_id in contacts):
+            kind = contact.kind.replace("_", " ")
+            by_fault = counts.setdefault((kind, config_id), dict.fromkeys(_FAULTS, 0))
+            by_fault[_fault(contact)] += 1
+            totals[kind] = totals.get(kind, 0) + 1
+    order = list(groups)
+    return dict(sorted(counts.items(), key=lambda item: (-totals[item[0][0]], item[0][0], order.index(item[0][1]))))
+
+
+def _in_words(by_fault: dict[_Fault, int]) -> str:
+    parts = [f"{count} {fault}" for fault, count in by_fault.items() if count]
+    return f"{sum(by_fault.values())} ({', '.join(parts)})"
+
+
+def _draw_kind(axes: "Axes", row: int, by_fault: dict[_Fault, int]) -> None:
+    left = 0
+    for fault, count in by_fault.items():
+        if count:
+            colour, hatch, _ = _FAULTS[fault]
+            axes.barh(row, count, left=left, height=0.66, color=colour, hatch=hatch, edgecolor="white", linewidth=0.5)
+            box = {"facecolor": "white", "edgecolor": "none", "pad": 1.2, "alpha": 0.85}
+            axes.text(left + count / 2, row, str(count), ha="center", va="center", fontsize=SMALL_PT, bbox=box)
+            left += count
+
+
+def _draw_rate(axes: "Axes", y: float, rate: Rate, *, filled: bool, colour: str | None = None) -> None:
+    """A share with its interval and its counts beside it."""
+    if rate.share is None or rate.low is None or rate.high is None:
+        return
+    shown = colour or outcome_colour("goal_reached")
+    axes.plot([100 * rate.low, 100 * rate.high], [y, y], color=INK, linewidth=1.6, solid_capstyle="butt")
+    face = shown if filled else "white"
+    axes.plot(100 * rate.share, y, "o", color=shown, markerfacecolor=face, markersize=9, markeredgewidth=2, zorder=3)
+    words = f"{100 * rate.share:.0f} % ({rate.count}/{rate.of})"
+    axes.text(104, y, words, va="center", fontsize=SMALL_PT, color=INK if filled else MUTED, clip_on=False)
+
+
+def _label_rates(axes: "Axes") -> None:
+    axes.set_xlim(-2, 118)
+    axes.set_xticks(range(0, 101, 20))
+    axes.set_xlabel("goal reached [%] with its 95 % interval; runs beside it")
+    axes.grid(axis="x", color="#DDDDDD", linewidth=0.8)
+    axes.set_axisbelow(True)
+
+
+def _fault_legend(write: Callable[..., None], figure: object) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Patch | Line2D] = [
+        Patch(facecolor=colour, hatch=hatch, edgecolor="white", label=words)
+        for colour, hatch, words in _FAULTS.values()
+    ]
+    blue = outcome_colour("goal_reached")
+    for face, words in ((blue, "all valid runs"), ("white", "without collisions that no reference driver prevents")):
+        style = {"marker": "o", "linestyle": "none", "markersize": 9, "markeredgewidth": 2}
+        handles.append(Line2D([], [], color=blue, markerfacecolor=face, label=words, **style))  # type: ignore[arg-type]
+    write(figure, 0.01, 3, handles=handles)
+
+
+@dataclass(frozen=True)
+class _Stratum:
+    """Runs that have something in common: the factor, its level, the runs by configuration."""
+
+    factor: str
+    level: str
+    records: tuple[RunRecord, ...]
+
+
+_UNKNOWN = "not known"
+_DENSITIES = ((0.0, "0 vehicles/km"), (1e-9, "under 20/km"), (20.0, "20 to 50/km"), (50.0, "50/km and more"))
+"""Lower bounds of the recorded vehicles per kilometre of lanelets (chosen)."""
+_MOST_STRATA = 24
+_FEW = 5
+"""Scenarios under which a share says little (chosen): its row is said to be of few."""
+
+
+def strata(runs: RunSet) -> Drawing:
+    """Success with its interval by prediction and traffic, road and density, a dot for each configuration.
+
+    Raises:
+        NotPossible: no valid run, or all are alike in everything.
+    """
+    names = short_names(runs.records)
+    configs = list(runs.by_config(runs.valid))
+    rows = [stratum for factor in _FACTORS for stratum in _strata_of(runs, *factor)][:_MOST_STRATA]
+    if not rows:
+        raise NotPossible(
+            "these runs do not differ in prediction, traffic, road or density", next_step="render kind=outcomes"
+        )
+    shown = configs[:_MOST_CONFIGS]
+    each = 16 + 20 * len(shown)
+    legend_rows = (len(shown) + 2) // 3
+    height = 76 + each * len(rows) + 76 + 24 * legend_rows
+    figure = new_figure(PICTURE_WIDTH_PX, height)
+    low = (62 + 24 * legend_rows) / height
+    axes = figure.add_axes((0.27, low, 0.7, each * len(rows) / height))
+    texts = []
+    for row, stratum in enumerate(rows):
+        for number, config in enumerate(shown):
+            rate = runs.rate(record for record in stratum.records if record.config_id == config)
+            offset = (number - (len(shown) - 1) / 2) * 0.8 / len(shown)
+            _draw_rate(axes, row + offset, rate, filled=True, colour=series_style(number)[0])
+            if rate.share is not None:
+                texts.append(f"{stratum.level}, {names[config]} {rate.count} of {rate.of}")
+        if row and rows[row - 1].factor != stratum.factor:
+            axes.axhline(row - 0.5, color="#9A9A9A", linewidth=0.9)
+    axes.set_yticks(range(len(rows)), [_stratum_label(stratum) for stratum in rows])
+    axes.set_ylim(len(rows) - 0.5, -0.5)
+    _label_rates(axes)
+    _configuration_legend(figure, [names[config] for config in shown])
+    write_title(
+        figure,
+        "Success by conditions and scenarios",
+        "the interval counts scenarios, not runs; configurations from above in the order of the legend",
+    )
+    more = len(configs) - len(shown)
+    notes = (f"{more} more configurations are not drawn",) if more else ()
+    return Drawing(figure, f"Goal reached by stratum: {'; '.join(texts)}.", notes)
+
+
+_MOST_CONFIGS = 4
+"""Dots beside each other (chosen): more could not be told apart."""
+
+
+def _configuration_legend(figure: object, names: Sequence[str]) -> None:
+    from matplotlib.lines import Line2D
+
+    style = {"marker": "o", "linestyle": "none", "markersize": 9}
+    handles = [
+        Line2D([], [], color=series_style(number)[0], label=f"{number + 1}. {shortened(name, 40)}", **style)  # type: ignore[arg-type]
+        for number, name in enumerate(names)
+    ]
+    write_legend(figure, 0.26, 3, handles=handles)  # type: ignore[arg-type]
+
+
+def _stratum_label(stratum: _Stratum) -> str:
+    scenarios = len({record.scenario_id for record in stratum.records})
+    few = ", few" if scenarios < _FEW else ""
+    return f"{shortened(stratum.level, 34)}\n{scenarios} scenario{'' if scenarios == 1 else 's'}{few}"
+
+
+def _strata_of(runs: RunSet, factor: str, level_of: Callable[[RunSet, RunRecord], str]) -> Iterable[_Stratum]:
+    """The strata of one factor, by level; none where all runs are of one."""
+    levels: dict[str, list[RunRecord]] = {}
+    for record in runs.valid:
+        levels.setdefault(level_of(runs, record), []).append(record)
+    if len(levels) > 1:
+        order = [words for _, words in _DENSITIES]
+        for level in sorted(
+            levels, key=lambda level: (level.endswith(_UNKNOWN), order.index(level) if level in order else -1, level)
+        ):
+            yield _Stratum(factor, level, tuple(levels[level]))
+
+
+def _conditions(_: RunSet, record: RunRecord) -> str:
+    return f"{record.prediction.replace('_', ' ')}, {record.traffic}"
+
+
+def _road(runs: RunSet, record: RunRecord) -> str:
+    known = runs.scenario(record)
+    return (known.road if known is not None else "") or f"road {_UNKNOWN}"
+
+
+def _density(runs: RunSet, record: RunRecord) -> str:
+    known = runs.scenario(record)
+    if known is None or known.density_per_km is None:
+        return f"density {_UNKNOWN}"
+    density = known.density_per_km
+    return next(words for least, words in reversed(_DENSITIES) if density >= least)
+
+
+_FACTORS: tuple[tuple[str, Callable[[RunSet, RunRecord], str]], ...] = (
+    ("conditions", _conditions),
+    ("road", _road),
+    ("density", _density),
+)
+"""What runs are told apart by, in the order of the chart."""
