@@ -78,8 +78,8 @@ def result_named(word: str, call: ToolCall) -> Artifact:
         stored = call.newest(kind, count=place + 1)  # type: ignore[arg-type]
         if len(stored) > place:
             return stored[place]
-        newest = (*call.newest("batch", count=4), *call.newest("run", count=4))
-        there = [artifact.artifact_id for artifact in newest]
+        known = (*call.newest("batch", count=4), *call.newest("run", count=4))
+        there = [artifact.artifact_id for artifact in known]
         raise UnknownName(f"there is no {word.replace('_', ' ')}", valid=there, next_step="call run_planner")
     kind = call.workspace.kind_of(word)
     if kind not in ("run", "batch"):

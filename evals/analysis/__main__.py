@@ -7,6 +7,7 @@ keys and judges by code apart from the product. The keys that count:
 preventable or not, as the truth has it).
 ``nulls``: ``false_findings_rate`` (of batches in which nothing differs, those in which a comparison states that
 something does), ``interval_coverage`` (95 % intervals that hold the truth).
+``planted``: ``planted_found`` (of batches with one cause of failure planted, those in which a finding names it).
 
 ``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too; then the status is
 1. ``--json`` prints the last line alone.
@@ -22,7 +23,11 @@ from .bench import AnalysisBench
 
 PARTS: Parts[AnalysisBench] = Parts(
     package=__package__ or "",
-    keys={"causes": ("class_right", "fault_right"), "nulls": ("false_findings_rate", "interval_coverage")},
+    keys={
+        "causes": ("class_right", "fault_right"),
+        "nulls": ("false_findings_rate", "interval_coverage"),
+        "planted": ("planted_found",),
+    },
 )
 """The parts in the order in which they are measured, and the keys that each owes."""
 
