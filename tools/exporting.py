@@ -6,7 +6,15 @@ Stored files are copied; solution files, tables, pictures and the report are mad
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..engine.rendering import analysis_section, batch_section, comparison_section, report_image, scenario_section
+from ..engine.rendering import (
+    analysis_section,
+    batch_section,
+    comparison_section,
+    overview_section,
+    report_image,
+    run_section,
+    scenario_section,
+)
 from ..engine.workspace import REPORT_NAME, Artifact, Export, plan_exports, refuse_taken, write_export
 from ..schemas.analysis.comparison import CompareResultsArguments
 from ..schemas.artifacts import (
@@ -18,10 +26,10 @@ from ..schemas.artifacts import (
     RunTableRequest,
     SolutionRequest,
 )
-from ..schemas.errors import Faults, InvalidRequest
+from ..schemas.errors import Faults, InvalidRequest, NotPossible
 from ..schemas.planning import PlannerConfiguration
-from ..schemas.rendering import PictureKind, ReportImage, ReportRequest, ReportSection, ReportWritten
-from ..schemas.results import AnalyzeResultsArguments
+from ..schemas.rendering import PictureKind, ReportRequest, ReportSection, ReportWritten
+from ..schemas.results import AnalyzeResultsArguments, AnalyzeResultsResult
 from ..schemas.runs import BatchRecord, RunRecord, RunSource
 from ..schemas.scenarios import ScenarioRecord
 from ..schemas.text import printable
@@ -174,30 +182,69 @@ async def _scenario(call: ToolCall, artifact: Artifact) -> ReportSection:
 
 
 async def _batch(call: ToolCall, artifact: Artifact) -> list[ReportSection]:
+    """In short, what came out in pictures, the comparison, the findings, one run in detail, all runs."""
     batch = artifact.read(BatchRecord)
     runs = run_sources(batch.runs, call)
-    sections = [batch_section(batch, [run.record for run in runs], await _run_images(call, runs))]
-    if len(batch.configs) > 1 and runs:
-        compared = await compare_results(CompareResultsArguments(results=[artifact.artifact_id]), call)
-        sections.append(comparison_section(compared))
-    if runs:
-        findings = AnalyzeResultsArguments(results=[artifact.artifact_id], detail="findings")
-        costs = await draw(call, "costs", run_ids=batch.runs)
-        images = [report_image(image, "Mean weighted cost by term and configuration") for image in costs.images]
-        sections.append(analysis_section(await analyze_results(findings, call), images))
-    return sections
-
-
-async def _run_images(call: ToolCall, runs: Sequence[RunSource]) -> list[ReportImage]:
-    """The run that failed, or the first one, as an animation, and the speeds on its scenario."""
+    listed = batch_section(batch, [run.record for run in runs])
     if not runs:
-        return []
-    failed = [run.record for run in runs if run.record.outcome in _FAILURES]
-    shown = (failed or [run.record for run in runs])[0]
+        return [listed]
+    named = [artifact.artifact_id]
+    whole = await analyze_results(AnalyzeResultsArguments(results=named, breakdown="config"), call)
+    found = await analyze_results(AnalyzeResultsArguments(results=named, detail="findings"), call)
+    compared = None
+    if len(batch.configs) > 1:
+        compared = await compare_results(CompareResultsArguments(results=named), call)
+    names = {run.record.config_id: run.record.config_name for run in runs}
+    overview = overview_section(batch, names, whole, compared)
+    sections = [await _illustrated(overview, call, batch.runs, _OF_ALL)]
+    if compared is not None:
+        sections.append(await _illustrated(comparison_section(compared), call, batch.runs, _OF_SIDES))
+    sections.append(await _illustrated(analysis_section(found), call, batch.runs, _OF_FINDINGS))
+    shown = _telling(runs, whole)
     together = [run.record.run_id for run in runs if run.record.scenario_id == shown.scenario_id]
-    moving = await draw(call, "animation", run_ids=[shown.run_id])
-    speeds = await draw(call, "profile", run_ids=together)
-    caption = f"{shown.run_id}: {shown.config_name} on {shown.scenario_id}, {shown.outcome.replace('_', ' ')}"
-    return [report_image(image, caption) for image in moving.images] + [
-        report_image(image, f"Speed and acceleration of the runs on {shown.scenario_id}") for image in speeds.images
-    ]
+    looked_at = await analyze_results(AnalyzeResultsArguments(results=[shown.run_id]), call)
+    detail = await _illustrated(run_section(shown, looked_at.review), call, [shown.run_id], _OF_ONE)
+    return [*sections, await _illustrated(detail, call, together, _BESIDE), listed]
+
+
+_OF_ALL: dict[PictureKind, str] = {
+    "outcomes": "How the runs ended, by configuration",
+    "causes": "Who hit whom, and whether a reference driver in the ego's place prevents it",
+    "strata": "Success by conditions, road and density of traffic",
+}
+_OF_SIDES: dict[PictureKind, str] = {
+    "distributions": "The metrics of all runs, by configuration",
+    "flips": "Scenarios that flipped between the first two configurations",
+}
+_OF_FINDINGS: dict[PictureKind, str] = {"costs": "Mean weighted cost by term and configuration"}
+_OF_ONE: dict[PictureKind, str] = {
+    "picture": "The run from above, at its end",
+    "animation": "The run from above in motion; slower around its decisive moment",
+    "timeline": "The run over time, with its moments",
+    "terms": "What the cost of the chosen trajectories was made of over time",
+}
+_BESIDE: dict[PictureKind, str] = {"profile": "Speed and acceleration of all runs on this scenario"}
+
+
+async def _illustrated(
+    section: ReportSection, call: ToolCall, run_ids: Sequence[str], captions: dict[PictureKind, str]
+) -> ReportSection:
+    """The section with pictures of these runs; one that they have nothing for is named with the reason."""
+    images, absent = list(section.images), list[str]()
+    for kind, caption in captions.items():
+        try:
+            made = await draw(call, kind, run_ids=run_ids)
+        except NotPossible as error:
+            absent.append(f"No picture of {kind}: {error}.")
+            continue
+        told = "".join(f"; {note}" for note in made.notes)
+        images += [report_image(image, f"{caption}{told}") for image in made.images]
+    return section.model_copy(update={"images": tuple(images), "text": (*section.text, *absent)})
+
+
+def _telling(runs: Sequence[RunSource], whole: AnalyzeResultsResult) -> RunRecord:
+    """The run that is shown: the first failure that a reference driver prevents, else the first one."""
+    records = [run.record for run in runs]
+    hopeless = whole.causes.not_preventable if whole.causes is not None else ()
+    failed = [record for record in records if record.outcome in _FAILURES]
+    return ([record for record in failed if record.run_id not in hopeless] or failed or records)[0]

@@ -4,6 +4,8 @@
 ``write_report``: an operation: writes sections as one HTML page.
 ``analysis_section``: a section of findings with the runs behind them.
 ``batch_section``: a section of the runs of a batch, with outcome, reason and figures of each.
+``overview_section``: a section on what was tested, what came out, whose fault it was and what is next.
+``run_section``: a section on one run.
 ``comparison_section``: a section of verdicts, tests and flips.
 ``report_image``: a drawn picture with its caption.
 ``scenario_section``: a section on what a scenario shows, and how it was made.
@@ -19,7 +21,9 @@ if TYPE_CHECKING:
         analysis_section,
         batch_section,
         comparison_section,
+        overview_section,
         report_image,
+        run_section,
         scenario_section,
         write_report,
     )

@@ -5,18 +5,20 @@ Its sections are made from what was stored and computed, one function a kind of 
 
 import base64
 import json
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from ...schemas.analysis.comparison import CompareResultsResult, Comparison
 from ...schemas.errors import ResourceFailure, UnsafeInput
 from ...schemas.rendering import RenderedImage, ReportImage, ReportRequest, ReportSection, ReportTable, ReportWritten
-from ...schemas.results import AnalyzeResultsResult
-from ...schemas.runs import BatchRecord, RunRecord
+from ...schemas.results import AnalyzeResultsResult, Group, Rate, metric_words
+from ...schemas.runs import BatchRecord, RunMetrics, RunRecord, RunReview, ending
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ..execution import ProgressReporter
 from ..workspace import Recipe, write_whole
+from .words import words_used
 
 _ORIGINS = {
     "generated": "Generated scenario",
@@ -41,22 +43,149 @@ def scenario_section(record: ScenarioRecord, recipe: Recipe, images: Sequence[Re
     )
 
 
-def batch_section(batch: BatchRecord, runs: Sequence[RunRecord], images: Sequence[ReportImage]) -> ReportSection:
-    """Every run of a batch with its outcome, the reason, and its figures."""
-    names = ", ".join(dict.fromkeys(run.config_name for run in runs))
-    grid = f"run {names} on {len(batch.scenarios)} scenarios"
+_BEHAVIOUR = {
+    "recorded": "recorded traffic: the others follow their recordings and cannot react",
+    "reactive": "reactive traffic: the others are simulated and react",
+}
+
+
+def overview_section(
+    batch: BatchRecord, names: Mapping[str, str], result: AnalyzeResultsResult, comparison: CompareResultsResult | None
+) -> ReportSection:
+    """What was tested, what came out, whose fault it was and what is next, for readers who did not make the runs.
+
+    Args:
+        names: of the configurations, by id.
+        result: the analysis of the whole batch with a breakdown by configuration.
+    """
+    count = len(batch.scenarios)
+    configurations = f"{len(names)} configuration{'' if len(names) == 1 else 's'} ({'; '.join(names.values())})"
+    tested = (
+        f"{configurations} on {count} scenario{'' if count == 1 else 's'}, {result.runs} runs; "
+        f"{_BEHAVIOUR[batch.traffic]}; {batch.prediction.replace('_', ' ')} prediction."
+    )
+    rows = [
+        ("What was tested", tested),
+        ("What came out", f"{_reached(result.success)} reached the goal{_failed(result)}."),
+        *([("Goals that asked for nothing", result.trivial.in_words())] if result.trivial is not None else []),
+        ("Whose fault", _whose_fault(result)),
+        *((f"{one.after} against {one.before}", _verdict(one).partition(". ")[0]) for one in _compared(comparison)),
+        ("What is next", f"{_next(result, names)}."),
+    ]
+    tables = [ReportTable(columns=("question", "answer"), rows=tuple(rows))]
+    return ReportSection(
+        title=f"In short: {batch.batch_id}", tables=(*tables, *([_by_configuration(result)] if result.groups else []))
+    )
+
+
+def _compared(comparison: CompareResultsResult | None) -> tuple[Comparison, ...]:
+    return comparison.comparisons if comparison is not None else ()
+
+
+def _verdict(comparison: Comparison) -> str:
+    """The verdict with the names of the sides and metrics as people say them."""
+    words = {"'before'": comparison.before, "'after'": comparison.after}
+    words |= {name: metric_words(name) for name in sorted(RunMetrics.model_fields, key=len, reverse=True)}
+    return re.sub("|".join(map(re.escape, words)), lambda found: words[found[0]], comparison.verdict)
+
+
+def _reached(rate: Rate) -> str:
+    if rate.share is None or rate.low is None or rate.high is None:
+        return "no run could be attempted, so none"
+    interval = f"95 % interval {100 * rate.low:.0f} to {100 * rate.high:.0f} %"
+    return f"{rate.count} of {rate.of} valid runs ({100 * rate.share:.0f} %, {interval})"
+
+
+def _failed(result: AnalyzeResultsResult) -> str:
+    failed = [
+        f"{one.rate.count} {one.outcome.replace('_', ' ')}" for one in result.outcomes if one.outcome != "goal_reached"
+    ]
+    invalid = [f"{result.invalid_count} could not be attempted and count nowhere"] if result.invalid_count else []
+    return f"; the others ended as {', '.join(failed)}" * bool(failed) + "".join(f"; {one}" for one in invalid)
+
+
+def _whose_fault(result: AnalyzeResultsResult) -> str:
+    """Whose fault the collisions were, as far as the reference drivers tell."""
+    causes = result.causes
+    if causes is None:
+        return "There was no collision whose course is known."
+    none = len(causes.not_preventable)
+    kinds = ", ".join(f"{count} {kind.replace('_', ' ')}" for kind, count in causes.kinds.items())
+    others = f"; in {causes.from_behind} of these another drove into the ego from behind" if causes.from_behind else ""
+    recorded = ", and followed a recording that cannot brake" if causes.from_behind and causes.recorded_traffic else ""
+    edge = ", the road's edge included" if "road_boundary" in causes.kinds else ""
+    without = f" Without these runs {_reached(causes.success_without)} reached the goal." if none else ""
+    return (
+        f"{causes.collisions} collisions{edge} ({kinds}). A reference driver in the ego's place prevents "
+        f"{causes.judged - none} of the {causes.judged} that could be judged: these are the planner's to learn from. "
+        f"None prevents the other {none}{others}{recorded}.{without}"
+    )
+
+
+def _next(result: AnalyzeResultsResult, names: Mapping[str, str]) -> str:
+    """The step that the analysis names, and the first changes that findings suggest, tried or not."""
+    given = result.answer().next_step
+    hints = [one.suggestion for one in result.findings if one.suggestion is not None][:_SHOWN_HINTS]
+    parts = [
+        f"{hint.direction} {hint.weight} of {names.get(hint.config_id, hint.config_id)} ({hint.why}; "
+        f"{'untried so far' if hint.tried is None else hint.tried.in_words()})"
+        for hint in hints
+    ]
+    return "; ".join([*([given] if given else []), *parts]) or "nothing failed in a way that asks for a change"
+
+
+_SHOWN_HINTS = 2
+"""Suggested changes of the overview (chosen): the findings have all."""
+
+
+def _by_configuration(result: AnalyzeResultsResult) -> ReportTable:
+    def row(group: Group) -> tuple[str, ...]:
+        rate = group.success
+        known = rate.share is not None and rate.low is not None and rate.high is not None
+        return (
+            group.name,
+            str(rate.of),
+            f"{rate.count} ({100 * (rate.share or 0):.0f} %)" if known else "–",
+            f"{100 * (rate.low or 0):.0f} to {100 * (rate.high or 0):.0f} %" if known else "–",
+            ", ".join(
+                f"{key.replace('_', ' ')} {count}" for key, count in group.outcomes.items() if key != "goal_reached"
+            )
+            or "none",
+            str(group.invalid),
+        )
+
+    return ReportTable(
+        caption="By configuration",
+        columns=("configuration", "valid runs", "goal reached", "95 % interval", "failures", "invalid"),
+        rows=tuple(row(group) for group in result.groups),
+    )
+
+
+def run_section(record: RunRecord, review: RunReview | None) -> ReportSection:
+    """One run in detail: how it ended, how near others were, its largest motions."""
+    told = [] if review is None else [review.nearness_in_words(), review.motion_in_words()]
+    if review is not None and review.closest is None:
+        told = told[1:]
+    return ReportSection(
+        title=f"One run in detail: {record.run_id}",
+        asked=f"{record.config_name} on {record.scenario_id}",
+        text=(f"It ended so: {ending(record.outcome, record.reason, review)}.", *filter(None, told)),
+    )
+
+
+def batch_section(batch: BatchRecord, runs: Sequence[RunRecord]) -> ReportSection:
+    """Every run of a batch with its outcome, the reason, and its figures; failures first."""
     measured = ("distance (m)", "time to collision (s)", "jerk (m/s³)")
+    order = {"goal_reached": 1, "invalid": 2}
     table = ReportTable(
-        caption="Time to collision and distance are the smallest of the run.",
+        caption="Failures first. Time to collision and distance are the smallest of the run, jerk the largest.",
         columns=("run", "scenario", "configuration", "outcome", "why", *measured),
-        rows=tuple(_run_row(run) for run in runs),
+        rows=tuple(_run_row(run) for run in sorted(runs, key=lambda run: order.get(run.outcome, 0))),
     )
     return ReportSection(
-        title=f"Planner runs: {batch.batch_id}",
-        asked=f"{grid}, traffic {batch.traffic}, prediction {batch.prediction}",
+        title=f"All runs of {batch.batch_id}",
         text=tuple(f"Lost: {cell.scenario_id} under {cell.config_id}: {cell.error}" for cell in batch.lost),
         tables=(table,),
-        images=tuple(images),
     )
 
 
@@ -65,22 +194,26 @@ def comparison_section(result: CompareResultsResult) -> ReportSection:
     return ReportSection(
         title="Comparison",
         asked=" against ".join(side.label for side in result.sides),
-        text=(*(comparison.verdict for comparison in result.comparisons), *result.notes),
+        text=(*(f"{one.after} against {one.before}: {_verdict(one)}" for one in result.comparisons), *result.notes),
         tables=tuple(table for comparison in result.comparisons for table in _comparison_tables(comparison)),
     )
 
 
-def analysis_section(result: AnalyzeResultsResult, images: Sequence[ReportImage]) -> ReportSection:
+def analysis_section(result: AnalyzeResultsResult) -> ReportSection:
     """Findings with the runs behind them."""
-    findings = [f"{finding.statement} Evidence: {', '.join(finding.run_ids)}." for finding in result.findings]
-    suggestions = [finding.suggestion for finding in result.findings if finding.suggestion is not None]
-    hints = [f"{hint.direction} {hint.weight} of {hint.config_id}: {hint.why}" for hint in suggestions]
+    findings, hints = list[str](), list[str]()
+    for finding in result.findings:
+        else_ = f" What else it may be: {finding.alternatives}." if finding.alternatives else ""
+        findings.append(f"{finding.statement}{else_} Evidence: {', '.join(finding.run_ids)}.")
+        hint = finding.suggestion
+        if hint is not None:
+            tried = "untried" if hint.tried is None else hint.tried.in_words()
+            hints.append(f"Suggested: {hint.direction} {hint.weight} of {hint.config_id}: {hint.why}; {tried}.")
     return ReportSection(
         title="Findings",
         asked=f"what {', '.join(result.results)} shows",
         text=result.notes,
-        findings=(*findings, *(f"Suggested: {hint}" for hint in hints)),
-        images=tuple(images),
+        findings=(*findings, *hints),
     )
 
 
@@ -136,12 +269,23 @@ def _comparison_tables(comparison: Comparison) -> Iterable[ReportTable]:
         columns=("weight", "before", "after"),
         rows=tuple((w.weight, _figure(w.before, 3), _figure(w.after, 3)) for w in comparison.weights),
     )
+    flips = (*comparison.to_success, *comparison.to_failure)
+    if flips:
+        yield ReportTable(
+            caption=f"Scenarios that one side masters alone: {comparison.to_success_count} to success, "
+            f"{comparison.to_failure_count} to failure",
+            columns=("scenario", "before", "after", "why"),
+            rows=tuple(
+                (flip.scenario_id, flip.before.replace("_", " "), flip.after.replace("_", " "), flip.why or "–")
+                for flip in flips
+            ),
+        )
     yield ReportTable(
         caption="Paired by scenario: median before and after, shift with its 95 % interval, Wilcoxon's p",
         columns=("metric", "pairs", "before", "after", "shift", "p", "better"),
         rows=tuple(
             (
-                f"{test.name} ({test.unit})" if test.unit else test.name,
+                f"{metric_words(test.name)} ({test.unit})" if test.unit else metric_words(test.name),
                 str(test.pairs),
                 _figure(test.median_before),
                 _figure(test.median_after),
@@ -187,7 +331,7 @@ def write_report(request: ReportRequest, report: ProgressReporter) -> ReportWrit
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     page = environment.get_template("report.html.j2").render(
-        report=request, sections=list(zip(request.sections, images, strict=True))
+        report=request, sections=list(zip(request.sections, images, strict=True)), words=words_used(request.sections)
     )
     content = page.encode()
     write_whole(Path(request.path), lambda partial: partial.write_bytes(content))

@@ -2,14 +2,20 @@
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from PIL import Image
+from support.runs import DEFAULT, SAFE, record, source
 
+from plannerforge.engine.analysis.summary import analyse
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.rendering.reports import write_report
+from plannerforge.engine.rendering.reports import overview_section, run_section, write_report
+from plannerforge.engine.rendering.words import DEFINED, words_used
 from plannerforge.schemas.errors import ResourceFailure, UnsafeInput
 from plannerforge.schemas.rendering import ReportImage, ReportRequest, ReportSection, ReportTable
+from plannerforge.schemas.results import AnalyseRequest
+from plannerforge.schemas.runs import BatchRecord, ContactKind, Outcome, Prediction, RunMetrics, Traffic
 
 HOSTILE = '<script>alert("x")</script>'
 
@@ -62,3 +68,58 @@ def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:
 def test_a_missing_picture_is_named(tmp_path: Path) -> None:
     with pytest.raises(ResourceFailure, match=r"gone\.png cannot be read"):
         write_report(request(tmp_path, tmp_path / "gone.png"), silent)
+
+
+def test_every_outcome_kind_metric_and_condition_is_defined() -> None:
+    names = [name for names in (Outcome, ContactKind, Prediction, Traffic) for name in get_args(names)]
+    assert {*names, *RunMetrics.model_fields} == DEFINED
+
+
+def test_a_report_defines_the_words_that_it_uses_and_no_others(tmp_path: Path) -> None:
+    table = ReportTable(columns=("scenario", "outcome"), rows=(("ZAM_A-1_1_T-1", "goal reached"),))
+    section = ReportSection(title="Runs", text=("The time to collision rose; Holm.",), tables=(table,))
+    assert [word for word, _ in words_used([section])] == [
+        "collision",
+        "goal reached",
+        "Holm",
+        "scenario",
+        "time to collision",
+    ]
+    written = write_report(ReportRequest(title="R", sections=(section,), path=str(tmp_path / "r.html")), silent)
+    page = Path(written.path).read_text(encoding="utf-8")
+    assert "<dt>goal reached</dt>" in page
+    assert "<dt>timeout</dt>" not in page
+    assert '<a href="#words">' in page
+
+
+def test_the_overview_says_what_was_tested_what_came_out_and_what_is_next() -> None:
+    runs = [record(f"ZAM_T-{number}_1_T-1", config=config) for number in range(8) for config in (DEFAULT, SAFE)]
+    runs[0] = record("ZAM_T-0_1_T-1", "timeout")
+    runs[2] = record("ZAM_T-1_1_T-1", "invalid")
+    batch = BatchRecord(
+        batch_id="batch_a",
+        scenarios=tuple(dict.fromkeys(run.scenario_id for run in runs)),
+        configs=("cfg_a", "cfg_b"),
+        prediction="lane",
+        traffic="recorded",
+        runs=tuple(run.run_id for run in runs),
+        lost=(),
+    )
+    request = AnalyseRequest(results=("batch_a",), runs=tuple(map(source, runs)), breakdown="config")
+    section = overview_section(batch, {"cfg_a": "Default", "cfg_b": "Safe"}, analyse(request, silent), None)
+    said = dict(section.tables[0].rows)
+    assert said["What was tested"].startswith(
+        "2 configurations (Default; Safe) on 8 scenarios, 16 runs; recorded traffic"
+    )
+    assert "lane prediction" in said["What was tested"]
+    assert "14 of 15 valid runs (93 %" in said["What came out"]
+    assert "1 timeout; 1 could not be attempted" in said["What came out"]
+    assert said["Whose fault"] == "There was no collision whose course is known."
+    assert said["What is next"]
+    rows = {row[0]: row[1:] for row in section.tables[1].rows}
+    assert [(row[0], row[1], row[4]) for row in rows.values()] == [("7", "6 (86 %)", "1"), ("8", "8 (100 %)", "0")]
+
+
+def test_a_run_in_detail_says_how_it_ended() -> None:
+    section = run_section(record(outcome="timeout"), None)
+    assert section.text == ("It ended so: timeout: ended as timeout.",)
