@@ -24,6 +24,8 @@ _RISK_STEPS_M = (0.0, 0.5, 1.0, 3.0, 5.0)
 """Steps of the risk score; their source is that of :func:`risk_scores`."""
 _STANDING_MPS = 0.1
 """An ego slower than this has no time headway."""
+_LONGEST_S = 100.0
+"""Chosen: a longer time is none: two of equal speed by a hair would otherwise collide in a day."""
 _BESIDE_M = 1e-6
 """Of two whose centres are beside each other up to rounding, none is ahead."""
 _PAIRS_AT_ONCE = 2000
@@ -37,6 +39,7 @@ class _Criticality:
     minimum_distance_m: float | None = None
     minimum_time_to_collision_s: float | None = None
     minimum_time_headway_s: float | None = None
+    minimum_time_gap_s: float | None = None
     risk_score: int | None = None
 
 
@@ -81,11 +84,12 @@ def drive_criticality(ego: Track, moving: Iterable[Track], standing: Iterable[Tr
         return _Criticality()
     gaps = gaps_m(met)
     times = times_to_collision_s(met.ego, met.other)
-    headways = _time_headways_s(ego, met)
+    ahead = gaps_ahead_m(ego, met)
     return _Criticality(
         minimum_distance_m=float(gaps.min()),
         minimum_time_to_collision_s=_least(times),
-        minimum_time_headway_s=_least(headways),
+        minimum_time_headway_s=_least(_times_s(ahead + met.other.sizes_m[:, 0], met)),
+        minimum_time_gap_s=_least(_times_s(ahead, met)),
         risk_score=int(risk_scores(gaps, times).min()),
     )
 
@@ -170,16 +174,15 @@ def gaps_m(met: _Encounters) -> Values:
     return gaps
 
 
-def _time_headways_s(ego: Track, met: _Encounters) -> Values:
-    """Seconds until the ego's front is where the front of the vehicle ahead is now, at the ego's speed.
+def _times_s(ahead_m: Values, met: _Encounters) -> Values:
+    """Seconds in which the ego at its speed drives so far; infinite while it stands.
 
-    Time headway as in Vogel 2003 (a comparison of headway and time to collision): the distance from front to front
-    along the ego's path over its speed. Infinite for all who are not ahead (:func:`gaps_ahead_m`) and while the ego
-    stands.
+    Time headway as in Vogel 2003 (a comparison of headway and time to collision) is that from front to front, the time
+    gap (ISO 15622) that from the ego's front to the rear of the vehicle ahead.
     """
-    front_to_front = np.maximum(gaps_ahead_m(ego, met) + met.other.sizes_m[:, 0], 0.0)
     moving = met.ego.speeds_mps > _STANDING_MPS
-    return np.where(moving, front_to_front / np.maximum(met.ego.speeds_mps, _STANDING_MPS), np.inf)
+    times = np.maximum(ahead_m, 0.0) / np.maximum(met.ego.speeds_mps, _STANDING_MPS)
+    return np.where(moving & np.isfinite(ahead_m), times, np.inf)
 
 
 def gaps_ahead_m(ego: Track, met: _Encounters) -> Values:
@@ -241,5 +244,6 @@ def _nearest(path: Points, stations: Values, points: Points, begin: NDArray[np.i
 
 
 def _least(values: Values) -> float | None:
+    """The least of some times in s; None where none is within 100 s."""
     least = float(values.min())
-    return least if np.isfinite(least) else None
+    return least if least <= _LONGEST_S else None

@@ -338,16 +338,24 @@ _WORDS = {
     "minimum_distance_m": "minimum distance",
     "minimum_time_to_collision_s": "time to collision",
     "minimum_time_headway_s": "time headway",
-    "risk_score": "risk score (0 worst)",
+    "minimum_time_gap_s": "time gap",
+    "risk_score": "risk score (0 a collision, 5 negligible)",
     "duration_s": "duration",
     "distance_m": "distance driven",
     "mean_speed_mps": "mean speed",
     "maximum_jerk_mps3": "largest jerk",
     "mean_squared_jerk": "mean squared jerk",
+    "maximum_planar_jerk_mps3": "largest planar jerk",
+    "maximum_braking_mps2": "hardest braking",
+    "maximum_steering_rate_radps": "fastest steering",
     "maximum_lateral_acceleration_mps2": "largest lateral acceleration",
     "mean_total_cost": "mean total cost",
 }
-_LARGEST = {"jerk": "maximum_jerk_mps3", "lateral acceleration": "maximum_lateral_acceleration_mps2"}
+_LARGEST = {
+    "jerk": "maximum_jerk_mps3",
+    "braking": "maximum_braking_mps2",
+    "lateral acceleration": "maximum_lateral_acceleration_mps2",
+}
 """Metrics that stand among the largest motions, by their names there."""
 _SHOWN_FINDINGS, _SHOWN_EXCESSES, _SHOWN_INVALID = 2, 2, 2
 """Entries of the brief answer (chosen)."""

@@ -129,7 +129,7 @@ def course_of(runs: RunSet, record: RunRecord) -> Course | None:
 
 @dataclass(frozen=True)
 class _Motion:
-    """What passengers feel, a value a step after the first, whose acceleration is the scenario's and not the planner's.
+    """What passengers feel, a value a step after the first; the first jerk is from the initial state's acceleration.
 
     ``lateral_mps2`` is signed, to the left; ``speed_mps`` is that of the same steps.
     """
@@ -138,6 +138,7 @@ class _Motion:
     speed_mps: Values
     acceleration_mps2: Values
     lateral_mps2: Values
+    jerk_mps3: Values
 
     def time_s(self, index: int) -> float:
         """The time of an entry since the first state."""
@@ -167,6 +168,7 @@ class _Drive:
             speed_mps=self._ego.speeds_mps[1:],
             acceleration_mps2=np.asarray(steps.acceleration_mps2[1:], dtype=float),
             lateral_mps2=self._ego.speeds_mps[1:] * turn / record.step_s,
+            jerk_mps3=np.abs(np.diff(np.asarray(steps.acceleration_mps2, dtype=float))) / record.step_s,
         )
 
     def course(self) -> Course:
@@ -416,12 +418,11 @@ def _largest(motion: _Motion) -> Iterator[LargestMotion]:
         ("acceleration", felt, "m/s²"),
         ("braking", -felt, "m/s²"),
         ("lateral acceleration", np.abs(motion.lateral_mps2), "m/s²"),
-        ("jerk", np.abs(np.diff(felt)) / motion.step_s, "m/s³"),
+        ("jerk", motion.jerk_mps3, "m/s³"),
     )
     for name, values, unit in series:
         if len(values) and (most := float(values.max())) > 0:
-            index = int(values.argmax()) + (name == "jerk")
-            yield LargestMotion(name=name, value=most, unit=unit, time_s=motion.time_s(index))
+            yield LargestMotion(name=name, value=most, unit=unit, time_s=motion.time_s(int(values.argmax())))
 
 
 _ACC, _LKA, _STEERING = "ISO 15622:2018", "ISO 11270:2014", "UN R79"

@@ -188,13 +188,17 @@ METRICS: tuple[MetricSpec, ...] = (
     MetricSpec("minimum_distance_m", "m", "higher", "valid", tolerance=0.01),
     MetricSpec("minimum_time_to_collision_s", "s", "higher", "valid", tolerance=0.01),
     MetricSpec("minimum_time_headway_s", "s", "higher", "valid", tolerance=0.01),
+    MetricSpec("minimum_time_gap_s", "s", "higher", "valid", tolerance=0.01),
     MetricSpec("risk_score", "of 5", "higher", "valid"),
     MetricSpec("duration_s", "s", "lower", "both_reached_goal", tolerance=0.01),
     MetricSpec("distance_m", "m", None, "both_reached_goal", tolerance=0.01),
     MetricSpec("mean_speed_mps", "m/s", None, "both_reached_goal", tolerance=0.01),
     MetricSpec("maximum_jerk_mps3", "m/s³", "lower", "both_reached_goal", tolerance=0.01),
     MetricSpec("mean_squared_jerk", "m²/s⁶", "lower", "both_reached_goal", tolerance=0.01),
+    MetricSpec("maximum_planar_jerk_mps3", "m/s³", "lower", "both_reached_goal", tolerance=0.01),
+    MetricSpec("maximum_braking_mps2", "m/s²", "lower", "both_reached_goal", tolerance=0.01),
     MetricSpec("maximum_lateral_acceleration_mps2", "m/s²", "lower", "both_reached_goal", tolerance=0.01),
+    MetricSpec("maximum_steering_rate_radps", "rad/s", "lower", "both_reached_goal", tolerance=0.001),
     MetricSpec("mean_total_cost", "1", "lower", "both_reached_goal", within_one_configuration=True),
 )
 """The metrics in the order in which they are shown: one line for each field of ``RunMetrics``."""

@@ -195,8 +195,12 @@ def _metric_summaries(runs: RunSet) -> tuple[MetricSummary, ...]:
 
 _WHY_UNDEFINED: dict[str, str] = {
     "minimum_distance_m": "no other came within 60 m",
-    "minimum_time_to_collision_s": "never on a collision course with another",
+    "minimum_time_to_collision_s": "never on a course to a collision within 100 s",
     "minimum_time_headway_s": "no vehicle ahead on the ego's way",
+    "minimum_time_gap_s": "no vehicle ahead on the ego's way",
+    "maximum_planar_jerk_mps3": "the run is of a version before it was measured",
+    "maximum_braking_mps2": "the run is of a version before it was measured",
+    "maximum_steering_rate_radps": "the run is of a version before it was measured",
     "risk_score": "no other came within 60 m",
     "mean_total_cost": "the planner has no costs, or planned nothing",
 }

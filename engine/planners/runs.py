@@ -1,5 +1,6 @@
 """The operation that a worker carries out for one planner run: drive, then the record, metrics and steps of the run."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -16,6 +17,7 @@ from ..vehicles import VehicleParameters, vehicle_of
 from .interface import EgoState
 from .registry import check_modes, make_planner, open_traffic
 from .simulation import DrivenRun, simulate
+from .solution import steering_of
 
 
 def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
@@ -78,8 +80,11 @@ def _metrics(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> Ru
     ego = _ego_track(states, vehicle)
     accelerations = np.array([state.acceleration_mps2 for state in states])
     turn = wrap_angles(np.diff([state.heading_rad for state in states]))
-    jerk: Values = np.diff(accelerations[1:]) / step_s  # the recorded initial acceleration is not the planner's doing
-    lateral = np.abs(ego.speeds_mps[1:] * turn / step_s)
+    jerk: Values = np.diff(accelerations) / step_s
+    lateral = ego.speeds_mps[1:] * turn / step_s
+    felt = np.column_stack([accelerations[1:], lateral])
+    planar = np.linalg.norm(np.diff(felt, axis=0), axis=1) / step_s
+    steering = np.diff(steering_of(ego.headings_rad, ego.speeds_mps, step_s, vehicle.wheelbase_m)) / step_s
     duration = (len(states) - 1) * step_s
     distance = float(np.linalg.norm(np.diff(ego.positions, axis=0), axis=1).sum())
     nearness = drive_criticality(ego, driven.traffic.moving, driven.traffic.standing)
@@ -88,11 +93,19 @@ def _metrics(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> Ru
         distance_m=distance,
         mean_speed_mps=distance / duration if duration else float(ego.speeds_mps[0]),
         **vars(nearness),
-        maximum_jerk_mps3=float(np.abs(jerk).max()) if len(jerk) else 0.0,
+        maximum_jerk_mps3=_largest(np.abs(jerk)),
         mean_squared_jerk=float((jerk**2).mean()) if len(jerk) else 0.0,
-        maximum_lateral_acceleration_mps2=float(lateral.max()) if len(lateral) else 0.0,
+        maximum_planar_jerk_mps3=_largest([*np.abs(jerk[:1]), *planar]),
+        maximum_braking_mps2=max(_largest(-accelerations[1:]), 0.0),
+        maximum_lateral_acceleration_mps2=_largest(np.abs(lateral)),
+        maximum_steering_rate_radps=_largest(np.abs(steering)),
         mean_total_cost=float(np.mean(total_costs)) if total_costs else None,
     )
+
+
+def _largest(values: Sequence[float] | Values) -> float:
+    """The largest of some values; 0 without any."""
+    return float(max(values, default=0.0))
 
 
 def _ego_track(states: list[EgoState], vehicle: VehicleParameters) -> Track:

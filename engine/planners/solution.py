@@ -97,8 +97,14 @@ def solution_xml(
 
 def mean_steering_angles(steps: RunSteps, step_s: float, wheelbase_m: float, largest_rad: float) -> Points:
     """Steering angle in rad at every state, shape (n,): the mean of those that the turns before and after it need."""
-    turned = np.diff(np.unwrap(np.array(steps.heading_rad)))
-    speed = np.array(steps.speed_mps)
+    angles = steering_of(np.array(steps.heading_rad), np.array(steps.speed_mps), step_s, wheelbase_m)
+    limited: Points = np.clip(angles, -largest_rad, largest_rad)
+    return limited
+
+
+def steering_of(headings_rad: Points, speed: Points, step_s: float, wheelbase_m: float) -> Points:
+    """Steering angle in rad at every state (n,) that the turns before and after it need on average, without a limit."""
+    turned = np.diff(np.unwrap(headings_rad))
     mean_speed = 0.5 * (speed[1:] + speed[:-1])
     moving = mean_speed > _STANDING_MPS
     between = np.zeros(len(turned))
@@ -106,6 +112,5 @@ def mean_steering_angles(steps: RunSteps, step_s: float, wheelbase_m: float, lar
     for index in np.flatnonzero(~moving):
         between[index] = between[index - 1] if index else 0.0
     around = np.concatenate([between[:1], between, between[-1:]])
-    angles = 0.5 * (around[1:] + around[:-1]) if len(turned) else np.zeros(len(speed))
-    limited: Points = np.clip(angles, -largest_rad, largest_rad)
-    return limited
+    angles: Points = 0.5 * (around[1:] + around[:-1]) if len(turned) else np.zeros(len(speed))
+    return angles

@@ -37,9 +37,13 @@ def metrics(**changes: float | None) -> RunMetrics:
         "minimum_distance_m": 2.0,
         "minimum_time_to_collision_s": 4.0,
         "minimum_time_headway_s": 2.0,
+        "minimum_time_gap_s": 1.6,
         "risk_score": 3,
         "maximum_jerk_mps3": 2.0,
         "mean_squared_jerk": 1.0,
+        "maximum_planar_jerk_mps3": 2.5,
+        "maximum_braking_mps2": 1.5,
+        "maximum_steering_rate_radps": 0.1,
         "maximum_lateral_acceleration_mps2": 1.0,
         "mean_total_cost": 3.0,
     }

@@ -181,7 +181,7 @@ def test_a_metric_that_there_is_not_is_none_with_the_reason(tmp_path: Path) -> N
         "minimum_time_headway_s",
         "risk_score",
     }
-    assert "risk score (0 worst) none: no other came within 60 m" in result.to_text()
+    assert "risk score (0 a collision, 5 negligible) none: no other came within 60 m" in result.to_text()
     both = analysed(source(record(figures=alone)), source(record("ZAM_B-1_1_T-1", figures=alone)))
     assert "time headway none: no vehicle ahead on the ego's way" in both.to_text()
 
