@@ -163,9 +163,10 @@ def _by_configuration(result: AnalyzeResultsResult) -> ReportTable:
 
 def run_section(record: RunRecord, review: RunReview | None) -> ReportSection:
     """One run in detail: how it ended, how near others were, its largest motions."""
-    told = [] if review is None else [review.nearness_in_words(), review.motion_in_words()]
-    if review is not None and review.closest is None:
-        told = told[1:]
+    told = []
+    if review is not None:
+        near = [review.nearness_in_words()] if review.contact is None and review.closest is not None else []
+        told = [*near, review.motion_in_words()]
     return ReportSection(
         title=f"One run in detail: {record.run_id}",
         asked=f"{record.config_name} on {record.scenario_id}",

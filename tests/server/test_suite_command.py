@@ -23,6 +23,53 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("gate") / "workspace"
 
 
+_TOLD = ({"type", "message"}, set[str](), ())
+_JUNIT: dict[str, tuple[set[str], set[str], tuple[str, ...]]] = {
+    "testsuites": ({"name", "time", "tests", "failures", "errors"}, set(), ("testsuite",)),
+    "testsuite": (
+        {"name", "tests", "failures", "errors", "skipped", "time", "timestamp", "hostname", "id", "package"},
+        {"name", "tests", "failures", "errors"},
+        ("properties", "testcase", "system-out", "system-err"),
+    ),
+    "testcase": ({"name", "classname", "time"}, {"name"}, ("skipped", "error", "failure", "system-out", "system-err")),
+    "skipped": _TOLD,
+    "error": _TOLD,
+    "failure": _TOLD,
+    "system-out": (set(), set(), ()),
+    "system-err": (set(), set(), ()),
+}
+"""What the XSD of Jenkins' xUnit plugin (junit-10) and its predecessor both allow: attributes, those that must be,
+children in their order."""
+
+
+def breaches(element: etree._Element) -> list[str]:
+    """Where a JUnit file breaks the schema, or counts what is not there."""
+    allowed, needed, children = _JUNIT[str(element.tag)]
+    given, tags = set(element.attrib), [str(child.tag) for child in element]
+    found = [f"{element.tag}: {name}" for name in sorted(given - allowed | needed - given)]
+    found += [f"{element.tag} holds {tag}" for tag in tags if tag not in children]
+    if not found and tags != sorted(tags, key=children.index):
+        found.append(f"order in {element.tag}")
+    if element.tag == "testsuite":
+        for count, tag in (("tests", "testcase"), ("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
+            if element.get(count, "0") != str(sum(1 for _ in element.iter(tag))):
+                found.append(f"testsuite counts {count}")
+    return found + [one for child in element if child.tag in _JUNIT for one in breaches(child)]
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("<testsuites><testsuite name='a' tests='0' failures='0'/></testsuites>", "testsuite: errors"),
+        ("<testsuite name='a' tests='2' failures='0' errors='0'><testcase name='b'/></testsuite>", "counts tests"),
+        ("<testcase name='a' result='b'/>", "testcase: result"),
+        ("<testcase name='a'><system-out/><failure/></testcase>", "order in testcase"),
+    ],
+)
+def test_the_check_of_junit_files_sees_what_is_wrong(text: str, found: str) -> None:
+    assert found in "; ".join(breaches(etree.fromstring(text)))
+
+
 def run_suite(workspace: Path, path: Path, *flags: str) -> Result:
     environment = {"COLUMNS": "250", "PLANNERFORGE_MAPS_ONLINE": "offline"}
     return CliRunner(env=environment).invoke(application, ["test", str(path), "--workspace", str(workspace), *flags])
@@ -50,6 +97,7 @@ def test_limits_decide_the_exit_code_and_every_file_says_the_same(workspace: Pat
     assert broken.exit_code == 1
     assert "1 limit broken; 2 runs, 2 of them run before" in broken.stdout
     suites = etree.parse(names["junit"]).getroot()
+    assert breaches(suites) == []
     assert [(one.get("tests"), one.get("failures"), one.get("errors")) for one in suites] == [
         ("4", "1", "0"),
         ("2", "0", "0"),
@@ -124,7 +172,8 @@ def test_the_outcomes_of_runs_are_told_apart_in_junit_and_markdown() -> None:
             "runs": {"suite": "s", "configurations": {}},
         }
     )
-    limits, runs = etree.fromstring(junit_xml(report))
+    limits, runs = made = etree.fromstring(junit_xml(report))
+    assert breaches(made) == []
     assert [child.tag for case in limits for child in case] == ["failure"]
     assert [child.tag for case in runs for child in case] == ["system-out", "system-out", "skipped", "error"]
     assert {key: runs.get(key) for key in ("tests", "failures", "errors", "skipped")} == {
