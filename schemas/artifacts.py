@@ -8,7 +8,9 @@ from pydantic import Field
 
 from .base import LONGEST_PATH, Answer, Arguments, Model, Result, first_of
 from .planning import PlannerConfiguration
-from .runs import LostCell, RunRecord
+from .results import Rate
+from .runs import LostCell, Prediction, RunRecord, Traffic
+from .text import counted
 
 ExportFormat = Literal[
     "xml",
@@ -30,7 +32,7 @@ CostFunctionId = Literal["JB1", "SA1", "WX1", "SM1", "SM2", "SM3", "MW1", "TR1",
 
 
 class ListArtifactsArguments(Arguments):
-    """What was made in this workspace, newest first."""
+    """What was made in this workspace, newest first; batches with their success rates."""
 
     kind: Literal["scenario", "search", "config", "run", "batch", "map", "plan", "job"] | None = None
     parent: str | None = Field(None, description="id that it was made from")
@@ -39,8 +41,42 @@ class ListArtifactsArguments(Arguments):
     offset: int = Field(0, ge=0)
 
 
+class ConfigSuccess(Model):
+    """How often a configuration reached the goal in a batch; ``invalid``: runs that could not be attempted."""
+
+    config_id: str
+    config_name: str
+    success: Rate
+    invalid: int
+
+
+_MOST_CONFIGS = 3
+"""Configurations of a batch that its line names (chosen): analyze_results with a breakdown names all."""
+
+
+class BatchSummary(Model):
+    """What came out of a batch, and under which conditions; ``lost``: cells that gave no run."""
+
+    prediction: Prediction
+    traffic: Traffic
+    scenarios: int
+    configs: tuple[ConfigSuccess, ...]
+    lost: int = 0
+
+    def in_words(self) -> str:
+        """``lane prediction, recorded traffic, 25 scenarios: Default 18/25 = 72 % (95 %: 52–86 %)``."""
+        told = [f"{one.config_name} {one.success.in_words()}" for one in self.configs[:_MOST_CONFIGS]]
+        left_out = len(self.configs) - len(told)
+        more = [f"{counted(left_out, 'configuration')} more"] if left_out else []
+        invalid = sum(one.invalid for one in self.configs)
+        apart = [f"{invalid} invalid"] * bool(invalid) + [f"{self.lost} lost"] * bool(self.lost)
+        rates = ", ".join([*told, *more, *apart]) or "no run"
+        prediction = self.prediction.replace("_", " ")
+        return f"{prediction}, {self.traffic} traffic, {counted(self.scenarios, 'scenario')}: {rates}"
+
+
 class ListedArtifact(Model):
-    """One artifact in a list."""
+    """One artifact in a list; ``batch``: what came out of it, where batches were asked for."""
 
     artifact_id: str
     kind: str
@@ -49,6 +85,15 @@ class ListedArtifact(Model):
     parents: tuple[str, ...]
     made_at: str
     uri: str
+    batch: BatchSummary | None = None
+
+    def in_words(self) -> str:
+        """The line of an answer: kind, id, what it is, when it was made."""
+        if self.batch is not None:
+            return f"{self.kind} {self.artifact_id}, {self.made_at}: {self.batch.in_words()}"
+        name = f" ({self.name})" if self.name and self.name != self.artifact_id else ""
+        parents = f" from {', '.join(self.parents[:4])}" if self.parents else ""
+        return f"{self.kind} {self.artifact_id}{name} by {self.made_by}{parents}, {self.made_at}"
 
 
 class ListArtifactsResult(Result):
@@ -62,15 +107,22 @@ class ListArtifactsResult(Result):
         if not self.artifacts:
             following = "generate_scenarios, find_scenarios or import_files"
             return Answer("Nothing was made yet that fits.", next_step=following)
-        lines = [
-            f"{item.kind} {item.artifact_id}"
-            + (f" ({item.name})" if item.name and item.name != item.artifact_id else "")
-            + f" by {item.made_by}"
-            + (f" from {', '.join(item.parents[:4])}" if item.parents else "")
-            + f", {item.made_at}"
-            for item in self.artifacts
-        ]
-        return Answer(lines[0], listed=lines[1:], next_step="raise offset for more" if self.more else "")
+        lines = [item.in_words() for item in self.artifacts]
+        rated = sum(item.batch is not None for item in self.artifacts)
+        steps = ["raise offset for more"] * self.more + ["compare_results tests two of them"] * (rated > 1)
+        return Answer(lines[0], listed=lines[1:], next_step="; ".join(steps))
+
+
+class SuccessRequest(Model):
+    """Sets of trials that a rate each is wanted of; a trial is its scenario and whether the goal was reached."""
+
+    sets: tuple[tuple[tuple[str, bool], ...], ...]
+
+
+class SuccessRates(Model):
+    """The rate of each set, in the order of the request, with the scenario as the unit."""
+
+    rates: tuple[Rate, ...]
 
 
 class ExportArtifactsArguments(Arguments):

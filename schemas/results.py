@@ -58,6 +58,14 @@ class Rate(Model):
     high: float | None
     scenarios: int | None = None
 
+    def in_words(self) -> str:
+        """``6/8 = 75 % (95 %: 41–93 %)``, with the number of scenarios where it is another one."""
+        if self.share is None or self.low is None or self.high is None:
+            return f"{self.count}/{self.of}"
+        span = f"95 %: {100 * self.low:.0f}–{100 * self.high:.0f} %"
+        scenarios = f", {self.scenarios} scenarios" if self.scenarios not in (None, self.of) else ""
+        return f"{self.count}/{self.of} = {_percent(self.share)} ({span}{scenarios})"
+
 
 class OutcomeShare(Model):
     """How many valid runs ended in one way; ``run_ids`` holds the first five of them."""
@@ -217,7 +225,7 @@ class CollisionCauses(Model):
         """Kinds, and the share that no ego could prevent, with the rate without them."""
         kinds = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in self.kinds.items())
         some = "" if self.judged == self.collisions else f" that could be judged, of {self.collisions}"
-        without = f"; without them goal {_rate_text(self.success_without)}" if self.not_preventable else ""
+        without = f"; without them goal {self.success_without.in_words()}" if self.not_preventable else ""
         none = (
             f"; no reference driver prevents {len(self.not_preventable)} of {self.judged}{some}" if self.judged else ""
         )
@@ -238,7 +246,7 @@ class TrivialGoals(Model):
     def in_words(self) -> str:
         """How many there are of which kind, with the rate without them."""
         kinds = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in self.kinds.items())
-        return f"Goals that asked for no driving: {kinds}; without them goal {_rate_text(self.success_without)}."
+        return f"Goals that asked for no driving: {kinds}; without them goal {self.success_without.in_words()}."
 
 
 class RunRow(Model):
@@ -443,7 +451,7 @@ def _main_cost(result: AnalyzeResultsResult) -> list[str]:
 
 def _several_runs(result: AnalyzeResultsResult) -> Answer:
     valid = result.success.of
-    head = f"{result.runs} runs ({valid} valid, {result.invalid_count} invalid): goal {_rate_text(result.success)}"
+    head = f"{result.runs} runs ({valid} valid, {result.invalid_count} invalid): goal {result.success.in_words()}"
     figures = _failures(result)
     figures += [part.in_words() for part in (result.causes, result.trivial) if part is not None]
     if result.detail == "summary":
@@ -513,7 +521,7 @@ def _finding_text(finding: Finding) -> str:
 def _groups(result: AnalyzeResultsResult) -> list[str]:
     def line(name: str, rate: Rate, outcomes: dict[str, int], invalid: int) -> str:
         failures = ", ".join(f"{key} {count}" for key, count in outcomes.items() if key != "goal_reached")
-        parts = [f"- {name}: goal {_rate_text(rate)}", failures, f"invalid {invalid}" if invalid else ""]
+        parts = [f"- {name}: goal {rate.in_words()}", failures, f"invalid {invalid}" if invalid else ""]
         return "; ".join(part for part in parts if part)
 
     lines = [line(group.name, group.success, group.outcomes, group.invalid) for group in result.groups]
@@ -598,15 +606,6 @@ def _percent(share: float | None) -> str:
     if share is None:
         return "–"
     return "<1 %" if 0 < share < _ONE_PERCENT / 2 else f"{100 * share:.0f} %"
-
-
-def _rate_text(rate: Rate) -> str:
-    """``6/8 = 75 % (95 %: 41–93 %)``, with the number of scenarios where it is another one."""
-    if rate.share is None or rate.low is None or rate.high is None:
-        return f"{rate.count}/{rate.of}"
-    span = f"95 %: {100 * rate.low:.0f}–{100 * rate.high:.0f} %"
-    scenarios = f", {rate.scenarios} scenarios" if rate.scenarios not in (None, rate.of) else ""
-    return f"{rate.count}/{rate.of} = {_percent(rate.share)} ({span}{scenarios})"
 
 
 _LONGEST = 1e7

@@ -1,14 +1,27 @@
 """The tools that list what was made, and look at and stop what is being made."""
 
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
 from ..engine.execution import Job
 from ..engine.workspace import Artifact
 from ..resources.templates import SCHEME
-from ..schemas.artifacts import ListArtifactsArguments, ListArtifactsResult, ListedArtifact
+from ..schemas.artifacts import (
+    BatchSummary,
+    ConfigSuccess,
+    ListArtifactsArguments,
+    ListArtifactsResult,
+    ListedArtifact,
+    SuccessRequest,
+)
 from ..schemas.catalog import SearchRecord
 from ..schemas.errors import NotPossible
 from ..schemas.jobs import CancelJobArguments, GetJobArguments, JobResult
+from ..schemas.runs import BatchRecord, RunRecord
 from ..schemas.text import counted
 from .call import ToolCall
+from .operations import SUCCESS_RATES
+from .results import lineages
 
 _NEXT = {
     "running": "call get_job again with the same job_id",
@@ -31,8 +44,66 @@ async def list_artifacts(arguments: ListArtifactsArguments, call: ToolCall) -> L
         limit=arguments.limit + 1,
         offset=arguments.offset,
     )
-    listed = tuple(_listed(artifact) for artifact in artifacts[: arguments.limit])
+    shown = artifacts[: arguments.limit]
+    listed = tuple(_listed(artifact) for artifact in shown)
+    if arguments.kind == "batch":
+        batches = await _summaries([artifact.read(BatchRecord) for artifact in shown], call)
+        listed = tuple(item.model_copy(update={"batch": batch}) for item, batch in zip(listed, batches, strict=True))
     return ListArtifactsResult(artifacts=listed, more=len(artifacts) > arguments.limit)
+
+
+async def _summaries(batches: Sequence[BatchRecord], call: ToolCall) -> list[BatchSummary]:
+    """What came out of each batch, configurations in order of their runs; rates are those of ``analyze_results``."""
+    known: dict[str, RunRecord] = {}
+    for run_id in dict.fromkeys(run_id for batch in batches for run_id in batch.runs):
+        known[run_id] = call.workspace.get(run_id, "run").read(RunRecord)
+    roots = {one.scenario_id: one.root for one in lineages((run.scenario_id for run in known.values()), call)}
+    groups = [_by_config([known[run_id] for run_id in batch.runs]) for batch in batches]
+    sets = tuple(
+        tuple((roots.get(run.scenario_id, run.scenario_id), run.outcome == "goal_reached") for run in _valid(runs))
+        for group in groups
+        for runs in group.values()
+    )
+    rates = iter((await call.run(SUCCESS_RATES, SuccessRequest(sets=sets))).rates if sets else ())
+    names = _config_names(known.values())
+    return [
+        BatchSummary(
+            prediction=batch.prediction,
+            traffic=batch.traffic,
+            scenarios=len(
+                {known[run_id].scenario_id for run_id in batch.runs} | {cell.scenario_id for cell in batch.lost}
+            ),
+            configs=tuple(
+                ConfigSuccess(
+                    config_id=config_id,
+                    config_name=names[config_id],
+                    success=next(rates),
+                    invalid=len(runs) - len(_valid(runs)),
+                )
+                for config_id, runs in group.items()
+            ),
+            lost=len(batch.lost),
+        )
+        for batch, group in zip(batches, groups, strict=True)
+    ]
+
+
+def _valid(runs: Sequence[RunRecord]) -> list[RunRecord]:
+    return [run for run in runs if run.outcome != "invalid"]
+
+
+def _by_config(runs: Iterable[RunRecord]) -> dict[str, list[RunRecord]]:
+    groups: dict[str, list[RunRecord]] = {}
+    for run in runs:
+        groups.setdefault(run.config_id, []).append(run)
+    return groups
+
+
+def _config_names(runs: Iterable[RunRecord]) -> dict[str, str]:
+    """The names of configurations by id; where several have one name, with their ids."""
+    names = {run.config_id: run.config_name for run in runs}
+    often = Counter(names.values())
+    return {config_id: name if often[name] == 1 else f"{name} {config_id}" for config_id, name in names.items()}
 
 
 def _listed(artifact: Artifact) -> ListedArtifact:

@@ -9,7 +9,15 @@ Time limits are chosen, generously: they end what hangs. Where a client waits fo
 
 from ..engine.execution import Operation
 from ..schemas.analysis.comparison import CompareRequest, CompareResultsResult
-from ..schemas.artifacts import FileWritten, ForeignExport, ForeignExportRequest, RunTableRequest, SolutionRequest
+from ..schemas.artifacts import (
+    FileWritten,
+    ForeignExport,
+    ForeignExportRequest,
+    RunTableRequest,
+    SolutionRequest,
+    SuccessRates,
+    SuccessRequest,
+)
 from ..schemas.catalog import BuildIndexRequest, BuildIndexResponse, RankRequest, RankResponse
 from ..schemas.generation import (
     ConvertedMap,
@@ -72,6 +80,7 @@ RUN_PLANNER = Operation("plannerforge.engine.planners:run_planner", RunRequest, 
 WRITE_SOLUTION = Operation("plannerforge.engine.planners:write_solution", SolutionRequest, FileWritten)
 WRITE_RUN_TABLE = Operation("plannerforge.engine.analysis:write_run_table", RunTableRequest, FileWritten)
 ANALYSE = Operation("plannerforge.engine.analysis:analyse", AnalyseRequest, AnalyzeResultsResult, timeout_s=50.0)
+SUCCESS_RATES = Operation("plannerforge.engine.analysis:success_rates", SuccessRequest, SuccessRates, timeout_s=50.0)
 REVIEW_RUNS = Operation("plannerforge.engine.analysis:review_runs", ReviewRequest, ReviewResponse, timeout_s=50.0)
 COMPARE = Operation("plannerforge.engine.analysis:compare", CompareRequest, CompareResultsResult, timeout_s=50.0)
 

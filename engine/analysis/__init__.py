@@ -21,6 +21,7 @@
 ``mcnemar_exact``: two-sided p of the exact McNemar test on discordant pairs.
 ``rate``: a share with its 95 % Wilson interval.
 ``signed_rank``: Wilcoxon's signed-rank test on paired differences.
+``success_rates``: an operation: the rates of sets of trials, with the scenario as the unit.
 ``wilson_interval``: the Wilson score interval of a binomial share.
 """
 
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from .moments import Course, course_of, review_runs
     from .run_set import METRICS, MetricSpec, RunSet, cost_shares, driven_tracks, mean_terms, read_steps
     from .run_table import write_run_table
-    from .statistics import SignedRank, mcnemar_exact, rate, signed_rank, wilson_interval
+    from .statistics import SignedRank, mcnemar_exact, rate, signed_rank, success_rates, wilson_interval
     from .summary import analyse
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -16,7 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...schemas.artifacts import SuccessRates, SuccessRequest
 from ...schemas.results import Rate
+from ..execution import ProgressReporter
 
 FEWEST_PAIRS = 6
 """With fewer differing pairs no two-sided test on signs or ranks can go below 5 %: 2 · 0.5⁵ = 6.25 %."""
@@ -53,6 +55,13 @@ def rate_by_scenario(trials: Iterable[tuple[str, bool]]) -> Rate:
     share = count / of
     low, high = wilson_interval(count, of, _effective(clusters, of, share, share * (1 - share)))
     return Rate(count=count, of=of, share=share, low=low, high=high, scenarios=len(clusters))
+
+
+def success_rates(request: SuccessRequest, report: ProgressReporter) -> SuccessRates:
+    """The rate of each set of trials, as :func:`rate_by_scenario` computes it."""
+    rates = tuple(rate_by_scenario(trials) for trials in request.sets)
+    report(1.0, "counted")
+    return SuccessRates(rates=rates)
 
 
 _Cluster = tuple[float, int]
