@@ -1,6 +1,7 @@
 """Whether a goal can be reached in time at all, by what is certain: a straight way, and a speed that no ego exceeds."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -30,12 +31,13 @@ def cannot_be_reached(runs: RunSet, record: RunRecord) -> bool:
     start = problem.initial_state
     limit_mps = UNLIMITED_MPS if known.limit_kmh is None else OVER_LIMIT * known.limit_kmh / 3.6
     for state in states:
-        place = getattr(state, "position", None)
-        if place is None or not hasattr(place, "shapely_object"):
+        place: Any = getattr(state, "position", None)
+        shapes = getattr(place, "shapes", (place,))  # lanelets are a group of shapes
+        if not all(hasattr(shape, "shapely_object") for shape in shapes):
             return False
         from shapely import Point
 
-        away_m = float(place.shapely_object.distance(Point(start.position)))
+        away_m = min(float(shape.shapely_object.distance(Point(start.position))) for shape in shapes)
         time_s = (float(getattr(state.time_step, "end", state.time_step)) - start.time_step) * record.step_s
         if away_m - record.ego_length_m <= farthest_m(float(start.velocity), limit_mps, time_s):
             return False

@@ -8,6 +8,8 @@ preventable or not, as the truth has it).
 ``nulls``: ``false_findings_rate`` (of batches in which nothing differs, those in which a comparison states that
 something does), ``interval_coverage`` (95 % intervals that hold the truth).
 ``planted``: ``planted_found`` (of batches with one cause of failure planted, those in which a finding names it).
+``trivial``: ``trivial_marked`` (share of reached goals that are told to ask for no driving, or not, as it is so).
+``statements``: ``statements_recomputed`` (share of the figures in answers and reports that raw rows give once more).
 
 ``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too; then the status is
 1. ``--json`` prints the last line alone.
@@ -27,6 +29,8 @@ PARTS: Parts[AnalysisBench] = Parts(
         "causes": ("class_right", "fault_right"),
         "nulls": ("false_findings_rate", "interval_coverage"),
         "planted": ("planted_found",),
+        "trivial": ("trivial_marked",),
+        "statements": ("statements_recomputed",),
     },
 )
 """The parts in the order in which they are measured, and the keys that each owes."""

@@ -1,0 +1,564 @@
+"""What the figures of a sentence are of: rules from the words of answers and reports to what recomputes their figures.
+
+A rule is a pattern, whose groups that are numbers are the figures, and a function from its match to what these should
+be. ``Judge.rules`` are those for the runs of a batch.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from statistics import median
+from typing import Any
+
+import numpy as np
+from scipy.stats import fisher_exact
+
+from ...schemas.runs import RunRecord
+from ...schemas.vocabulary import ROAD_KINDS
+from .public_runs import RawRuns
+from .recomputed import METRICS, Costs, Pairs, correlation, goal, goals, holm, late_because, metric
+from .trivial import problem_of, truth
+
+N = r"([-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?)"
+RATE = rf"{N}/{N}(?: = <?{N} % \(95 %: {N}–{N} %(?:, {N} scenarios)?\))?"
+_NUMBER = re.compile(rf"(?<![\w.]){N}(?![\w])")
+_NAMES = re.compile(
+    r"\b(?:run|cfg|batch|job)_[\w-]+|\b[A-Z]{3}_[\w-]+|'[^']*'|ISO [\d:]+|UN R\d+|\(0 a [^)]*\)|of 5\b|95 %|Next: .*"
+)
+"""What holds digits and is no figure: ids, names in quotes, norms, the ends of a scale, the next call."""
+Row = tuple[str, Callable[[re.Match[str]], Sequence[float | None]]]
+Rule = tuple[re.Pattern[str], Callable[[re.Match[str]], Sequence[float | None]]]
+
+
+def agrees(shown: str, value: float | None) -> bool:
+    """Whether a figure rounds to the digits shown, either way where it lies between."""
+    if value is None:
+        return False
+    mantissa, _, exponent = shown.replace(",", "").lstrip("+").partition("e")
+    decimals = len(mantissa.partition(".")[2])
+    unit = 10.0 ** (int(exponent or 0) - decimals)
+    return abs(float(mantissa + (f"e{exponent}" if exponent else "")) - value) <= 0.5 * unit * (1 + 1e-6)
+
+
+def is_close(record: RunRecord) -> bool:
+    """Whether a run came closer than half a metre or a second and a half to a collision."""
+    gap, time = metric(record, "minimum distance"), metric(record, "time to collision")
+    return (gap is not None and gap < 0.5) or (time is not None and time < 1.5)
+
+
+@dataclass
+class Tally:
+    """Figures that agree, that do not, and that no rule knows; each of the latter two with its line."""
+
+    agreeing: int = 0
+    wrong: list[str] = field(default_factory=list)
+    unknown: list[str] = field(default_factory=list)
+
+    @property
+    def figures(self) -> int:
+        """All of them."""
+        return self.agreeing + len(self.wrong) + len(self.unknown)
+
+    def read(self, line: str, rules: Sequence[Rule]) -> None:
+        """Take the figures of a line by the rules that know them."""
+        rest = line
+        for pattern, expected in rules:
+            for match in list(pattern.finditer(rest)):
+                shown = [place for place in range(1, pattern.groups + 1) if re.fullmatch(N, match[place] or "")]
+                self._compare(line, [match[place] for place in shown], expected(match))
+                for place in shown:  # only the figures are taken out: other rules look at the names
+                    rest = f"{rest[: match.start(place)]}{'~' * len(match[place])}{rest[match.end(place) :]}"
+        self.unknown += [f"{number} in: {line}" for number in _NUMBER.findall(_NAMES.sub("", rest))]
+
+    def _compare(self, line: str, shown: Sequence[str], values: Sequence[float | None]) -> None:
+        for number, value in zip(shown, [*values, *[None] * len(shown)], strict=False):
+            if agrees(number, value):
+                self.agreeing += 1
+            else:
+                self.wrong.append(f"{number}, recomputed {value}, in: {line}")
+
+
+_COUNTED = (
+    "main_failure",
+    "unforeseen",
+    "goal_out_of_reach",
+    "held_up",
+    "held_back",
+    "weak_obstacle_cost",
+    "near_misses",
+    "uncomfortable_turns",
+)
+"""Findings whose first figure is the number of their runs."""
+LATE = ("timeout", "goal_late")
+"""Outcomes of runs that came too late, or not at all in time."""
+
+
+class Judge:
+    """What the sentences on the runs of a batch are of; ``findings``: how many are stated of them."""
+
+    def __init__(
+        self, raw: RawRuns, weights: Mapping[str, Mapping[str, float]], reviews: Mapping[str, Any], findings: int
+    ) -> None:
+        self.raw, self.weights, self.reviews, self.findings = raw, weights, reviews, findings
+        self.costs, self.features = Costs(raw), correlation(raw)
+        self.names = {record.config_name: record.config_id for record in raw.records}
+        self.pairs = Pairs(raw, raw.batch.configs) if len(raw.batch.configs) == 2 else None
+
+    # ---- runs
+
+    def of(self, config: str, *outcomes: str) -> list[RunRecord]:
+        """The valid runs of a configuration, of some outcomes."""
+        return [
+            one for one in self.raw.valid if one.config_name == config and (not outcomes or one.outcome in outcomes)
+        ]
+
+    @cached_property
+    def contacts(self) -> dict[str, Any]:
+        """Who hit whom, of the runs that ended in a collision."""
+        found = {one.run_id: self.reviews[one.run_id]["contact"] for one in self.raw.valid if one.collision}
+        return {run_id: contact for run_id, contact in found.items() if contact is not None}
+
+    @cached_property
+    def unprevented(self) -> set[str]:
+        """Collisions that no reference driver prevents."""
+        judged = {run_id: contact["prevention"] for run_id, contact in self.contacts.items()}
+        keys = ("by_careful_driver", "by_rss")
+        return {
+            run_id
+            for run_id, by in judged.items()
+            if by is not None and by["by_braking_until_s"] is None and not any(by[key] for key in keys)
+        }
+
+    @cached_property
+    def the_others(self) -> set[str]:
+        """Collisions by others: from behind, or that nobody in the ego's place prevents."""
+        behind = ("rear_end_by_other", "onto_standing_ego")
+        return self.unprevented | {key for key, contact in self.contacts.items() if contact["kind"] in behind}
+
+    @cached_property
+    def trivial(self) -> dict[str, str]:
+        """Goals that asked for no driving, by the judge of ``trivial``."""
+        reached = [one for one in self.raw.valid if goal(one)]
+        kinds = {
+            one.run_id: truth(problem_of(self.raw.files[one.scenario_id], one), self.raw.steps[one.run_id])
+            for one in reached
+        }
+        return {run_id: kind for run_id, kind in kinds.items() if kind is not None}
+
+    @cached_property
+    def late(self) -> dict[str, str]:
+        """Why runs came late, by run id."""
+        return {one.run_id: late_because(self.raw, one) for one in self.raw.valid if one.outcome in LATE}
+
+    def goals_without(self, left_out: Sequence[str] | set[str] | dict[str, str]) -> list[float]:
+        """The rate without some runs."""
+        return goals(one for one in self.raw.valid if one.run_id not in left_out)
+
+    # ---- rules
+
+    def rules(self) -> list[Rule]:
+        """The rules in the order in which they are tried."""
+        made = [self._evidence(), *self._of_rates(), *self._of_metrics(), *self._of_findings(), *self._of_rows()]
+        if self.pairs is not None:
+            made += self._of_comparison(self.pairs)
+        return [(re.compile(pattern), expected) for pattern, expected in made]
+
+    def _evidence(self) -> Row:
+        """How many runs are behind a finding, beside the two that are named."""
+
+        def behind(match: re.Match[str]) -> list[float | None]:
+            text = match.string
+            found = re.match(r"- \[(\w+)\]", text)
+            name = found[1] if found else ""
+            if name in ("dominating_cost", "idle_weights"):
+                config = next(config for config in self.names if config in text)
+                return [sum(one.run_id in self.raw.steps for one in self.of(config)) - 2]
+            if name in _COUNTED:
+                stated = re.search(r"(\d+) of", text)
+                return [float(stated[1]) - 2 if stated else None]
+            if name == "rejecting_constraint":
+                return [sum(one.outcome == "infeasible" for one in self.raw.valid) - 2]
+            return [None]
+
+        return (rf"(?<=\w )\+{N}$", behind)
+
+    def _of_rates(self) -> list[Row]:
+        records, valid = self.raw.records, self.raw.valid
+        outcomes, contacts = Counter(str(one.outcome) for one in valid), self.contacts
+        kinds = Counter(contact["kind"].replace("_", " ") for contact in contacts.values())
+        trivial = ("at the start", "standing", "by time alone")
+        hits = sum(one.collision is not None for one in valid)
+
+        def group(name: str) -> list[float]:
+            return goals(one for one in valid if f"{one.config_name} ({one.config_id})" == name)
+
+        def failed(match: re.Match[str]) -> list[float]:
+            count = outcomes[match[1]]
+            return [count, count - len(match[3].split())]
+
+        return [
+            (
+                rf"^{N} runs \({N} valid, {N} invalid\): goal {RATE}",
+                lambda _: [len(records), len(valid), len(records) - len(valid), *goals(valid)],
+            ),
+            (rf"\b([a-z]+(?:_[a-z]+)*) {N} \(((?:run_[\w-]+ ?)+?)(?: \+{N})?\)", failed),
+            (
+                rf"without them goal {RATE}(?=\.$)",
+                lambda match: self.goals_without(self.trivial if "no driving" in match.string else self.unprevented),
+            ),
+            (
+                rf"no reference driver prevents {N} of {N}(?: that could be judged, of {N})?",
+                lambda _: [len(self.unprevented), sum(c["prevention"] is not None for c in contacts.values()), hits],
+            ),
+            (
+                rf"(?<=[:,] )({'|'.join([*kinds, *trivial])}) {N}(?=[,;.])",
+                lambda match: [
+                    list(self.trivial.values()).count(match[1].replace(" ", "_"))
+                    if "no driving" in match.string
+                    else kinds[match[1]]
+                ],
+            ),
+            (rf"^- (\S+ \(cfg_\w+\)): goal {RATE}", lambda match: group(match[1])),
+            (rf"\b({'|'.join(outcomes)}) {N}(?=[,;]|$)", lambda match: [self._in_line(match)]),
+            (rf"; {N} more: where outcome=invalid", lambda _: [len(records) - len(valid) - 2]),
+            (rf"invalid {N}$", lambda match: [self._in_line(match, "invalid")]),
+        ]
+
+    def _in_line(self, match: re.Match[str], outcome: str | None = None) -> float:
+        """Runs of an outcome in the group that a line is of."""
+        config = re.search(r"cfg_\w+", match.string)
+        wanted = outcome or match[1]
+        return sum(one.outcome == wanted and (config is None or one.config_id == config[0]) for one in self.raw.records)
+
+    def _of_metrics(self) -> list[Row]:
+        words, features = "|".join(METRICS), self.features
+
+        def spread(match: re.Match[str]) -> list[float | None]:
+            found = [value for one in self.raw.valid if (value := metric(one, match[1])) is not None]
+            shown = [group for group in match.groups()[1:4] if group is not None]
+            values = [median(found), min(found), max(found)] if len(shown) != 2 else [min(found), max(found)]
+            return [*values[: len(shown)], len(found)]
+
+        def cost(match: re.Match[str]) -> list[float | None]:
+            own = self.of(match[1])
+            terms = self.costs.means(own)
+            counted = sum(one.run_id in self.raw.steps for one in own)
+            share = 100 * terms[match[2]] / sum(terms.values())
+            return [1 if "<1 %" in match[0] and share < 0.5 else share, terms[match[2]], counted]
+
+        scenarios = len({one.scenario_id for one in self.raw.valid})
+        return [
+            (rf"valid runs of {N} scenarios, at least {N} are", lambda _: [scenarios, 12]),
+            (rf"{N} of {N} runs shown", lambda _: [30, len(self.raw.records)]),
+            (
+                rf"^… {N} more: detail=findings",
+                lambda _: [min(self.findings, 5) - 2 - any(map(_failed, self.raw.valid))],
+            ),
+            (rf"more findings \({N}\)", lambda _: [self.findings - 5]),
+            (rf"over {N} valid runs", lambda _: [len(self.raw.valid)]),
+            (rf"({words})(?: \(0 [^)]*\))? {N}(?: \({N}–{N}\))?[^;.]*?(?: in {N} runs)?(?=;|\.$)", spread),
+            (rf"^- (\S+) (\w+): <?{N} % of the cost, {N} a planning step \(n={N}\)", cost),
+            (
+                rf"success × (\w+): ρ={N}, p={N}, Holm {N} \(n={N} scenarios\)(?:; with [\w, ]+ fixed ρ={N}, p={N})?",
+                lambda match: features[match[1]],
+            ),
+        ]
+
+    def _of_findings(self) -> list[Row]:
+        valid, contacts = self.raw.valid, self.contacts
+        failures = [one for one in valid if not goal(one)]
+        common = Counter(one.outcome for one in failures)
+
+        def harsh(match: re.Match[str]) -> list[float | None]:
+            values = [metric(one, "largest lateral acceleration") or 0.0 for one in self.of(match[3], "goal_reached")]
+            return [sum(value > 3.0 for value in values), len(values), 3.0, max(values)]
+
+        def late_cost(match: re.Match[str]) -> list[float | None]:
+            own = [one for one in self.of(match[2], *LATE) if not self.late[one.run_id]]
+            return [len(own), self.costs.median_shares(own)[match[3]]]
+
+        def dominating(match: re.Match[str]) -> list[float | None]:
+            return [self.costs.median_shares(self.of(match[3]))[match[1]]]
+
+        def idle(match: re.Match[str]) -> list[float | None]:
+            own = [one for one in self.of(match[1]) if one.run_id in self.raw.steps]
+            return [len(own)]
+
+        def weak(match: re.Match[str]) -> list[float | None]:
+            hits = [one for one in self.of(match[3], "collision") if one.run_id not in self.the_others]
+            shares = [share for one in hits if (share := self._obstacle_share(one)) is not None]
+            low = [share for share in shares if share < 10]
+            return [len(low), len(shares), 10, median(low) if low else None]
+
+        def foreseen(_: re.Match[str]) -> list[float | None]:
+            own = [contact for key, contact in contacts.items() if key not in self.the_others]
+            known = [gap for contact in own if (gap := contact.get("predicted_gap_m")) is not None]
+            apart = [gap for gap in known if gap > 0]
+            return [len(apart), len(known), median(apart) if apart else None]
+
+        def weight(match: re.Match[str]) -> list[float | None]:
+            own = self.of(match[3])
+            words = [word.replace(" ", "_") for word in match[7].split(" or ")]
+            failed = [one for one in own if one.outcome in words and one.run_id not in self.the_others]
+            values = [self.weights[self.names[match[3]]][match[1]], self.weights["default"].get(match[1])]
+            return [*values, len(failed), len(own)]
+
+        def hard(match: re.Match[str]) -> list[float | None]:
+            goals_of: dict[str, list[RunRecord]] = {}
+            for one in valid:
+                goals_of.setdefault(one.scenario_id, []).append(one)
+            tried = [runs for runs in goals_of.values() if len({one.config_id for one in runs}) > 1]
+            failed = [runs for runs in tried if not any(map(goal, runs))]
+            theirs = [runs for runs in failed if all(one.run_id in self.the_others for one in runs)]
+            fair = len(failed) - len(theirs)
+            return [fair, len(tried), *([len(theirs)] if match[3] else []), fair - 4]
+
+        return [
+            (
+                rf"([a-z ]+): {N} of {N} failures, {N} of {N} valid runs",
+                lambda match: [(n := common[match[1].strip().replace(" ", "_")]), len(failures), n, len(valid)],  # type: ignore[index]
+            ),
+            (
+                rf"{N} of {N} late runs could not be on time",
+                lambda _: [list(self.late.values()).count("goal_out_of_reach"), len(self.late)],
+            ),
+            (
+                rf"{N} of {N} late runs were behind a slower vehicle for {N} %",
+                lambda _: [list(self.late.values()).count("held_up"), len(self.late), 40],
+            ),
+            (rf"{N} of {N} successes of (\S+) exceeded {N} m/s² of lateral acceleration \(largest {N}\)", harsh),
+            (
+                rf"{N} of the runs of (\S+) ran out of [a-z ]+; (\w+) was {N} % of \w+ cost(?: in the median)?",
+                late_cost,
+            ),
+            (rf"(\w+) is {N} % of the cost in the median run under (\S+)\.", dominating),
+            (rf"of (\S+) cost nothing in any of {N} runs", idle),
+            (
+                rf"In {N} of {N} collisions of (\S+?)(?: that [a-z ]+)?, obstacles [a-z ]+ {N} % .*? \([a-z]+ {N} %\)",
+                weak,
+            ),
+            (
+                rf"In {N} of {N} collisions that an ego could prevent the other moved .* {N} m apart \(median\)",
+                foreseen,
+            ),
+            (
+                rf"(\w+) is {N} under (\S+), {N} by default, and {N} of {N} runs end as it works against \(([a-z ]+)\)",
+                weight,
+            ),
+            (
+                rf"Scenarios (\w+ [\w ]+) are harder: goal in {N} of {N}, [a-z ]+ {N} of {N} \(.*?Holm p {N}\)",
+                lambda match: self._harder(match[1]),
+            ),
+            (
+                rf"{N} of {N} scenarios failed under [a-z ]+(?: \({N} more [a-z ]+\))?:[^.]*?(?: and {N} more)?(?=\.)",
+                hard,
+            ),
+            (
+                rf"In {N} of {N} successes of (\S+) the ego came within {N} m or {N} s of [a-z ]+(?:; in {N} more)?",
+                lambda match: self._near(match[3]),
+            ),
+            (
+                rf"In {N} of {N} infeasible runs '(\w+)' rejected most candidates, {N} % of the rejected ones",
+                lambda match: self._rejecting(match[3]),
+            ),
+            (
+                rf"(?:raise|lower) (\w+) of (cfg_\w+)(?: \(|: )it is {N} now",
+                lambda match: [self.weights[match[2]].get(match[1])],
+            ),
+        ]
+
+    def _obstacle_share(self, record: RunRecord) -> float | None:
+        if record.collision is None or record.run_id not in self.raw.steps:
+            return None
+        terms = self.costs.terms(record, record.collision.step - round(1.0 / record.step_s))
+        against = ("prediction", "distance_to_obstacles", "responsibility")
+        total = sum(terms.values())
+        return 100 * sum(terms.get(name, 0.0) for name in against) / total if total > 0 else None
+
+    def _near(self, config: str) -> list[float | None]:
+        own = self.of(config, "goal_reached")
+        close = [one for one in own if is_close(one)]
+        near = sum(self._by_ego(self.reviews[one.run_id]) for one in close)
+        return [near, len(own), 0.5, 1.5, len(close) - near]
+
+    @staticmethod
+    def _by_ego(review: Mapping[str, Any]) -> bool:
+        """Whether the ego came near to another ahead or crossing, faster than 2 m/s."""
+        moments = [(review["closest"], "gap_m", 0.5), (review["most_urgent"], "time_to_collision_s", 1.5)]
+        return any(
+            one is not None
+            and one[key] is not None
+            and one[key] < below
+            and one["side"] == "front"
+            and one["direction"] != "oncoming"
+            and one["ego_speed_mps"] > 2.0
+            for one, key, below in moments
+        )
+
+    def _rejecting(self, name: str) -> list[float | None]:
+        stuck = [one for one in self.raw.valid if one.outcome == "infeasible" and one.rejected_candidates]
+        most = [max(sorted(one.rejected_candidates), key=lambda key: one.rejected_candidates[key]) for one in stuck]
+        shares = [100 * one.rejected_candidates.get(name, 0) / sum(one.rejected_candidates.values()) for one in stuck]
+        return [most.count(name), len(stuck), median(shares)]
+
+    def _harder(self, name: str) -> list[float | None]:
+        goals_of: dict[str, list[bool]] = {}
+        for one in self.raw.valid:
+            if one.run_id not in self.the_others:
+                goals_of.setdefault(one.scenario_id, []).append(goal(one))
+        reached = {key for key, values in goals_of.items() if 2 * sum(values) > len(values)}
+        groups: dict[str, set[str]] = {}
+        for key in {one.scenario_id for one in self.raw.valid}:
+            facts = self.raw.facts[key]
+            for kind in facts.participants.counts:
+                groups.setdefault(f"with a {kind}", set()).add(key)
+            for kind in [kind for kind in ROAD_KINDS if kind in facts.tags][:1]:
+                groups.setdefault(f"tagged {kind}", set()).add(key)
+        tables, p_values = dict[str, list[float]](), dict[str, float]()
+        for group, members in groups.items():
+            inside, outside = members & goals_of.keys(), goals_of.keys() - members
+            if min(len(inside), len(outside)) >= 4:
+                counts = [len(inside & reached), len(inside), len(outside & reached), len(outside)]
+                tables[group] = [float(count) for count in counts]
+                a, b, c, d = counts
+                p_values[group] = float(fisher_exact(np.array([[a, b - a], [c, d - c]]))[1])
+        return [*tables[name], holm(p_values)[name]]
+
+    def _of_rows(self) -> list[Row]:
+        names = {"braking since": "braked_since_s", "standing since": "ego_stood_since_s"}
+
+        def since(match: re.Match[str]) -> list[float | None]:
+            return [self._contact(match.string)[names.get(match[1], "came_in_s")]]
+
+        def until(match: re.Match[str]) -> list[float | None]:
+            return [self._contact(match.string)["prevention"]["by_braking_until_s"]]
+
+        def end(match: re.Match[str]) -> list[float | None]:
+            one = self._run(match.string)
+            return [one.metrics.duration_s if one.metrics else None, metric(one, "minimum distance")]
+
+        def in_report(match: re.Match[str]) -> list[float | None]:
+            names = ("minimum distance", "time to collision", "largest jerk")
+            values = [
+                metric(next(one for one in self.raw.records if one.run_id in match.string), name) for name in names
+            ]
+            return [value for value in values if value is not None]
+
+        def speeds(match: re.Match[str]) -> list[float | None]:
+            one, seen = self._run(match.string), self._contact(match.string)
+            hit = None if one.collision is None else one.collision.time_s
+            return [hit, self.raw.steps[one.run_id].speed_mps[-1], seen["obstacle_id"], seen["other_speed_mps"]]
+
+        return [
+            (rf"at {N} s \(ego {N} m/s, \w+ {N} {N} m/s", speeds),
+            (rf"(braking since|standing since|in the way since) {N} s", since),
+            (rf"full braking until {N} s", until),
+            (rf"unforeseen: {N} m apart", lambda match: [self._contact(match.string)["predicted_gap_m"]]),
+            (
+                (
+                    rf"(?:by|of|into|with|oncoming|crossing|standing|touched) [a-z]+ {N}"
+                    rf"(?= at \S|, ego's| that cut|, in the way|, and was| alongside| from)"
+                ),
+                self._obstacle,
+            ),
+            (rf"^run_\w+ \|(?:.*)\| (?:{N}|–) \| (?:{N}|–) \| (?:{N}|–)$", in_report),
+            (rf"; (?:{N}|–) s, gap (?:{N}|–) m$", end),
+        ]
+
+    def _run(self, line: str) -> RunRecord:
+        """The failed run that a line is on: the only one that it names, or of a flip the one that failed."""
+        named = [one for one in self.raw.records if one.run_id in line]
+        return next((one for one in named if not goal(one)), named[0])
+
+    def _contact(self, line: str) -> Mapping[str, Any]:
+        contact: Mapping[str, Any] = self.reviews[self._run(line).run_id]["contact"]
+        return contact
+
+    def _obstacle(self, match: re.Match[str]) -> list[float | None]:
+        hit = self._run(match.string).collision
+        return [None if hit is None else hit.obstacle_id]
+
+    def _of_comparison(self, pairs: Pairs) -> list[Row]:
+        success = pairs.success()
+        words = "|".join(sorted(METRICS, key=len, reverse=True))
+        fields = {field: name for name, (field, *_) in METRICS.items()}
+        compared = [name for name in METRICS if name != "mean total cost"]
+        adjusted = pairs.adjusted(compared)
+        before, after = (self.weights[config] for config in self.raw.batch.configs)
+        flips = (pairs.count(before=False, after=True), pairs.count(before=True, after=False))
+        cells = {
+            "both reach the goal": pairs.count(before=True, after=True),
+            "only before": flips[1],
+            "only after": flips[0],
+            "neither": pairs.count(before=False, after=False),
+        }
+
+        def tested(match: re.Match[str]) -> list[float | None]:
+            test = pairs.tested(match[1])
+            if test is None:
+                return []
+            own = [test[key] for key in ("before", "after", "shift", "low", "high", "effect", "p")]
+            medians = own[:1] if match[3] is None else own[:2]
+            scenarios = [] if test["scenarios"] == test["pairs"] else [test["scenarios"]]
+            return [*medians, *own[2:], adjusted.get(match[1]), test["pairs"], *scenarios]
+
+        def medians(match: re.Match[str]) -> list[float | None]:
+            test = pairs.tested(match[1])
+            return [] if test is None else [test["before"], test["after"]]
+
+        def shift(match: re.Match[str]) -> list[float | None]:
+            test = pairs.tested(fields[match[1]])
+            return [None if test is None else abs(test["shift"])]
+
+        def report_row(match: re.Match[str]) -> list[float | None]:
+            test = pairs.tested(fields[match[1]])
+            if test is None:
+                return [0]
+            p = [test["p"]] if test["scenarios"] > 5 else []
+            return [test["pairs"], *(test[key] for key in ("before", "after", "shift", "low", "high")), *p]
+
+        return [
+            (rf"{N} flips to success, {N} to failure", lambda _: flips),
+            (rf"none of {N} pairs flipped", lambda _: [len(pairs.pairs)]),
+            (rf"about {N} scenarios would show (10) points", lambda _: [success["needed"], 10]),
+            (r"less than (10) points", lambda _: [10]),
+            (rf"p {N} alone", lambda _: [success["p"]]),
+            (rf"(\w+) (?:rises|falls) by {N}", shift),
+            (rf"^- {N} pairs:", lambda _: [len(pairs.pairs)]),
+            (rf"({'|'.join(cells)}) {N}(?=[,;]|$)", lambda match: [cells[match[1]]]),
+            (
+                rf"{N} points \(95 %: {N} to {N}\), (?:McNemar|{N} scenarios) exact p={N} \(Holm {N}\)",
+                lambda match: [
+                    *(success[key] for key in ("difference", "low", "high")),
+                    *([success["scenarios"]] if match[4] else []),
+                    success["p"],
+                    adjusted["success"],
+                ],
+            ),
+            (rf"flipped to success \({N}\)", lambda _: flips[:1]),
+            (rf"flipped to failure \({N}\)", lambda _: flips[1:]),
+            (rf"; {N} more: limit={N}", lambda match: [float(match[2]) - 3, *flips[_failing(match) :][:1]]),
+            (
+                (
+                    rf"^- ({words})[^:]*: median {N}(?: → {N})? .*?shift {N} \(95 %: {N} to {N}\), effect {N}, p={N} "
+                    rf"\(Holm {N}\).*\(n={N} [a-z ]*?(?: of {N} scenarios)?\)"
+                ),
+                tested,
+            ),
+            (rf"({words})(?: \(0 [^)]*\))? {N}(?: → {N})?(?= |,|$)", medians),
+            (rf"(?<=[:,] )(\w+) {N} → {N}", lambda match: [before.get(match[1]), after.get(match[1])]),
+            (rf"left out: {N} runs .* {N} pairs", lambda _: [pairs.unpaired, pairs.invalid]),
+            (rf"^(\w+) \([^|]*\) \| {N} \| {N} \| {N} \| {N} \[{N}, {N}\] \| (?:{N}|–)", report_row),
+            (rf"^(\w+) \| {N} \| {N}$", lambda match: [before.get(match[1]), after.get(match[1])]),
+        ]
+
+
+def _failed(record: RunRecord) -> bool:
+    return not goal(record)
+
+
+def _failing(match: re.Match[str]) -> int:
+    """1 in a line on flips to failure, else 0."""
+    return int("to failure" in match.string)
