@@ -99,7 +99,8 @@ def _draw_metric(axes: "Axes", spec: MetricSpec, groups: dict[str, list[RunRecor
     better = "" if spec.better is None else " ↑" if spec.better == "higher" else " ↓"
     basis = "" if spec.basis == "valid" else " · goal reached"
     far = f" · {beyond} beyond, at the edge" if beyond else ""
-    axes.set_title(f"{metric_words(spec.name)}{unit}{better}{basis}{far}", fontsize=SMALL_PT + 1, loc="left", pad=5)
+    words = metric_words(spec.name).partition(" (")[0]
+    axes.set_title(f"{words}{unit}{better}{basis}{far}", fontsize=SMALL_PT + 1, loc="left", pad=5)
     medians = [
         f"{names[config]} {in_figures(float(np.median(values))) if len(values) else 'none'}"
         for config, values in zip(groups, samples, strict=True)

@@ -39,8 +39,12 @@ _METRICS: dict[str, str] = {
     "minimum_time_to_collision_s": "the least time, over the run, after which the ego and another would touch if both "
     "kept course and speed (Hayward 1972)",
     "minimum_time_headway_s": "the least time in which the ego is where the vehicle ahead is now",
+    "minimum_time_gap_s": "the least time in which the ego's front is where the rear of the vehicle ahead is now",
     "risk_score": "the most dangerous moment of a run by gap and time to collision: 0 a collision, 5 negligible",
-    "maximum_jerk_mps3": "largest change of the acceleration from step to step: what passengers feel as a jolt",
+    "maximum_jerk_mps3": "largest change of the acceleration along the way from step to step, felt as a jolt",
+    "maximum_planar_jerk_mps3": "the same of the acceleration in the plane, its sideways part included",
+    "maximum_braking_mps2": "largest deceleration of the run",
+    "maximum_steering_rate_radps": "fastest turning of the front wheels that the driven path asks for",
     "mean_squared_jerk": "mean of the squared jerk over the run: how jolting it was as a whole",
     "maximum_lateral_acceleration_mps2": "largest sideways acceleration: speed times yaw rate",
     "mean_total_cost": "mean cost of the trajectories that the planner chose; it depends on the weights",
@@ -87,7 +91,7 @@ DEFINITIONS: dict[str, str] = (
     _TERMS
     | {_spoken(name): text for name, text in _KINDS.items()}
     | {_spoken(name): text for name, text in _OUTCOMES.items()}
-    | {metric_words(name).removesuffix(" (0 worst)"): text for name, text in _METRICS.items()}
+    | {metric_words(name).partition(" (")[0]: text for name, text in _METRICS.items()}
     | {f"{_spoken(name)} prediction": text for name, text in _PREDICTIONS.items()}
     | {f"{name} traffic": text for name, text in _TRAFFIC.items()}
 )
