@@ -214,7 +214,7 @@ def _metric(spec: MetricSpec, pairs: _Pairs, runs: RunSet) -> MetricTest:
     # A one-sided look at a shift that the interval does not separate from 0 would be a guess.
     separated = test is not None and test.low is not None and test.high is not None and (test.low > 0 or test.high < 0)
     better: Literal["before", "after"] | None = None
-    if separated and test is not None and spec.better is not None:
+    if separated and test is not None and spec.better is not None and abs(test.shift) > spec.tolerance:
         better = "after" if (test.shift > 0) == (spec.better == "higher") else "before"
     return MetricTest(
         name=spec.name,
@@ -231,6 +231,8 @@ def _metric(spec: MetricSpec, pairs: _Pairs, runs: RunSet) -> MetricTest:
         p=test.p if test and test.pairs >= FEWEST_PAIRS else None,
         p_holm=None,
         better=better,
+        higher=sum(mean > 0 for mean in means),
+        lower=sum(mean < 0 for mean in means),
         direction=_direction(spec, *defined[0][1:]) if len(pairs) == 1 and defined else None,
     )
 
@@ -468,12 +470,18 @@ def _about_strata(test: SuccessTest, strata: Sequence[Stratum]) -> list[str]:
 
 
 def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[str]:
+    least = {spec.name: spec.tolerance for spec in METRICS}
     differing = [test for test in metrics if test.p_holm is not None and test.p_holm < LEVEL]
-    if differing:
-        words = [
-            f"{test.name} {'rises' if (test.shift or 0) > 0 else 'falls'} by {abs(test.shift or 0):.3g} {test.unit}"
-            for test in differing
-        ]
-        return [f"Differs after Holm's adjustment: {'; '.join(words)}."]
+    telling = [test for test in differing if abs(test.shift or 0) > least[test.name]]
+    words = [
+        f"{test.name} {'rises' if (test.shift or 0) > 0 else 'falls'} by {abs(test.shift or 0):.3g} {test.unit}"
+        for test in telling
+    ]
+    told = [f"Differs after Holm's adjustment: {'; '.join(words)}."] if words else []
+    few = [f"{test.name} (in {test.higher} higher, in {test.lower} lower)" for test in differing if test not in telling]
+    if few:
+        told.append(f"In some scenarios only, the middle one is alike: {'; '.join(few)}.")
+    if told:
+        return told
     tested = [test for test in metrics if test.p is not None]
     return ["No metric differs significantly."] if tested and success.pairs >= FEWEST_PAIRS else []

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ...schemas.errors import UnknownName
 from ...schemas.runs import RunRecord
 from ..commonroad import kept_recording
 from .run_set import RunSet
@@ -25,8 +26,10 @@ def cannot_be_reached(runs: RunSet, record: RunRecord) -> bool:
     path, known = runs.scenario_path(record), runs.scenario(record)
     if path is None or known is None or not path.is_file():
         return False
-    loaded = kept_recording(path).loaded
-    problem = loaded.problem(record.problem_id)
+    try:
+        problem = kept_recording(path).loaded.problem(record.problem_id)
+    except UnknownName:  # the file was put in the place of the one that was run
+        return False
     states = problem.goal.state_list
     start = problem.initial_state
     limit_mps = UNLIMITED_MPS if known.limit_kmh is None else OVER_LIMIT * known.limit_kmh / 3.6

@@ -127,7 +127,8 @@ class MetricTest(Model):
     were, ``scenarios``: how many were tested.
 
     ``shift`` is the Hodges–Lehmann estimate with its 95 % interval (None under six differing pairs), ``effect`` the
-    matched-pairs rank-biserial correlation in [−1, 1]; ``better`` names the side that did better, None if neither.
+    matched-pairs rank-biserial correlation in [−1, 1]; ``higher`` and ``lower``: scenarios in which the metric rises
+    and falls; ``better`` names the side that did better, None if neither.
     ``direction``: of a single pair, from before to after, no test behind it; ``changed`` where neither is better,
     ``same`` where the first three digits are alike.
     """
@@ -146,6 +147,8 @@ class MetricTest(Model):
     p: float | None
     p_holm: float | None
     better: Literal["before", "after"] | None
+    higher: int = 0
+    lower: int = 0
     direction: Literal["better", "worse", "same", "changed"] | None = None
 
 

@@ -271,3 +271,14 @@ def test_differences_below_what_is_measured_are_none() -> None:
     second = runs(["goal_reached"] * 8, SAFE, gaps=[2.009] * 8)
     (metric,) = (one for one in compared(first, second).comparisons[0].metrics if one.name == "minimum_distance_m")
     assert (metric.p, metric.shift) == (1.0, 0.0)
+
+
+def test_a_metric_that_differs_in_some_scenarios_only_is_not_said_to_fall() -> None:
+    gaps = [1.5] * 10 + [2.0] * 30
+    found = compared(runs(["goal_reached"] * 40), runs(["goal_reached"] * 40, SAFE, gaps)).comparisons[0]
+    (metric,) = (one for one in found.metrics if one.name == "minimum_distance_m")
+    assert metric.p_holm is not None
+    assert metric.p_holm < 0.05
+    assert (metric.shift, metric.higher, metric.lower, metric.better) == (0.0, 0, 10, None)
+    assert "minimum_distance_m falls" not in found.verdict
+    assert "alike: minimum_distance_m (in 0 higher, in 10 lower)" in found.verdict

@@ -14,6 +14,7 @@ from support.runs import record
 
 from plannerforge.engine.analysis.reach import cannot_be_reached
 from plannerforge.engine.analysis.run_set import RunSet
+from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.runs import RunSource, ScenarioSource
 
 
@@ -55,3 +56,18 @@ def test_a_goal_too_far_for_its_time_is_told(
     late = record(outcome="timeout")
     known = ScenarioSource(scenario_id=late.scenario_id, path=str(file), limit_kmh=50.0)
     assert cannot_be_reached(RunSet((RunSource(record=late),), scenarios=(known,)), late) is told
+
+
+def test_a_problem_that_the_file_does_not_hold_refuses_no_analysis(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def problem(number: int) -> PlanningProblem:
+        raise UnknownName(f"no planning problem {number}")
+
+    recording = SimpleNamespace(loaded=SimpleNamespace(problem=problem))
+    monkeypatch.setattr("plannerforge.engine.analysis.reach.kept_recording", lambda _: recording)
+    file = tmp_path / "scenario.xml"
+    file.touch()
+    late = record(outcome="timeout")
+    known = ScenarioSource(scenario_id=late.scenario_id, path=str(file), limit_kmh=50.0)
+    assert not cannot_be_reached(RunSet((RunSource(record=late),), scenarios=(known,)), late)
