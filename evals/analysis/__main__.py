@@ -9,6 +9,7 @@ preventable or not, as the truth has it).
 something does), ``interval_coverage`` (95 % intervals that hold the truth).
 ``planted``: ``planted_found`` (of batches with one cause of failure planted, those in which a finding names it).
 ``trivial``: ``trivial_marked`` (share of reached goals that are told to ask for no driving, or not, as it is so).
+``advice``: ``advice_helped`` (of changes of a weight that a trial tells to help, those that help on other roads).
 ``statements``: ``statements_recomputed`` (share of the figures in answers and reports that raw rows give once more).
 
 ``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too; then the status is
@@ -30,6 +31,7 @@ PARTS: Parts[AnalysisBench] = Parts(
         "nulls": ("false_findings_rate", "interval_coverage"),
         "planted": ("planted_found",),
         "trivial": ("trivial_marked",),
+        "advice": ("advice_helped", "advice_told"),
         "statements": ("statements_recomputed",),
     },
 )

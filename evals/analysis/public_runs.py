@@ -21,18 +21,28 @@ COMPARED = 40
 _FOLDER, _DONE = "public", "imported"
 
 
+def public_folder(bench: AnalysisBench) -> Path:
+    """The workspace of the runs, which all parts share."""
+    return bench.scratch / _FOLDER
+
+
 def public_server(bench: AnalysisBench) -> Client:
     """A client of a server with one worker, which may write into the scratch; all parts have the same workspace."""
-    settings = settings_for(bench.scratch / _FOLDER, bench.shared, 1)
+    settings = settings_for(public_folder(bench), bench.shared, 1)
     return Client(create_server(settings.model_copy(update={"roots": (bench.shared, bench.scratch)})))
+
+
+async def import_public(bench: AnalysisBench, client: Client, limit: int | None = None) -> None:
+    """Import every public scenario, or as many as a limit; what was imported by another part is there."""
+    marker = public_folder(bench) / f"{_DONE}-{limit or 'all'}"
+    if not marker.exists():
+        await import_scenarios(client, scenario_files(bench.shared / "data" / "commonroad", limit))
+        marker.touch()
 
 
 async def public_batch(bench: AnalysisBench, client: Client) -> str:
     """The batch of Frenetix' default on every public scenario, or on as many as the bench's limit."""
-    marker = bench.scratch / _FOLDER / _DONE
-    if not marker.exists():
-        await import_scenarios(client, scenario_files(bench.shared / "data" / "commonroad", bench.limit))
-        marker.touch()
+    await import_public(bench, client, bench.limit)
     return await finished_batch(client, scenarios=["preset:500"], configs=[DEFAULT], prediction=PREDICTION)
 
 
@@ -61,7 +71,7 @@ class RawRuns:
 
 def raw_runs(bench: AnalysisBench, batch_id: str) -> RawRuns:
     """Read the runs of a batch from the workspace."""
-    workspace = Workspace(bench.scratch / _FOLDER)
+    workspace = Workspace(public_folder(bench))
     batch = workspace.get(batch_id, "batch").read(BatchRecord)
     records = tuple(workspace.get(run_id, "run").read(RunRecord) for run_id in batch.runs)
     scenarios = sorted({record.scenario_id for record in records})
