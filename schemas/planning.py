@@ -37,7 +37,7 @@ class PlannerSettings(Model):
 class PlannerConfiguration(Model):
     """A planner with its cost weights and settings; immutable, its id is made from its content.
 
-    ``base``: the configuration that ``assignments`` changed.
+    ``base``: the configuration that ``assignments`` changed. ``template``: the user's own file that it comes from.
     """
 
     config_id: str
@@ -49,6 +49,7 @@ class PlannerConfiguration(Model):
     weights: dict[str, float]
     external_weights: dict[str, float] = Field(default_factory=dict)
     settings: PlannerSettings = PlannerSettings()
+    template: str = Field("", exclude_if=lambda text: not text)
 
 
 class RunRequest(Model):

@@ -2,14 +2,7 @@
 
 from pathlib import Path
 
-from ..engine.tuning import (
-    DEFAULT_CONFIGURATION,
-    changed_configuration,
-    named_configuration,
-    preset_configuration,
-    read_weight_file,
-    to_yaml,
-)
+from ..engine.tuning import DEFAULT_CONFIGURATION, from_file, named_configuration, read_weight_file, to_yaml
 from ..engine.workspace import Artifact, Recipe, content_digest, write_text
 from ..schemas.errors import UnknownName, closest
 from ..schemas.importing import ImportedItem
@@ -84,8 +77,7 @@ def store_configuration(
 async def import_configuration(call: ToolCall, path: Path, name: str | None) -> ImportedItem:
     """Store a cost-weight file, as the Frenetix reference has it or as exported here, as a configuration."""
     content = read_weight_file(path)
-    base = preset_configuration(content.planner)
-    configuration, _ = changed_configuration(base, None, content.weights, content.settings)
+    configuration = from_file(content)
     before = call.workspace.find("config", configuration.config_id)
     arguments = {"content": content_digest(path)} | ({"name": name} if name else {})
     store_configuration(call, configuration, Recipe(tool="import_files", arguments=arguments), name)

@@ -2,6 +2,7 @@
 
 ``DEFAULT_CONFIGURATION``: The name of the configuration in force while none is named.
 ``changed_configuration``: A base with a preset's weights (where one is named) and changes, and remarks on them.
+``from_file``: The configuration of a weight file, which keeps the file's comments, order and layout.
 ``differences``: The weights and settings in which two configurations of a planner differ, in their order.
 ``named_configuration``: The configuration that ``PLANNER:PRESET`` or ``PLANNER`` means; None for other texts.
 ``preset_configuration``: The configuration of a preset as it stands, with the default settings.
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
         DEFAULT_CONFIGURATION,
         changed_configuration,
         differences,
+        from_file,
         named_configuration,
         preset_configuration,
     )

@@ -9,6 +9,7 @@ from ...schemas.planning import PlannerConfiguration, PlannerSettings, WeightCha
 from ..planners import PLANNERS, known_planner
 from .settings import apply_assignments, changed_settings, known_settings, setting_values
 from .tunings import tuning_of
+from .weight_file import WeightFile, to_yaml
 
 _MOST_NAMED = 3
 """Weights and settings that a configuration's name tells (chosen)."""
@@ -69,10 +70,28 @@ def changed_configuration(
     faults.raise_all()
     weights = {name: changed.values[name] for name in tuning.weights}
     external = {name: changed.values[name] for name in tuning.external}
-    made = _configuration(base.planner, start.preset, weights, external, after)
+    made = _configuration(base.planner, start.preset, weights, external, after, base.template)
     if made.config_id != base.config_id:
         made = made.model_copy(update={"base": base.config_id, "assignments": (*changes, *settings)})
     return made, (*taken, *changed.notes, *setting_notes, *_idle_notes(base, made))
+
+
+def from_file(file: WeightFile) -> PlannerConfiguration:
+    """The configuration of a weight file, which keeps the file's comments, order and layout.
+
+    A file that is written here as it stands needs no keeping: its configuration is that of the same values.
+
+    Raises:
+        UnknownName: no such planner, weight or setting.
+        InvalidRequest: a value out of its range.
+    """
+    made, _ = changed_configuration(preset_configuration(file.planner), None, file.weights, file.settings)
+    if to_yaml(made) == file.text:
+        return made
+    kept = _configuration(
+        made.planner, made.preset, made.weights, made.external_weights, made.settings, template=file.text
+    )
+    return kept.model_copy(update={"base": made.base, "assignments": made.assignments})
 
 
 def differences(before: PlannerConfiguration, after: PlannerConfiguration) -> tuple[WeightChange, ...]:
@@ -105,14 +124,26 @@ def _idle_notes(base: PlannerConfiguration, made: PlannerConfiguration) -> list[
 
 
 def _configuration(
-    planner: str, preset: str, weights: dict[str, float], external: dict[str, float], settings: PlannerSettings
+    planner: str,
+    preset: str,
+    weights: dict[str, float],
+    external: dict[str, float],
+    settings: PlannerSettings,
+    template: str = "",
 ) -> PlannerConfiguration:
     """The configuration with its id; its name is ``planner:preset``, with what differs from it.
 
-    Default settings are no part of the id: it stays what it was before there were settings.
+    Default settings and no file are no part of the id: it stays what it was before there were any.
     """
     stated = settings.model_dump(exclude_defaults=True)
-    content = json.dumps([planner, weights, external, *([stated] if stated else [])], separators=(",", ":"))
+    parts_of_id = [
+        planner,
+        weights,
+        external,
+        *([stated] if stated or template else []),
+        *([template] if template else []),
+    ]
+    content = json.dumps(parts_of_id, separators=(",", ":"))
     digest = hashlib.sha256(content.encode()).hexdigest()[:12]
     known = () if any(external.values()) else tuning_of(planner).presets.values()
     same = [entry.name for entry in known if entry.weights == weights]
@@ -130,4 +161,5 @@ def _configuration(
         weights=weights,
         external_weights=external,
         settings=settings,
+        template=template,
     )

@@ -1,18 +1,24 @@
 """Cost-weight files in the form of the Frenetix reference: ``cost_weights:`` with a number for each name.
 
 Those written here also name the planner and the settings; a file without them is one of Frenetix with the default
-settings.
+settings. A user's own file is kept with the configuration made of it: written again it has its comments, order and
+layout byte for byte, and only the numbers that changed differ.
 """
 
 import math
 import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...schemas.errors import UnsafeInput
-from ...schemas.planning import PlannerConfiguration
+from ...schemas.planning import PlannerConfiguration, PlannerSettings
 from ...schemas.text import one_line, quoted
+from .tunings import tuning_of
+
+if TYPE_CHECKING:
+    import yaml
 
 _LARGEST_BYTES = 20_000
 """Chosen: a file of all weights and settings has about a thousand bytes."""
@@ -28,11 +34,12 @@ _SECTIONS = ("cost_weights", "external_cost_weights")
 
 @dataclass(frozen=True)
 class WeightFile:
-    """A file's planner, and its weights and settings as assignments ``name=value``."""
+    """A file's planner, and its weights and settings as assignments ``name=value``; ``text``: the file as it stands."""
 
     planner: str
     weights: tuple[str, ...]
     settings: tuple[str, ...]
+    text: str = ""
 
 
 def read_weight_file(path: Path) -> WeightFile:
@@ -58,11 +65,19 @@ def read_weight_file(path: Path) -> WeightFile:
     if not isinstance(planner, str):
         raise UnsafeInput(f"{name}: planner is {quoted(planner)}, which is no name")
     weights = [text for section in _SECTIONS for text in _assignments(path, content, section)]
-    return WeightFile(planner, tuple(weights), tuple(_assignments(path, content, "settings")))
+    text = path.read_bytes().decode("utf-8")  # as it stands: its line ends too
+    return WeightFile(planner, tuple(weights), tuple(_assignments(path, content, "settings")), text)
 
 
 def to_yaml(configuration: PlannerConfiguration) -> str:
-    """The cost-weight file in the form of the Frenetix reference, every weight in its order; planner and settings."""
+    """The cost-weight file: the user's own where the configuration comes from one, with the numbers in force.
+
+    Else in the form of the Frenetix reference, every weight in its order; planner and settings.
+    """
+    return _plain(configuration) if not configuration.template else _written_back(configuration)
+
+
+def _plain(configuration: PlannerConfiguration) -> str:
     lines = [f"# {configuration.name} ({configuration.config_id})", "cost_weights:"]
     lines += [f"  {name}: {_number(value)}" for name, value in configuration.weights.items()]
     if configuration.external_weights:
@@ -72,6 +87,93 @@ def to_yaml(configuration: PlannerConfiguration) -> str:
     stated = configuration.settings.model_dump(exclude_none=True)
     lines += [f"  {name}: {value:.12g}" for name, value in stated.items()]
     return "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A number in a text: where it begins and ends, and the quotes around it."""
+
+    begin: int
+    end: int
+    quotes: str
+    value: float
+
+
+@dataclass(frozen=True)
+class _Section:
+    """A section of a text: its numbers by name, and where and after what another entry goes in."""
+
+    places: Mapping[str, _Place]
+    end: int
+    before_name: str
+
+
+def _written_back(configuration: PlannerConfiguration) -> str:
+    """The user's file with the numbers in force; names that it lacks are added where they differ from what lacking
+    them means.
+    """
+    text = configuration.template
+    sections = dict(_sections_of(text))
+    defaults = PlannerSettings().model_dump(exclude_none=True)
+    stated = configuration.settings.model_dump(exclude_none=True)
+    usual = tuning_of(configuration.planner)
+    groups = (
+        ("cost_weights", configuration.weights, usual.presets[usual.first_preset].weights),
+        ("external_cost_weights", configuration.external_weights, dict.fromkeys(configuration.external_weights, 0.0)),
+        ("settings", {name: float(value) for name, value in stated.items()}, defaults),
+    )
+    changes: list[tuple[int, int, str]] = []
+    behind: list[str] = []
+    elsewhere = {name for section in sections.values() for name in section.places}
+    for title, values, lacking in groups:
+        section = sections.get(title)
+        for name, value in values.items():
+            for found in sections.values():
+                place = found.places.get(name)
+                if place is not None and place.value != value:
+                    changes.append((place.begin, place.end, f"{place.quotes}{_exact(value)}{place.quotes}"))
+        added = [name for name in values if name not in elsewhere and values[name] != lacking.get(name)]
+        if section is not None:
+            changes += [(section.end, section.end, f"{section.before_name}{n}: {_exact(values[n])}") for n in added]
+        elif added:
+            behind += [f"{title}:", *(f"  {name}: {_exact(values[name])}" for name in added)]
+    for begin, end, words in sorted(changes, key=lambda change: change[0], reverse=True):
+        text = f"{text[:begin]}{words}{text[end:]}"
+    if not behind:
+        return text
+    line = "\r\n" if "\r\n" in text else "\n"
+    return f"{text}{'' if text.endswith(line) else line}{line.join(behind)}{line}"
+
+
+def _sections_of(text: str) -> Iterator[tuple[str, _Section]]:
+    """The sections of a text with a number at least, by their titles."""
+    import yaml
+
+    root = yaml.compose(text, Loader=yaml.BaseLoader)
+    for title, node in getattr(root, "value", ()):
+        if title.value in (*_SECTIONS, "settings") and isinstance(node, yaml.MappingNode) and node.value:
+            yield title.value, _section(text, node)
+
+
+def _section(text: str, node: "yaml.MappingNode") -> _Section:
+    places = {}
+    for name, number in node.value:
+        begin, end = number.start_mark.index, number.end_mark.index
+        quotes = number.style if number.style in ("'", '"') else ""
+        places[name.value] = _Place(begin, end, quotes, float(number.value))
+    last_name, last = node.value[-1]
+    if node.flow_style:
+        return _Section(places, last.end_mark.index, ", ")
+    line_end = re.compile(r"\r?\n|\Z").search(text, last.end_mark.index)
+    indent = " " * int(last_name.start_mark.column)
+    at = last.end_mark.index if line_end is None else line_end.start()
+    return _Section(places, at, ("\r\n" if "\r\n" in text else "\n") + indent)
+
+
+def _exact(value: float) -> str:
+    """The number as it is usually written; with all its digits where that would round it."""
+    usual = _number(value)
+    return usual if float(usual) == value else repr(value)
 
 
 def _assignments(path: Path, content: dict[str, Any], section: str) -> list[str]:
