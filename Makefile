@@ -13,7 +13,7 @@ SEED ?= 1
 
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
-	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis \
+	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning \
 	starter house chat-page format clean
 
 help:
@@ -68,7 +68,7 @@ layers: $(DEV_STAMP)
 	@$(VENV)/bin/lint-imports
 
 bench: bench-server bench-planners bench-faults bench-reactive bench-responsibility bench-weights bench-modification bench-generation \
-	bench-selection bench-drivable bench-import-crashes bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis
+	bench-selection bench-drivable bench-import-crashes bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning
 
 bench-server: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.server
@@ -139,9 +139,12 @@ bench-answers: $(DEV_STAMP)
 bench-analysis: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.analysis
 
+bench-tuning: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.tuning
+
 bench-same-bytes: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.same_bytes record $(RECORD)
-	@if [ -n "$(BEFORE)" ]; then $(PYTHON) -m plannerforge.evals.same_bytes compare $(BEFORE) $(RECORD); fi
+	@$(PYTHON) -m plannerforge.evals.symmetries.same_bytes record $(RECORD)
+	@if [ -n "$(BEFORE)" ]; then $(PYTHON) -m plannerforge.evals.symmetries.same_bytes compare $(BEFORE) $(RECORD); fi
 
 starter: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.engine.maps.drawn_library

@@ -213,6 +213,7 @@ class _InProcess:
     """An executor that carries operations out in this process, one at a time and without a time limit."""
 
     capacity = 1
+    notice = ""
 
     async def run(self, operation: Operation[Request, Response], request: Request, **options: object) -> Response:
         """The operation's response."""

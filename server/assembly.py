@@ -9,10 +9,10 @@ from pathlib import Path
 
 import anyio
 
-from ..engine.execution import CallThreads, Claims, JobRunner, JobStore, ReachableExecutor, WorkerPool
+from ..engine.execution import CallThreads, Claims, Executor, JobRunner, JobStore, Limits, ReachableExecutor, WorkerPool
 from ..engine.workspace import Workspace, make_private
 from ..schemas.catalog import BuildIndexRequest
-from ..schemas.errors import PlannerForgeError
+from ..schemas.errors import NotPossible, PlannerForgeError
 from ..tools.call import INDEX_FOLDER, Services
 from ..tools.registry import TOOLS, ToolSpec
 from .application import PlannerForgeServer
@@ -60,14 +60,18 @@ async def open_services(settings: Settings, start_folder: Path, threads: CallThr
     workspace = Workspace(workspace_root)
     try:
         log = workspace_root / "logs" / "workers.log"
-        async with WorkerPool.open(limits, log) as workers, anyio.create_task_group() as tasks:
+        async with (
+            WorkerPool.open(limits, log) as workers,
+            carried_out(settings.cluster, workers, limits) as executor,
+            anyio.create_task_group() as tasks,
+        ):
             jobs = JobRunner(JobStore(workspace.database), tasks, threads.run)
             claims = Claims(workspace.database)
             if settings.warm_up:
                 tasks.start_soon(warm_up, workers, workspace, threads, settings.embedding_model)
             yield Services(
                 workspace,
-                ReachableExecutor(workers),
+                ReachableExecutor(executor),
                 jobs,
                 claims,
                 limits,
@@ -79,6 +83,27 @@ async def open_services(settings: Settings, start_folder: Path, threads: CallThr
             tasks.cancel_scope.cancel()
     finally:
         workspace.close()
+
+
+@asynccontextmanager
+async def carried_out(cluster: str, here: WorkerPool, limits: Limits) -> AsyncIterator[Executor]:
+    """Who carries operations out: this machine's workers, or a cluster where one is set.
+
+    Raises:
+        NotPossible: a cluster is set and the packages for it are not installed.
+    """
+    if not cluster:
+        yield here
+        return
+    try:
+        from ..engine.execution import ClusterExecutor
+    except ImportError as error:
+        raise NotPossible(
+            f"the setting cluster asks for {cluster}, and the packages for it are not installed",
+            next_step="pip install 'plannerforge-mcp[cluster]', or leave the setting out",
+        ) from error
+    async with ClusterExecutor.open(cluster, here, limits) as executor:
+        yield executor
 
 
 def offered_tools(settings: Settings) -> tuple[ToolSpec, ...]:

@@ -48,6 +48,9 @@ class Settings(BaseSettings):
     map_folders: Folders = Field((), description="folders with .osm maps, beside the built-in ones")
     starter: bool = Field(True, description="put the starter scenarios into a new workspace")
     workers: int = Field(2, ge=1, le=64, description="worker processes for simulation and planning")
+    cluster: str = Field(
+        "", description="Dask scheduler that runs and generation go to: tcp://host:8786, or a scheduler file"
+    )
     worker_memory_mb: int = Field(4096, ge=512, description="data memory of one worker process")
     operation_timeout_s: float = Field(300.0, gt=0, le=3600, description="time limit of one operation in a worker")
     file_mb: int = Field(100, ge=1, description="largest file that is read")

@@ -63,7 +63,12 @@ LOCATE_PLACE = Operation("plannerforge.engine.maps:locate_place", LocateRequest,
 FETCH_MAPS = Operation("plannerforge.engine.maps:fetch_maps", FetchMapRequest, FetchedMaps, timeout_s=400.0)
 COUNT_SITES = Operation("plannerforge.engine.generation:count_sites", GenerationRequest, SiteCount, timeout_s=180.0)
 GENERATE_SCENARIO = Operation(
-    "plannerforge.engine.generation:generate_scenario", GenerationRequest, GeneratedScenario, timeout_s=180.0
+    "plannerforge.engine.generation:generate_scenario",
+    GenerationRequest,
+    GeneratedScenario,
+    timeout_s=180.0,
+    reads=("map_path",),
+    writes="folder",
 )
 PLAN_COVERAGE = Operation(
     "plannerforge.engine.generation:plan_coverage", CoverageRequest, CoverageReport, timeout_s=120.0
@@ -76,7 +81,9 @@ BUILD_INDEX = Operation(
 RANK = Operation("plannerforge.engine.catalog:rank", RankRequest, RankResponse, timeout_s=120.0, lane="retrieval")
 
 # Runs and what they show
-RUN_PLANNER = Operation("plannerforge.engine.planners:run_planner", RunRequest, RunResponse, timeout_s=120.0)
+RUN_PLANNER = Operation(
+    "plannerforge.engine.planners:run_planner", RunRequest, RunResponse, timeout_s=120.0, reads=("scenario_path",)
+)
 WRITE_SOLUTION = Operation("plannerforge.engine.planners:write_solution", SolutionRequest, FileWritten)
 WRITE_RUN_TABLE = Operation("plannerforge.engine.analysis:write_run_table", RunTableRequest, FileWritten)
 ANALYSE = Operation("plannerforge.engine.analysis:analyse", AnalyseRequest, AnalyzeResultsResult, timeout_s=50.0)

@@ -277,7 +277,8 @@ async def answer_of(
         )
         response = await call.services.workers.run(REVIEW_RUNS, request)
         reviews = {review.run_id: review for review in response.reviews}
-    return answer(cells, results, batch_id=batch_id, notes=notes, reviews=reviews)
+    notice = "" if all(result.reused for result in results) else call.services.workers.notice
+    return answer(cells, results, batch_id=batch_id, notes=notes, reviews=reviews, notice=notice)
 
 
 def _failures(records: Sequence[RunRecord]) -> list[RunRecord]:
@@ -293,6 +294,7 @@ def answer(
     state: JobState = "done",
     notes: Sequence[str] = (),
     reviews: Mapping[str, RunReview] = MappingProxyType({}),
+    notice: str = "",
 ) -> RunPlannerResult:
     """The answer for a grid of which ``results`` are finished."""
     records = [result.record for result in results if result.record is not None]
@@ -310,7 +312,7 @@ def answer(
         runs=tuple(_line(record, reviews) for record in records[:LISTED_RUNS]),
         failures=tuple(_line(record, reviews) for record in _failures(records)[:LISTED_FAILURES]),
         lost=tuple(lost[:10]),
-        notes=(*notes, *_notes(records)),
+        notes=(*notes, *_notes(records), *([notice] if notice else [])),
         next_step=_next_step(records, batch_id, job_id, state),
     )
 

@@ -1,6 +1,7 @@
 """Work outside the server's process: warm workers, jobs that outlive their call, claims, limits.
 
 ``Claims``: Claims of this process on recipes, so that no other makes the same at the same time.
+``ClusterExecutor``: Carries operations out on the workers of a Dask cluster.
 ``Executor``: Runs operations, each apart from the others; gives their responses.
 ``Lane``: Which workers carry an operation out: ``compute`` or ``retrieval``.
 ``OnProgress``: A listener to progress: an async function of the share done in [0, 1] and a few words.
@@ -32,6 +33,7 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .claims import Claims
+    from .cluster import ClusterExecutor
     from .executor import (
         Executor,
         Lane,

@@ -1,8 +1,8 @@
 """Operations of the engine, and who carries them out, as the tools see it.
 
-The local pool of processes is one executor; a cluster would be another. What is sent is an entry point
-``module:function`` and a request as JSON, what comes back is a response as JSON; files are named by their paths, which
-an executor on other machines has to make readable there (a shared file system, or copies).
+The local pool of processes is one executor, a cluster another. What is sent is an entry point ``module:function`` and
+a request as JSON, what comes back is a response as JSON; files are named by their paths, and an operation that says
+which fields these are can be carried out on other machines.
 """
 
 import importlib
@@ -35,6 +35,8 @@ class Operation(Generic[Request, Response]):
         response_type: what it returns.
         timeout_s: time limit in seconds; None is the executor's own.
         lane: which workers carry it out.
+        reads: fields of the request that name the files it reads; with them it may be carried out on other machines.
+        writes: the field that names the folder for what it writes, where it has one.
     """
 
     entry_point: str
@@ -42,6 +44,8 @@ class Operation(Generic[Request, Response]):
     response_type: type[Response]
     timeout_s: float | None = None
     lane: Lane = "compute"
+    reads: tuple[str, ...] = ()
+    writes: str = ""
 
     @property
     def name(self) -> str:
@@ -61,6 +65,10 @@ class Executor(Protocol):
     @property
     def capacity(self) -> int:
         """How many operations of the compute lane run at once."""
+
+    @property
+    def notice(self) -> str:
+        """What those who read a result have to be told of how it was made; empty where all is as it was set up."""
 
     async def run(
         self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = ...

@@ -61,6 +61,11 @@ class WorkerPool:
         """How many operations of the compute lane run at once."""
         return self._limits.worker_count
 
+    @property
+    def notice(self) -> str:
+        """Nothing: all is done where it was set up to be."""
+        return ""
+
     async def run(
         self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress
     ) -> Response:
@@ -95,7 +100,7 @@ class WorkerPool:
                     self._idle[lane].append(worker)
                 else:
                     await worker.kill()
-        return await anyio.to_thread.run_sync(self._response, operation, report)
+        return await anyio.to_thread.run_sync(response_of, operation, report)
 
     async def _may_stay(self, worker: "_WorkerProcess", lane: Lane) -> bool:
         """Whether a worker is kept for the next operation: it holds no more than it may between two of them."""
@@ -147,16 +152,6 @@ class WorkerPool:
         if self._limits.recordings is not None:
             environment["PLANNERFORGE_RECORDINGS"] = str(self._limits.recordings)
         return await _WorkerProcess.start(environment, log=self._log, preload=PRELOAD[lane])
-
-    @staticmethod
-    def _response(operation: Operation[Request, Response], report: Answer | Failure) -> Response:
-        if isinstance(report, Answer):
-            return operation.response_type.model_validate_json(report.response)
-        if report.code == UnexpectedFailure.code:
-            raise UnexpectedFailure(operation.name, report.unexpected)
-        if report.unexpected:
-            logger.error("operation %s failed:\n%s", operation.entry_point, report.unexpected)
-        raise report.error()
 
 
 class _WorkerProcess:
@@ -250,6 +245,21 @@ class _WorkerProcess:
             status = await self._process.wait()
             await self._process.aclose()
         return status
+
+
+def response_of(operation: Operation[Request, Response], report: Answer | Failure) -> Response:
+    """The response that a worker reported.
+
+    Raises:
+        PlannerForgeError: the failure that it reported.
+    """
+    if isinstance(report, Answer):
+        return operation.response_type.model_validate_json(report.response)
+    if report.code == UnexpectedFailure.code:
+        raise UnexpectedFailure(operation.name, report.unexpected)
+    if report.unexpected:
+        logger.error("operation %s failed:\n%s", operation.entry_point, report.unexpected)
+    raise report.error()
 
 
 def _order_line(operation: Operation[Request, Response], request: Request) -> bytes:

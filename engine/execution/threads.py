@@ -148,6 +148,11 @@ class ReachableExecutor:
         """That of the executor behind it."""
         return self._inner.capacity
 
+    @property
+    def notice(self) -> str:
+        """That of the executor behind it."""
+        return self._inner.notice
+
     async def run(
         self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress
     ) -> Response:

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 from plannerforge.engine.execution.executor import ProgressReporter
 from plannerforge.schemas.base import Model
@@ -98,3 +99,18 @@ def hang(request: Words, report: ProgressReporter) -> Words:
     report(0.1, f"{os.getpid()} {program.pid}")
     while True:
         time.sleep(1)
+
+
+class Letter(Model):
+    path: str = ""
+    folder: str = ""
+    text: str = ""
+
+
+def copy_letter(request: Letter, report: ProgressReporter) -> Letter:
+    """Read the file at ``path``, and write what it holds into ``folder``, which is empty."""
+    text = Path(request.path).read_text(encoding="utf-8")
+    copy = Path(request.folder) / "copies" / Path(request.path).name
+    copy.parent.mkdir()
+    copy.write_text(text, encoding="utf-8")
+    return Letter(text=f"{text} by {os.getpid()}")

@@ -295,7 +295,8 @@ async def _answer(
     """How far the plan is, by its rows; they are the same for every server."""
     state: JobState = "done" if job is None else job.state
     stored = call.workspace.find("plan", asked.plan_id)
-    told = [*notes, *([job.error] if job is not None and job.error else [])]
+    told = [*notes, *([job.error] if job is not None and job.error else []), call.services.workers.notice]
+    told = [note for note in told if note]
     if stored is None:
         if job is not None and job.state == "failed":
             raise NotPossible(job.error, next_step="correct what is named and call again")

@@ -51,6 +51,8 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
     notes = [*conditions.notes, *plan.notes, *told, *failures]
     if len(sites.planned) < arguments.count:
         notes.append(f"only {len(sites.planned)} different site(s) fit; {arguments.count} were asked for")
+    if notice := call.services.workers.notice:
+        notes.append(notice)
     used = {summary.map_id for summary in made}
     attributions = sorted({m.entry.facts.attribution for m in plan.matches if m.entry.facts.map_id in used})
     return GenerateScenariosResult(scenarios=made, notes=notes, attribution=attributions)

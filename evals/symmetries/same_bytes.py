@@ -22,10 +22,10 @@ import anyio
 from mcp import Client
 from mcp.types import CallToolResult
 
-from ..server.assembly import create_server
-from ..server.settings import Settings
-from ..server.tool_calls import answer_text
-from .harness import shared_folder
+from ...server.assembly import create_server
+from ...server.settings import Settings
+from ...server.tool_calls import answer_text
+from ..harness import shared_folder
 
 _WRITTEN_AT = re.compile(r"\b\d{4}-\d\d-\d\dT[\d:.+Z-]+")
 _UNSTEADY = ("_ms", "elapsed_s", "wall_s", "computing_s", "created", "run_time_s", "planning_s")

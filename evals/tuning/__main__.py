@@ -1,0 +1,44 @@
+"""``make bench-tuning``: planners, their tuning, and runs on more than one machine.
+
+Each part is a module of this package with a function ``measure(bench: AnalysisBench) -> Figures``, which explains its
+keys and judges by code apart from the product. The keys that count:
+
+``cluster``: ``dask_same_rows`` (share of runs that two Dask workers, killed or not, make as one process does),
+``dask_speedup`` (time on one process by that on two Dask workers).
+
+``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too; then the status is
+1. ``--json`` prints the last line alone.
+"""
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+from ..analysis.bench import AnalysisBench
+from ..harness import Parts, add_part_options, existing, print_parts, shared_folder
+
+PARTS: Parts[AnalysisBench] = Parts(package=__package__ or "", keys={"cluster": ("dask_same_rows", "dask_speedup")})
+"""The parts in the order in which they are measured, and the keys that each owes."""
+
+
+def _main() -> int:
+    """Read the command line, measure, print; the status."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add_part_options(parser)
+    parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder with data and corpora")
+    parser.add_argument("--seed", type=int, default=20, help="of all that is drawn (default: 20)")
+    parser.add_argument("--limit", type=int, default=None, help="only so many cases of each part: a sample")
+    given = parser.parse_args()
+    try:
+        parts = PARTS.chosen(given.only)
+    except ValueError as error:
+        parser.error(str(error))
+    with tempfile.TemporaryDirectory() as scratch:
+        bench = AnalysisBench(existing(given.shared), Path(scratch), given.seed, given.limit)
+        figures, faults = PARTS.measured(parts, bench)
+    return print_parts("Tuning", figures, faults, as_json=given.json)
+
+
+if __name__ == "__main__":
+    sys.exit(_main())
