@@ -34,7 +34,7 @@ CostFunctionId = Literal["JB1", "SA1", "WX1", "SM1", "SM2", "SM3", "MW1", "TR1",
 class ListArtifactsArguments(Arguments):
     """What was made in this workspace, newest first; batches with their success rates."""
 
-    kind: Literal["scenario", "search", "config", "run", "batch", "map", "plan", "job"] | None = None
+    kind: Literal["scenario", "search", "config", "run", "batch", "map", "plan", "study", "job"] | None = None
     parent: str | None = Field(None, description="id that it was made from")
     text: str | None = Field(None, description="in ids, names and recipes")
     limit: int = Field(10, ge=1, le=50)

@@ -13,7 +13,10 @@ COMES_WITH = {"pydantic-core": "pydantic", "transformers": "sentence-transformer
 RUN_ELSEWHERE = {
     "evals/maps/factory_driver.py": "runs in the other generator's environment, which a bench makes for it"
 }
-ASKED_FOR_UNIMPORTED = {"commonroad-clcs": "commonroad-drivability-checker imports it without asking for it"}
+ASKED_FOR_UNIMPORTED = {
+    "commonroad-clcs": "commonroad-drivability-checker imports it without asking for it",
+    "cmaes": "optuna imports it without asking for it",
+}
 
 
 def normalised(name: str) -> str:

@@ -9,6 +9,15 @@ Time limits are chosen, generously: they end what hangs. Where a client waits fo
 
 from ..engine.execution import Operation
 from ..schemas.analysis.comparison import CompareRequest, CompareResultsResult
+from ..schemas.analysis.optimization import (
+    DesignRequest,
+    Effects,
+    EffectsRequest,
+    Gain,
+    GainRequest,
+    Proposals,
+    ProposeRequest,
+)
 from ..schemas.artifacts import (
     FileWritten,
     ForeignExport,
@@ -90,6 +99,16 @@ ANALYSE = Operation("plannerforge.engine.analysis:analyse", AnalyseRequest, Anal
 SUCCESS_RATES = Operation("plannerforge.engine.analysis:success_rates", SuccessRequest, SuccessRates, timeout_s=50.0)
 REVIEW_RUNS = Operation("plannerforge.engine.analysis:review_runs", ReviewRequest, ReviewResponse, timeout_s=50.0)
 COMPARE = Operation("plannerforge.engine.analysis:compare", CompareRequest, CompareResultsResult, timeout_s=50.0)
+
+# Searches for configurations
+PROPOSE = Operation("plannerforge.engine.tuning:propose", ProposeRequest, Proposals, timeout_s=600.0)
+JUDGE_GAIN = Operation("plannerforge.engine.tuning:judge_gain", GainRequest, Gain)
+SENSITIVITY_DESIGN = Operation(
+    "plannerforge.engine.tuning:sensitivity_design", DesignRequest, Proposals, timeout_s=120.0
+)
+SENSITIVITY_EFFECTS = Operation(
+    "plannerforge.engine.tuning:sensitivity_effects", EffectsRequest, Effects, timeout_s=120.0
+)
 
 # Pictures and pages
 RENDER = Operation("plannerforge.engine.rendering:render", RenderRequest, Rendered, timeout_s=50.0)

@@ -86,6 +86,7 @@ TOOLS: tuple[ToolSpec, ...] = (
         "analyze_results", "Analyse results", "analysis.tool", read_only=True, seldom=("trial",), making=("trial",)
     ),
     ToolSpec("compare_results", "Compare results", "analysis.tool", read_only=True),
+    ToolSpec("optimize_planner", "Optimise a planner", "analysis.optimization", essential=False),
     ToolSpec("render", "Draw", "rendering", read_only=True),
     ToolSpec("list_artifacts", "List artifacts", "artifacts", read_only=True, essential=False),
     ToolSpec("export_artifacts", "Export artifacts", "exporting", essential=False),

@@ -6,6 +6,18 @@
 ``differences``: The weights and settings in which two configurations of a planner differ, in their order.
 ``named_configuration``: The configuration that ``PLANNER:PRESET`` or ``PLANNER`` means; None for other texts.
 ``preset_configuration``: The configuration of a preset as it stands, with the default settings.
+``Objective``: A measure that a search raises, with its weight in a sum.
+``parse_objective``: The objective that a text such as ``comfort*0.2`` means.
+``Constraint``: A bound on the mean of a measure.
+``parse_constraint``: The constraint that a text such as ``success>=base`` means.
+``Dimension``: A weight or setting that a search varies.
+``dimensions``: What a search varies, from the words of a call.
+``values_at``: The values at a point of the space of a search.
+``point_of``: The point of a configuration in the space of a search.
+``propose``: an operation: the next points of a search.
+``judge_gain``: an operation: a mean difference over scenarios with its interval.
+``sensitivity_design``: an operation: the points at which a sensitivity analysis looks.
+``sensitivity_effects``: an operation: which weights matter, from the objective at these points.
 ``Setting``: One setting: its unit, range and meaning.
 ``known_settings``: All settings by name, in their order.
 ``setting_values``: Every setting with the value in force, in their order.
@@ -30,6 +42,9 @@ if TYPE_CHECKING:
         named_configuration,
         preset_configuration,
     )
+    from .objectives import Constraint, Objective, parse_constraint, parse_objective
+    from .search import Dimension, dimensions, judge_gain, point_of, propose, values_at
+    from .sensitivity import sensitivity_design, sensitivity_effects
     from .settings import Setting, known_settings, setting_values
     from .tunings import PlannerTuning, tuning_of
     from .weight_file import WeightFile, read_weight_file, read_yaml, to_yaml

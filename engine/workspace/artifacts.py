@@ -22,7 +22,7 @@ from ...schemas.errors import ResourceFailure, UnknownName, closest
 from .database import Database, make_private, still_runs
 from .recipe import Recipe
 
-ArtifactKind = Literal["scenario", "search", "config", "run", "batch", "map", "plan"]
+ArtifactKind = Literal["scenario", "search", "config", "run", "batch", "map", "plan", "study"]
 ARTIFACT_KINDS: tuple[str, ...] = get_args(ArtifactKind)
 Record = TypeVar("Record", bound=Model)
 ABANDONED_S = 3600.0
@@ -35,6 +35,7 @@ _MAKERS: dict[ArtifactKind, str] = {
     "batch": "call run_planner with several scenarios or configurations",
     "map": "call describe_catalog with facet maps",
     "plan": "call generate_scenarios with cover",
+    "study": "call optimize_planner",
 }
 """What makes an artifact of each kind, for the next step of a refusal."""
 _OWN_FOLDERS = frozenset(

@@ -241,6 +241,17 @@ CASES: dict[str, Case] = {
             Bad({"results": ["<batch>"], "detail": "all"}, ("'all'", "findings")),
         ),
     ),
+    "optimize_planner": Case(
+        {"scenarios": ["preset:4"], "base": "idm", "vary": ["time_headway_s"], "max_trials": 2},
+        (
+            Bad({"objective": ["sucess"]}, ("sucess", "success")),
+            Bad({"constraints": ["success>=best"]}, ("success>=best", "success>=base")),
+            Bad({"base": "frenetix", "vary": ["prediktion"]}, ("prediktion", "prediction")),
+            Bad({"base": "frenetix", "vary": ["horizon_s=1..9"]}, ("horizon_s", "1.5..6")),
+            Bad({"scenarios": ["<scenario>"]}, ("one map", "preset:100")),
+            Bad({"pareto": True, "method": "cmaes", "objective": ["success", "time"]}, ("front", "pareto=false")),
+        ),
+    ),
     "compare_results": Case(
         {"results": ["<batch>"]},
         (

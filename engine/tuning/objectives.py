@@ -1,0 +1,131 @@
+"""What a search for a configuration aims at, and the bounds that it must keep.
+
+Every measure is a number from 0 to 1 for each run, so that sums mean the same on every set of scenarios. A run that
+does not reach its goal has no comfort and takes all the time there is: no configuration gains by failing early.
+"""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import fmean
+
+from ...schemas.errors import InvalidRequest, UnknownName, closest
+from ...schemas.runs import RunRecord
+from ...schemas.text import quoted
+
+_HALF_COMFORT = 4.0
+"""Mean squared jerk in m²/s⁶ at which comfort is one half (chosen: 2 m/s³ throughout)."""
+_HALF_TIME_S = 10.0
+"""Duration at which time is one half (chosen: about the length of a public scenario)."""
+_MOST_RISK = 5
+"""Risk scores go from 0 (collision) to 5."""
+
+
+@dataclass(frozen=True)
+class _Measure:
+    """A measure of a run; ``sign``: 1 where more is better, −1 where less is."""
+
+    sign: int
+    of: Callable[[RunRecord], float]
+
+
+def _reached(run: RunRecord) -> bool:
+    return run.outcome == "goal_reached"
+
+
+def _collided(run: RunRecord) -> bool:
+    return run.outcome == "collision"
+
+
+def _risk(run: RunRecord) -> float:
+    if _collided(run):
+        return 1.0
+    score = None if run.metrics is None else run.metrics.risk_score
+    return 0.0 if score is None else 1 - score / _MOST_RISK
+
+
+def _comfort(run: RunRecord) -> float:
+    if not _reached(run) or run.metrics is None:
+        return 0.0
+    return 1 / (1 + run.metrics.mean_squared_jerk / _HALF_COMFORT)
+
+
+def _time(run: RunRecord) -> float:
+    if not _reached(run) or run.metrics is None:
+        return 1.0
+    return run.metrics.duration_s / (run.metrics.duration_s + _HALF_TIME_S)
+
+
+_MEASURES: Mapping[str, _Measure] = {
+    "success": _Measure(1, lambda run: float(_reached(run))),
+    "collisions": _Measure(-1, lambda run: float(_collided(run))),
+    "risk": _Measure(-1, _risk),
+    "comfort": _Measure(1, _comfort),
+    "time": _Measure(-1, _time),
+}
+_NUMBER = r"\d+(?:\.\d*)?|\.\d+"
+_TERM = re.compile(rf"(?P<name>[A-Za-z_]+)(?:\s*\*\s*(?P<factor>{_NUMBER}))?")
+_BOUND = re.compile(rf"(?P<name>[A-Za-z_]+)\s*(?P<operator>>=|<=)\s*(?P<bound>base|{_NUMBER})")
+
+
+@dataclass(frozen=True)
+class Objective:
+    """A measure with its weight in a sum."""
+
+    name: str
+    factor: float
+
+    def score(self, run: RunRecord) -> float:
+        """The run's part of the sum; higher is better."""
+        measure = _MEASURES[self.name]
+        return self.factor * measure.sign * measure.of(run)
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """A bound on the mean of a measure; ``bound`` None: the base's own mean on the same scenarios."""
+
+    name: str
+    is_least: bool
+    bound: float | None
+
+    def holds(self, runs: Sequence[RunRecord], base: Sequence[RunRecord]) -> bool:
+        """Whether a candidate's runs keep it, given the base's on the same scenarios."""
+        if not runs:
+            return True
+        mean = fmean(_MEASURES[self.name].of(run) for run in runs)
+        bound = fmean(_MEASURES[self.name].of(run) for run in base) if self.bound is None else self.bound
+        return mean >= bound - 1e-12 if self.is_least else mean <= bound + 1e-12
+
+
+def parse_objective(text: str) -> Objective:
+    """``success`` or ``comfort*0.2``.
+
+    Raises:
+        InvalidRequest: malformed.
+        UnknownName: no such measure.
+    """
+    found = _TERM.fullmatch(text.strip())
+    if found is None:
+        raise InvalidRequest(f"{quoted(text)} is no objective", valid=["success", "comfort*0.2"])
+    return Objective(_known(found["name"]), float(found["factor"] or 1.0))
+
+
+def parse_constraint(text: str) -> Constraint:
+    """``success>=base`` or ``collisions<=0.1``.
+
+    Raises:
+        InvalidRequest: malformed.
+        UnknownName: no such measure.
+    """
+    found = _BOUND.fullmatch(text.strip())
+    if found is None:
+        raise InvalidRequest(f"{quoted(text)} is no constraint", valid=["success>=base", "collisions<=0.1"])
+    bound = None if found["bound"] == "base" else float(found["bound"])
+    return Constraint(_known(found["name"]), found["operator"] == ">=", bound)
+
+
+def _known(name: str) -> str:
+    if name.lower() in _MEASURES:
+        return name.lower()
+    raise UnknownName(f"there is no measure {quoted(name)}", valid=closest(name, _MEASURES) or list(_MEASURES))

@@ -1,0 +1,204 @@
+"""Searches over weights and settings: the space, and new candidates by Optuna.
+
+A search goes in rounds of a fixed size: all candidates of a round are drawn before one of them is told, and told in
+their order, so that what is found does not depend on which worker was faster. New candidates are drawn from all that
+was told, played again from the start: a search that was broken off goes on by the runs that the workspace keeps.
+"""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import fmean
+from typing import TYPE_CHECKING
+
+from ...schemas.analysis.optimization import Gain, GainRequest, Proposals, ProposeRequest
+from ...schemas.errors import Faults, InvalidRequest, UnexpectedFailure, UnknownName, closest
+from ...schemas.planning import PlannerConfiguration
+from ...schemas.text import quoted
+from ..execution import ProgressReporter
+from .settings import known_settings, setting_values
+from .tunings import LARGEST_WEIGHT, tuning_of
+
+if TYPE_CHECKING:
+    import optuna
+
+_OFF = 0.1
+"""The part of a weight's range that means 0 (chosen: off is as likely as a tenth of what it can be)."""
+_SMALLEST, _LARGEST = 0.01, 100.0
+"""Weights that a search tries beside 0 (chosen: an order beyond those of the presets on both sides)."""
+_VARIED = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\s*=\s*(?P<low>\d+(?:\.\d+)?)\s*\.\.\s*(?P<high>\d+(?:\.\d+)?))?")
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A weight or setting that is varied, and how [0, 1] stands for its values.
+
+    ``can_be_off``: the lowest tenth is 0; ``is_log``: evenly in the logarithm; ``is_whole``: whole numbers only.
+    """
+
+    name: str
+    low: float
+    high: float
+    is_setting: bool = False
+    is_log: bool = False
+    can_be_off: bool = False
+    is_whole: bool = False
+
+    def value(self, place: float) -> float:
+        """The value at a place in [0, 1], with three significant digits."""
+        if self.can_be_off:
+            if place < _OFF:
+                return 0.0
+            place = (place - _OFF) / (1 - _OFF)
+        span = self.high - self.low
+        value = self.low * (self.high / self.low) ** place if self.is_log else self.low + span * place
+        if self.is_whole:
+            return float(min(self.high, max(self.low, round(value))))
+        return min(self.high, max(self.low, float(f"{value:.3g}")))
+
+    def place(self, value: float) -> float:
+        """The place of a value, the nearest end where it lies outside."""
+        if self.can_be_off and value < self.low:
+            return _OFF / 2
+        inside = min(self.high, max(self.low, value))
+        if self.is_log:
+            place = math.log(inside / self.low) / math.log(self.high / self.low)
+        else:
+            place = (inside - self.low) / (self.high - self.low)
+        return _OFF + (1 - _OFF) * place if self.can_be_off else place
+
+
+def dimensions(planner: str, vary: Sequence[str]) -> tuple[Dimension, ...]:
+    """What a search varies: all weights that act, or those that are named, as ``jerk`` or ``horizon_s=2..5``.
+
+    Raises:
+        UnknownName: no weight or setting of the planner.
+        InvalidRequest: malformed, a range that is none or lies outside, or a name twice.
+    """
+    tuning = tuning_of(planner)
+    if not vary:
+        return tuple(_weight(planner, name, None) for name in tuning.weights)
+    faults, made = Faults(), dict[str, Dimension]()
+    for text in vary:
+        with faults.collecting():
+            dimension = _dimension(planner, text)
+            if dimension.name in made:
+                raise InvalidRequest(f"{dimension.name} is varied twice", next_step="name it once")
+            made[dimension.name] = dimension
+    faults.raise_all()
+    return tuple(made.values())
+
+
+def _dimension(planner: str, text: str) -> Dimension:
+    found = _VARIED.fullmatch(text.strip())
+    if found is None:
+        raise InvalidRequest(
+            f"{quoted(text)} names nothing to vary", valid=["jerk", "prediction=0.1..50", "horizon_s=2..5"]
+        )
+    name, tuning, settings = found["name"], tuning_of(planner), known_settings()
+    given = None if found["low"] is None else (float(found["low"]), float(found["high"]))
+    if given is not None and given[0] >= given[1]:
+        raise InvalidRequest(f"{quoted(text)} is no range", valid=[f"{name}={given[1]:g}..{given[0]:g}"])
+    if name in tuning.weights or name in tuning.external:
+        return _weight(planner, name, given)
+    if name not in settings:
+        known = [*tuning.weights, *tuning.external, *settings]
+        raise UnknownName(f"{planner} has no weight or setting {quoted(name)}", valid=closest(name, known))
+    setting = settings[name]
+    low, high = given or (setting.lowest, setting.highest)
+    _refuse_outside(name, (low, high), (setting.lowest, setting.highest))
+    return Dimension(name, low, high, is_setting=True, is_whole=setting.whole)
+
+
+def _weight(planner: str, name: str, given: tuple[float, float] | None) -> Dimension:
+    limits = tuning_of(planner).limits.get(name, (0.0, LARGEST_WEIGHT))
+    if given is not None:
+        _refuse_outside(name, given, limits)
+        low, high = given
+        if low > 0:
+            return Dimension(name, low, high, is_log=True)
+        return Dimension(name, high * _SMALLEST / _LARGEST, high, is_log=True, can_be_off=True)
+    if limits[0] > 0:
+        return Dimension(name, *limits, is_log=True)
+    return Dimension(name, _SMALLEST, min(_LARGEST, limits[1]), is_log=True, can_be_off=True)
+
+
+def _refuse_outside(name: str, given: tuple[float, float], limits: tuple[float, float]) -> None:
+    if not limits[0] <= given[0] < given[1] <= limits[1]:
+        raise InvalidRequest(
+            f"{name} cannot be varied from {given[0]:g} to {given[1]:g}", valid=[f"{name}={limits[0]:g}..{limits[1]:g}"]
+        )
+
+
+def values_at(space: Sequence[Dimension], point: Sequence[float]) -> dict[str, float]:
+    """The values of a point by name."""
+    return {one.name: one.value(place) for one, place in zip(space, point, strict=True)}
+
+
+def point_of(space: Sequence[Dimension], configuration: PlannerConfiguration) -> tuple[float, ...]:
+    """The point of a configuration; values outside the space are moved to its edge."""
+    values: Mapping[str, float] = (
+        configuration.weights | configuration.external_weights | setting_values(configuration.settings)
+    )
+    return tuple(one.place(values[one.name]) for one in space)
+
+
+def propose(request: ProposeRequest, report: ProgressReporter) -> Proposals:
+    """An operation: the next points of a search.
+
+    Raises:
+        UnexpectedFailure: playing the search again gave other points than were told: the libraries have changed.
+    """
+    import optuna
+
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    study = optuna.create_study(directions=["maximize"] * request.objectives, sampler=_sampler(request))
+    space = {name: optuna.distributions.FloatDistribution(0.0, 1.0) for name in request.names}
+    for told in request.enqueued:
+        params = dict(zip(request.names, told.point, strict=True))
+        study.add_trial(optuna.trial.create_trial(params=params, distributions=dict(space), values=list(told.values)))
+    for number, told_round in enumerate(request.rounds):
+        trials = [study.ask(dict(space)) for _ in told_round]
+        for trial, told in zip(trials, told_round, strict=True):
+            if any(
+                abs(trial.params[name] - place) > 1e-9 for name, place in zip(request.names, told.point, strict=True)
+            ):
+                raise UnexpectedFailure("propose", f"round {number} of the search was drawn otherwise before")
+            study.tell(trial, list(told.values))
+        report(0.9 * (number + 1) / len(request.rounds), "playing the search again")
+    asked = [study.ask(dict(space)) for _ in range(request.count)]
+    return Proposals(points=tuple(tuple(float(one.params[name]) for name in request.names) for one in asked))
+
+
+def _sampler(request: ProposeRequest) -> "optuna.samplers.BaseSampler":
+    import warnings
+
+    import optuna
+
+    with warnings.catch_warnings():  # on experimental and ageing options; the version of the library is fixed
+        warnings.simplefilter("ignore")
+        if request.method == "random":
+            return optuna.samplers.RandomSampler(seed=request.seed)
+        if request.method == "cmaes":
+            start = dict(zip(request.names, request.start, strict=True))
+            return optuna.samplers.CmaEsSampler(x0=start, sigma0=0.2, seed=request.seed)
+        return optuna.samplers.TPESampler(
+            seed=request.seed, multivariate=True, constant_liar=True, n_startup_trials=max(8, len(request.names))
+        )
+
+
+def judge_gain(request: GainRequest, report: ProgressReporter) -> Gain:
+    """An operation: the mean difference over scenarios with its 95 % interval by Student's distribution."""
+    from scipy.special import stdtrit
+
+    groups: dict[str, list[float]] = {}
+    for root, difference in request.differences:
+        groups.setdefault(root, []).append(difference)
+    means = [fmean(group) for group in groups.values()]
+    middle, half = fmean(means), math.inf
+    if len(means) > 1:
+        variance = sum((mean - middle) ** 2 for mean in means) / (len(means) - 1)
+        half = float(stdtrit(len(means) - 1, 0.975)) * math.sqrt(variance / len(means))
+    report(1.0, "judged")
+    return Gain(difference=middle, low=middle - min(half, 10.0), high=middle + min(half, 10.0), scenarios=len(means))

@@ -1,0 +1,283 @@
+"""Searches for better configurations: arguments, what workers are asked, the record of a study, the answer."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from ..base import Answer, Arguments, Model, Result
+from ..jobs import JobState
+from ..planning import WeightChange
+from ..results import figure
+from ..runs import Prediction, Traffic
+from ..text import counted
+
+SearchMethod = Literal["tpe", "cmaes", "random"]
+"""How new candidates are drawn: tree-structured Parzen estimators, covariance matrix adaptation, or evenly."""
+_SHOWN = 5
+"""Changes, weights or front members that the brief answer names (chosen)."""
+
+
+class OptimizePlannerArguments(Arguments):
+    """Search better weights on half of the roads, judge them on the rest (job); morris, sobol: which weights matter."""
+
+    scenarios: list[str] = Field(["preset:100"], min_length=1, description="as in run_planner; many, of several places")
+    base: str = Field("current", description="config id, PLANNER[:PRESET]: what must be beaten")
+    objective: list[str] = Field(
+        ["success"], min_length=1, description="success, collisions, risk, comfort, time; summed, with 'comfort*0.2'"
+    )
+    pareto: bool = Field(False, description="a front of the objectives instead of their sum")
+    constraints: list[str] = Field([], description="'success>=base', 'collisions<=0.1'")
+    vary: list[str] = Field([], description="'jerk', 'horizon_s=2..5'; default: all weights")
+    method: Literal["tpe", "cmaes", "random", "morris", "sobol"] = "tpe"
+    max_trials: int = Field(40, ge=1, le=2000)
+    prediction: Prediction = "constant_velocity"
+    traffic: Traffic = "recorded"
+    wait_s: float = Field(45, ge=0, le=50)
+    seed: int = 0
+
+
+class ToldTrial(Model):
+    """A candidate that was tried: its place in [0, 1] for each dimension, its objectives (higher is better)."""
+
+    point: tuple[float, ...]
+    values: tuple[float, ...]
+
+
+class ProposeRequest(Model):
+    """What is known of a search: ``enqueued`` points are tried first; ``rounds``: what was told, round by round.
+
+    ``start``: the point of the base; ``count``: how many new points are asked for; ``objectives``: how many there are.
+    """
+
+    method: SearchMethod
+    seed: int
+    names: tuple[str, ...]
+    start: tuple[float, ...]
+    objectives: int
+    enqueued: tuple[ToldTrial, ...]
+    rounds: tuple[tuple[ToldTrial, ...], ...]
+    count: int
+
+
+class Proposals(Model):
+    """Points in [0, 1], a number for each dimension."""
+
+    points: tuple[tuple[float, ...], ...]
+
+
+class DesignRequest(Model):
+    """A design for a sensitivity analysis with at most ``most`` points, but those of the smallest design."""
+
+    method: Literal["morris", "sobol"]
+    names: tuple[str, ...]
+    most: int
+    seed: int
+
+
+class EffectsRequest(Model):
+    """The objective at the points of a design, in their order."""
+
+    design: DesignRequest
+    values: tuple[float, ...]
+
+
+class Effect(Model):
+    """How much a weight matters to the objective on these scenarios.
+
+    ``effect``: Morris: μ*, the mean absolute change over the weight's range; Sobol: the total index. ``margin``: half
+    of its 95 % interval (bootstrap). ``verdict``: ``matters`` where the interval lies above 0, ``none`` where no change
+    of the weight changed anything.
+    """
+
+    name: str
+    effect: float
+    margin: float
+    verdict: Literal["matters", "none", "unclear"]
+
+
+class Effects(Model):
+    """The weights, what matters most first."""
+
+    effects: tuple[Effect, ...]
+
+
+class GainRequest(Model):
+    """Differences of an objective on held-out scenarios, each with the scenario that counts as one."""
+
+    differences: tuple[tuple[str, float], ...]
+
+
+class Gain(Model):
+    """Mean difference over scenarios with its 95 % interval; without spread both ends are the mean."""
+
+    difference: float
+    low: float
+    high: float
+    scenarios: int
+
+
+class TrialLine(Model):
+    """One candidate: its configuration, mean objectives over the training runs that were made, and how many these were.
+
+    ``pruned``: given up before all training scenarios; ``within``: no constraint is broken.
+    """
+
+    number: int
+    config_id: str
+    name: str
+    values: tuple[float, ...]
+    runs: int
+    pruned: bool
+    within: bool
+
+
+class ChangeShare(Model):
+    """A change of the found configuration, and what of the training gain is lost where it alone is taken back."""
+
+    change: WeightChange
+    gain: float
+
+
+class HeldOut(Model):
+    """The one look at the scenarios that the search had not seen: base against found, by compare_results' tests."""
+
+    batch_id: str
+    scenarios: int
+    gain: Gain
+    success_difference: float | None
+    success_low: float | None
+    success_high: float | None
+    p: float | None
+    collisions_before: int
+    collisions_after: int
+    verdict: str
+
+    @property
+    def is_better(self) -> bool:
+        """Whether the gain is shown."""
+        return self.gain.low > 0
+
+
+class StudyRecord(Model):
+    """A search or a sensitivity analysis: what was tried and what came out.
+
+    ``training``, ``held_out_places``: the places (or maps) of either part. ``best``: the found configuration, the base
+    itself where nothing was better in training.
+    """
+
+    study_id: str
+    method: str
+    objective: tuple[str, ...]
+    constraints: tuple[str, ...]
+    prediction: Prediction
+    traffic: Traffic
+    base_id: str
+    base_name: str
+    best_id: str
+    best_name: str
+    training_scenarios: int
+    training: tuple[str, ...]
+    held_out_places: tuple[str, ...]
+    trials: tuple[TrialLine, ...]
+    changes: tuple[ChangeShare, ...] = ()
+    held_out: HeldOut | None = None
+    front: tuple[TrialLine, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+class OptimizePlannerResult(Result):
+    """The study when it is done; until then the job and the best candidate so far."""
+
+    state: JobState
+    job_id: str | None = None
+    study: StudyRecord | None = None
+    best_so_far: TrialLine | None = None
+    message: str = ""
+    next_step: str
+
+    def answer(self) -> Answer:
+        """What was found and whether it holds on scenarios that the search had not seen."""
+        if self.study is None:
+            best = self.best_so_far
+            found = [] if best is None else [f"Best so far: {best.config_id} ({best.name}), {_values(best.values)}."]
+            return Answer(f"{self.job_id}: {self.state}; {self.message}", decided=found, next_step=self.next_step)
+        study = self.study
+        notes = [f"Note: {note}" for note in study.notes]
+        if study.effects:
+            return Answer(_told_effects(study), figures=_effects(study), listed=notes, next_step=self.next_step)
+        return Answer(
+            _headline(study),
+            decided=[_searched(study)],
+            figures=_figures(study),
+            listed=notes,
+            next_step=self.next_step,
+        )
+
+
+def _values(values: tuple[float, ...]) -> str:
+    return "training score " + ", ".join(figure(value) for value in values)
+
+
+def _headline(study: StudyRecord) -> str:
+    held_out = study.held_out
+    if held_out is None:
+        return f"{study.study_id}: nothing better than {study.base_name} was found in training."
+    found = f"{study.best_id} ({study.best_name})"
+    told = "is better than" if held_out.is_better else "is not shown to be better than"
+    gain = held_out.gain
+    return (
+        f"{study.study_id}: {found} {told} {study.base_name} on {held_out.scenarios} held-out scenarios: objective"
+        f" {gain.difference:+.3f} (95 % {gain.low:+.3f} to {gain.high:+.3f})."
+    )
+
+
+def _searched(study: StudyRecord) -> str:
+    pruned = sum(trial.pruned for trial in study.trials)
+    return (
+        f"{counted(len(study.trials), 'candidate')} ({pruned} given up early) by {study.method} on"
+        f" {counted(study.training_scenarios, 'scenario')} of {counted(len(study.training), 'place')} for"
+        f" {' + '.join(study.objective)}; held out: {counted(len(study.held_out_places), 'other place')}."
+    )
+
+
+def _figures(study: StudyRecord) -> list[str]:
+    base = next(trial for trial in study.trials if trial.config_id == study.base_id)
+    others = [trial for trial in study.trials if trial.config_id != study.base_id]
+    best = next((trial for trial in others if trial.config_id == study.best_id), None)
+    lines = [f"Base: {_values(base.values)}" + (f"; found: {_values(best.values)}." if best is not None else ".")]
+    held_out = study.held_out
+    if held_out is not None:
+        collisions = f"collisions {held_out.collisions_before} → {held_out.collisions_after}"
+        lines.append(f"Held out ({held_out.batch_id}): {held_out.verdict}; {collisions}.")
+    if study.changes:
+        shown = sorted(study.changes, key=lambda share: -share.gain)[:_SHOWN]
+        words = [f"{one.change.name} {one.change.before:g} → {one.change.after:g} ({one.gain:+.3f})" for one in shown]
+        more = len(study.changes) - len(shown)
+        rest = f" and {more} more" if more else ""
+        lines.append(f"Changes, with the training score that each brings: {', '.join(words)}{rest}.")
+    if study.front:
+        members = [f"{one.config_id} {', '.join(figure(value) for value in one.values)}" for one in study.front]
+        lines.append(f"Front ({len(members)}): {'; '.join(members[:_SHOWN])}.")
+    return lines
+
+
+def _told_effects(study: StudyRecord) -> str:
+    matters = [one.name for one in study.effects if one.verdict == "matters"]
+    told = f"{', '.join(matters)} matter" if matters else "no weight is shown to matter"
+    return (
+        f"{study.study_id}: on {counted(study.training_scenarios, 'scenario')} {told} to {' + '.join(study.objective)}"
+        f" ({study.method}, {len(study.trials)} configurations)."
+    )
+
+
+def _effects(study: StudyRecord) -> list[str]:
+    name = "μ*" if study.method == "morris" else "total index"
+    parts = [
+        f"{one.name} {figure(one.effect)} ± {figure(one.margin)}" for one in study.effects if one.verdict != "none"
+    ]
+    idle = [one.name for one in study.effects if one.verdict == "none"]
+    return [
+        *([f"{name}: {', '.join(parts)}."] if parts else []),
+        *([f"Did nothing: {', '.join(idle)}."] if idle else []),
+    ]
