@@ -5,6 +5,12 @@ keys and judges by code apart from the product. The keys that count:
 
 ``cluster``: ``dask_same_rows`` (share of runs that two Dask workers, killed or not, make as one process does),
 ``dask_speedup`` (time on one process by that on two Dask workers).
+``weight_files``: ``yaml_exact`` (share of weight files that come back byte for byte but for changed numbers).
+``sensitivity``: ``sensitivity_planted`` (a weight that matters and one that does nothing are told as such).
+``optimised``: ``optimised_gain``, ``optimised_gain_low``, ``optimised_collision_change`` (what a search gains on roads
+that it has not seen).
+``random_bound``: ``bound_best`` (the most that any of many random weights could gain).
+``safety``: ``safety_to_success``, ``safety_unpreventable`` and others: why Safety-Conservative gains little here.
 
 ``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too; then the status is
 1. ``--json`` prints the last line alone.
@@ -18,7 +24,17 @@ from pathlib import Path
 from ..analysis.bench import AnalysisBench
 from ..harness import Parts, add_part_options, existing, print_parts, shared_folder
 
-PARTS: Parts[AnalysisBench] = Parts(package=__package__ or "", keys={"cluster": ("dask_same_rows", "dask_speedup")})
+PARTS: Parts[AnalysisBench] = Parts(
+    package=__package__ or "",
+    keys={
+        "cluster": ("dask_same_rows", "dask_speedup"),
+        "weight_files": ("yaml_exact",),
+        "sensitivity": ("sensitivity_planted",),
+        "optimised": ("optimised_gain", "optimised_gain_low", "optimised_collision_change"),
+        "random_bound": ("bound_best",),
+        "safety": ("safety_to_success", "safety_unpreventable"),
+    },
+)
 """The parts in the order in which they are measured, and the keys that each owes."""
 
 

@@ -1,0 +1,154 @@
+"""Whether a search finds weights that are better on roads that it has not seen.
+
+For three seeds of the split ``optimize_planner`` searches six weights of Frenetix from its default, for success under
+constant-velocity prediction, on half of a hundred public scenarios. On the other half the found configuration, the
+default and Safety-Conservative are run. Their goals and collisions are counted here from the stored runs; a scenario
+that several splits hold out counts once, with its mean. The interval is a bootstrap over places.
+
+Keys: ``optimised_gain``: mean difference of success, found − default; ``optimised_gain_low``, ``optimised_gain_high``:
+its 95 % interval; ``optimised_collision_change``: mean difference of the share of collisions;
+``optimised_over_safety``: difference of success, found − Safety-Conservative; ``safety_gain``: Safety-Conservative −
+default on the same; ``optimised_told``: searches whose answer says *is better*; ``optimised_found``: searches in which
+something was better in training; ``optimised_scenarios``: held-out scenarios in all.
+"""
+
+import random
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+import anyio
+from mcp import Client
+
+from ...engine.workspace import Workspace
+from ...schemas.runs import BatchRecord, RunRecord
+from ...server.assembly import create_server
+from ..analysis.advice import road_of
+from ..analysis.bench import AnalysisBench
+from ..harness import Figures, ask, ask_to_the_end, finished_batch, import_scenarios, scenario_files, settings_for
+
+DEFAULT, SAFETY = "frenetix:Default", "frenetix:Safety-Conservative"
+VARIED = (
+    "prediction",
+    "distance_to_obstacles",
+    "responsibility",
+    "velocity_offset",
+    "distance_to_reference_path",
+    "longitudinal_jerk",
+)
+"""Weights that are searched (chosen: the three of safety, and what they are weighed against)."""
+SPLITS, SCENARIOS, TRIALS, DRAWS = 3, 100, 20, 4000
+"""Seeds of the split, scenarios, candidates a search, draws of the bootstrap (chosen: a quarter of an hour)."""
+_Ends = Mapping[str, tuple[bool, bool]]
+"""By scenario: whether it reached the goal, whether it collided."""
+
+
+def measure(bench: AnalysisBench) -> Figures:
+    """The keys above; with a limit, on so many scenarios."""
+    return anyio.run(_measured, bench)
+
+
+async def _measured(bench: AnalysisBench) -> Figures:
+    folder = bench.scratch / "optimised"
+    gains: dict[str, list[tuple[float, float, float, float]]] = {}
+    told = found = 0
+    async with Client(create_server(settings_for(folder, bench.shared, 2))) as client:
+        await import_scenarios(client, scenario_files(bench.shared / "data" / "commonroad", bench.limit or SCENARIOS))
+        for seed in range(bench.seed, bench.seed + SPLITS):
+            study = await _study(client, seed)
+            held_out = study["held_out"]
+            sys.stderr.write(f"seed {seed}: {study['best_name']}: {held_out and held_out['verdict']}\n")
+            if held_out is None:
+                continue
+            found += 1
+            told += held_out["gain"]["low"] > 0
+            batch = _batch(folder, held_out["batch_id"])
+            safety = await finished_batch(
+                client, scenarios=list(batch.scenarios), configs=[SAFETY], prediction="constant_velocity"
+            )
+            base, best = (_ends(folder, held_out["batch_id"], study[key]) for key in ("base_id", "best_id"))
+            for name, row in _rows(base, best, _ends(folder, safety, None)).items():
+                gains.setdefault(name, []).append(row)
+    means = {name: tuple(fmean(column) for column in zip(*rows, strict=True)) for name, rows in gains.items()}
+    low, high = _interval({name: row[0] for name, row in means.items()}, bench.seed)
+    gain, collisions, over_safety, safety_gain = (
+        round(fmean(row[i] for row in means.values()), 4) if means else 0.0 for i in range(4)
+    )
+    return {
+        "optimised_gain": gain,
+        "optimised_gain_low": low,
+        "optimised_gain_high": high,
+        "optimised_collision_change": collisions,
+        "optimised_over_safety": over_safety,
+        "safety_gain": safety_gain,
+        "optimised_told": told,
+        "optimised_found": found,
+        "optimised_scenarios": len(means),
+    }
+
+
+async def _study(client: Client, seed: int) -> Any:
+    given = {
+        "scenarios": ["preset:500"],
+        "base": DEFAULT,
+        "vary": list(VARIED),
+        "max_trials": TRIALS,
+        "seed": seed,
+        "prediction": "constant_velocity",
+    }
+    answer = await ask(client, "optimize_planner", **given, wait_s=0)
+    if answer["state"] == "running":
+        await ask_to_the_end(client, "get_job", job_id=answer["job_id"], wait_s=0)
+        answer = await ask(client, "optimize_planner", **given)
+    if answer["study"] is None:
+        raise RuntimeError(f"the search ended as {answer['state']}: {answer['message']}")
+    return answer["study"]
+
+
+def _batch(folder: Path, batch_id: str) -> BatchRecord:
+    workspace = Workspace(folder)
+    batch = workspace.get(batch_id, "batch").read(BatchRecord)
+    workspace.close()
+    return batch
+
+
+def _ends(folder: Path, batch_id: str, config_id: str | None) -> _Ends:
+    """How the runs of a batch ended, of one configuration where one is named; those not attempted are left out."""
+    workspace = Workspace(folder)
+    batch = workspace.get(batch_id, "batch").read(BatchRecord)
+    records = [workspace.get(run_id, "run").read(RunRecord) for run_id in batch.runs]
+    workspace.close()
+    return {
+        record.scenario_id: (record.outcome == "goal_reached", record.outcome == "collision")
+        for record in records
+        if record.outcome != "invalid" and config_id in (None, record.config_id)
+    }
+
+
+def _rows(base: _Ends, best: _Ends, safety: _Ends) -> dict[str, tuple[float, float, float, float]]:
+    """By scenario: gain, change of collisions, gain over Safety-Conservative, and its own gain."""
+    return {
+        name: (
+            float(best[name][0]) - base[name][0],
+            float(best[name][1]) - base[name][1],
+            float(best[name][0]) - safety[name][0],
+            float(safety[name][0]) - base[name][0],
+        )
+        for name in sorted(base)
+        if name in best and name in safety
+    }
+
+
+def _interval(gains: Mapping[str, float], seed: int) -> tuple[float, float]:
+    """95 % of the means of places drawn with replacement."""
+    places: dict[str, list[float]] = {}
+    for name, gain in gains.items():
+        places.setdefault(road_of(name), []).append(gain)
+    if not places:
+        return 0.0, 0.0
+    choice, groups = random.Random(seed), list(places.values())  # noqa: S311 - no secret
+    drawn = [choice.choices(groups, k=len(groups)) for _ in range(DRAWS)]
+    means = sorted(sum(map(sum, groups)) / sum(map(len, groups)) for groups in drawn)
+    return round(means[int(0.025 * DRAWS)], 4), round(means[int(0.975 * DRAWS)], 4)

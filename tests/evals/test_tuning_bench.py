@@ -1,0 +1,41 @@
+"""The judges of ``make bench-tuning``: what they count on made cases."""
+
+import random
+
+from plannerforge.evals.tuning import optimised, random_bound, safety, weight_files
+from plannerforge.schemas.runs import RunSteps
+
+
+def test_gains_are_counted_by_scenario_and_only_where_all_sides_ran() -> None:
+    base = {"A": (False, True), "B": (True, False), "C": (True, False)}
+    best = {"A": (True, False), "B": (True, False), "C": (True, False)}
+    rows = optimised._rows(base, best, {"A": (False, True), "B": (True, False)})
+    assert rows == {"A": (1.0, -1.0, 1.0, 0.0), "B": (0.0, 0.0, 0.0, 0.0)}
+
+
+def test_the_interval_holds_the_mean_and_is_that_of_places() -> None:
+    spread = optimised._interval({f"DEU_P{number}-1_1_T-1": float(number % 2) for number in range(40)}, 1)
+    one_place = optimised._interval({f"DEU_P-{number}_1_T-1": float(number % 2) for number in range(40)}, 1)
+    assert 0.3 < spread[0] < 0.5 < spread[1] < 0.7
+    assert one_place == (0.5, 0.5)
+
+
+def test_a_made_file_differs_from_what_must_come_out_in_the_changed_lines_only() -> None:
+    choice = random.Random(1)
+    for _ in range(30):
+        before, changes, after = weight_files._made(choice)
+        lines = list(zip(before.split("\n"), after.split("\n"), strict=True))
+        assert sum(old != new for old, new in lines) == len(changes)
+
+
+def test_random_weights_are_off_or_within_their_range() -> None:
+    choice = random.Random(1)
+    drawn = [random_bound._drawn(choice) for _ in range(400)]
+    assert 60 < drawn.count(0.0) < 140
+    assert all(value == 0 or 0.01 <= value <= 100 for value in drawn)
+
+
+def test_courses_are_compared_while_both_drive() -> None:
+    short = RunSteps.model_construct(x_m=(0.0, 1.0), y_m=(0.0, 0.0))
+    long = RunSteps.model_construct(x_m=(0.0, 1.0, 50.0), y_m=(0.0, 0.3, 0.0))
+    assert safety._apart_m(short, long) == 0.3
