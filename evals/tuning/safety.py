@@ -22,8 +22,7 @@ import anyio
 from mcp import Client
 
 from ...engine.workspace import Workspace
-from ...schemas.planning import Prediction
-from ...schemas.runs import BatchRecord, RunRecord, RunSteps
+from ...schemas.runs import BatchRecord, Prediction, RunRecord, RunSteps
 from ...server.assembly import create_server
 from ..analysis.bench import AnalysisBench
 from ..harness import Figures, ask, finished_batch, import_scenarios, read_run_file, scenario_files, settings_for, share
