@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from .analysis.optimization import StudyRecord
 from .base import Arguments, Model
 from .results import ConfigWeights
 from .runs import RunSource, ScenarioSource
@@ -21,6 +22,7 @@ PictureKind = Literal[
     "terms",
     "profile",
     "timeline",
+    "search",
 ]
 
 
@@ -35,7 +37,8 @@ class RenderArguments(Arguments):
 class RenderRequest(Model):
     """What the drawing operation needs: files, records and where to put the pictures.
 
-    ``scenarios`` in the order in which they are drawn; ``runs`` may be empty; ``folder`` exists.
+    ``scenarios`` in the order in which they are drawn; ``runs`` may be empty; ``folder`` exists. ``study``: what a
+    chart of a search shows.
     """
 
     kind: PictureKind
@@ -43,6 +46,7 @@ class RenderRequest(Model):
     runs: tuple[RunSource, ...] = ()
     configs: tuple[ConfigWeights, ...] = ()
     time_s: float | None = None
+    study: StudyRecord | None = Field(None, exclude_if=lambda study: study is None)
     folder: str
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..engine.workspace import Artifact, versions_of, write_whole
 from ..resources.templates import SCHEME
+from ..schemas.analysis.optimization import StudyRecord
 from ..schemas.errors import Faults, InvalidRequest, UnknownName
 from ..schemas.rendering import PictureKind, RenderArguments, Rendered, RenderedImage, RenderRequest
 from .call import Image, ImageAnswer, ToolCall
@@ -21,13 +22,24 @@ FOLDER = "pictures"
 
 async def render(arguments: RenderArguments, call: ToolCall) -> ImageAnswer:
     """A picture, animation or chart."""
-    scenario_ids, run_ids = _meant(arguments.ids, call)
-    made = await draw(call, arguments.kind, scenario_ids=scenario_ids, run_ids=run_ids, time_s=arguments.time_s)
+    study = _study(arguments.ids, call)
+    scenario_ids, run_ids = ([], []) if study is not None else _meant(arguments.ids, call)
+    made = await draw(
+        call, arguments.kind, scenario_ids=scenario_ids, run_ids=run_ids, time_s=arguments.time_s, study=study
+    )
     links = tuple(f"{SCHEME}picture/{Path(image.path).name}" for image in made.images)
     lines = [f"{made.kind}: {image.alt_text}" for image in made.images]
     lines += [f"{link} ({image.width_px}×{image.height_px})" for link, image in zip(links, made.images, strict=True)]
     lines += [f"Note: {note}" for note in made.notes]
     return ImageAnswer("\n".join(lines), tuple(Image(Path(i.path), i.mime_type) for i in made.images), links)
+
+
+def _study(words: list[str], call: ToolCall) -> StudyRecord | None:
+    """The study that is drawn; None where the words mean something else."""
+    word = words[0].strip()
+    if len(words) > 1 or not word.startswith("study_"):
+        return None
+    return call.workspace.get(word, "study").read(StudyRecord)
 
 
 def _meant(words: list[str], call: ToolCall) -> tuple[list[str], list[str]]:
@@ -79,8 +91,9 @@ async def draw(
     scenario_ids: Sequence[str] = (),
     run_ids: Sequence[str] = (),
     time_s: float | None = None,
+    study: StudyRecord | None = None,
 ) -> Rendered:
-    """Draw scenarios and runs; the images lie in the workspace's pictures, named after what they show.
+    """Draw scenarios and runs, or a study; the images lie in the workspace's pictures, named after what they show.
 
     Raises:
         NotPossible: the kind needs what is not there.
@@ -94,6 +107,7 @@ async def draw(
         runs=runs,
         configs=config_weights(runs, call),
         time_s=time_s,
+        study=study,
         folder="",
     )
     note = call.workspace.root / FOLDER / f"{_digest(request)}.json"

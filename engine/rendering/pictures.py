@@ -13,9 +13,10 @@ from ..analysis import RunSet, review_runs
 from ..commonroad import kept_recording
 from ..execution import ProgressReporter, silent
 from .animation import Moment, animate
-from .canvas import write_png
+from .canvas import Drawing, write_png
 from .charts import CHARTS
 from .content import DrivenPath, ScenarioContent, ScenarioView, content_of, driven_path, short_names
+from .search_charts import study_chart
 from .top_view import draw_picture
 
 _MOST_SCENARIOS, _MOST_PATHS = 2, 4
@@ -30,7 +31,9 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
         InvalidRequest: a moment outside the scenario.
     """
     kind = request.kind
-    if kind == "auto":
+    if kind == "auto" and request.study is not None:
+        kind = "search"
+    elif kind == "auto":
         kind = "outcomes" if len({source.record.scenario_id for source in request.runs}) > 1 else "picture"
     notes: list[str] = []
     if kind == "animation":
@@ -43,6 +46,8 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
             views, notes = _views(request, most=_MOST_SCENARIOS)
             report(0.5, "scenarios read")
             drawing = draw_picture(views)
+        elif kind == "search":
+            drawing = _search(request)
         elif request.runs:
             drawing = CHARTS[kind](RunSet(request.runs, request.configs, request.scenarios))
         else:
@@ -59,6 +64,12 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
     )
     report(1.0, "drawn")
     return Rendered(kind=kind, images=(image,), notes=tuple(notes))
+
+
+def _search(request: RenderRequest) -> Drawing:
+    if request.study is None:
+        raise NotPossible("kind search draws a study, and none was named", next_step="name a study id in ids")
+    return study_chart(request.study)
 
 
 _NEAR_M = 5.0
