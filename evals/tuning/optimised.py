@@ -39,7 +39,7 @@ VARIED = (
     "longitudinal_jerk",
 )
 """Weights that are searched (chosen: the three of safety, and what they are weighed against)."""
-SPLITS, SCENARIOS, TRIALS, DRAWS = 3, 100, 20, 4000
+SPLITS, SCENARIOS, TRIALS, DRAWS = 3, 100, 16, 4000
 """Seeds of the split, scenarios, candidates a search, draws of the bootstrap (chosen: a quarter of an hour)."""
 _Ends = Mapping[str, tuple[bool, bool]]
 """By scenario: whether it reached the goal, whether it collided."""

@@ -117,9 +117,10 @@ class Gain(Model):
 
 
 class TrialLine(Model):
-    """One candidate: its configuration, mean objectives over the training runs that were made, and how many these were.
+    """One candidate: its configuration, mean objectives over the training scenarios, and how many runs were made.
 
-    ``pruned``: given up before all training scenarios; ``within``: no constraint is broken.
+    ``pruned``: given up before all training scenarios: its values are the base's and the difference on those that were
+    run; ``within``: no constraint is broken.
     """
 
     number: int

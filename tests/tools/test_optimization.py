@@ -164,6 +164,25 @@ async def test_what_matters_to_the_runs_is_told(monkeypatch: pytest.MonkeyPatch,
     ]
 
 
+@pytest.mark.anyio
+async def test_easy_scenarios_at_the_start_raise_no_candidate_that_was_given_up(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    training = optimization._divided(
+        [ChosenScenario(name) for name in SCENARIOS], {name: name for name in SCENARIOS}, 1
+    )[0][0]
+    order = [SCENARIOS.index(one.scenario_id) for one in training]
+
+    def rule(cell: Cell, number: int) -> bool:
+        place = order.index(number) if number in order else 0
+        return place < 6 and (place > 1 or cell.configuration.weights["time_headway_s"] == 1.6)
+
+    study = await _study(monkeypatch, tmp_path, rule)
+    pruned = [trial.values[0] for trial in study.trials if trial.pruned]
+    assert pruned
+    assert max(pruned) < study.trials[0].values[0]
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_the_two_halves_share_no_place(seed: int) -> None:
     chosen = [ChosenScenario(name) for name in SCENARIOS]

@@ -184,8 +184,19 @@ class _Search:
         """What the sampler is told of a trial; a broken constraint costs more than any success is worth."""
         broken = 0.0 if self.is_within(trial) else _BROKEN
         point = trial.point or point_of(self.plan.space, trial.configuration)
-        values = self.plan.values(trial.valid)
+        values = self.values(trial)
         return ToldTrial(point=point, values=tuple(max(value, -10.0) - broken for value in values))
+
+    def values(self, trial: _Trial) -> tuple[float, ...]:
+        """The objectives of a trial; of one that was given up what the base has on all scenarios and the difference to
+        it on those that were run, because the first scenarios may be easier than all.
+        """
+        if not trial.is_pruned:
+            return self.plan.values(trial.valid)
+        base = self.trials[0]
+        same = [run for run in base.runs[: len(trial.runs)] if run is not None and run.outcome != "invalid"]
+        parts = (self.plan.values(base.valid), self.plan.values(trial.valid), self.plan.values(same))
+        return tuple(whole + own - other for whole, own, other in zip(*parts, strict=True))
 
     async def tried(
         self, candidates: Sequence[tuple[PlannerConfiguration, tuple[float, ...]]], *, prune: bool
@@ -253,7 +264,7 @@ class _Search:
             number=trial.number,
             config_id=trial.configuration.config_id,
             name=trial.configuration.name,
-            values=tuple(round(value, 6) for value in self.plan.values(trial.valid)),
+            values=tuple(round(value, 6) for value in self.values(trial)),
             runs=len(trial.valid),
             pruned=trial.is_pruned,
             within=self.is_within(trial),
