@@ -193,15 +193,14 @@ class OptimizePlannerResult(Result):
     state: JobState
     job_id: str | None = None
     study: StudyRecord | None = None
-    best_so_far: TrialLine | None = None
+    best_so_far: str | None = Field(None, description="configuration id")
     message: str = ""
     next_step: str
 
     def answer(self) -> Answer:
         """What was found and whether it holds on scenarios that the search had not seen."""
         if self.study is None:
-            best = self.best_so_far
-            found = [] if best is None else [f"Best so far: {best.config_id} ({best.name}), {_values(best.values)}."]
+            found = [] if self.best_so_far is None else [f"Best so far: {self.best_so_far}."]
             return Answer(f"{self.job_id}: {self.state}; {self.message}", decided=found, next_step=self.next_step)
         study = self.study
         notes = [f"Note: {note}" for note in study.notes]

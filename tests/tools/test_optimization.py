@@ -183,6 +183,13 @@ async def test_easy_scenarios_at_the_start_raise_no_candidate_that_was_given_up(
     assert max(pruned) < study.trials[0].values[0]
 
 
+def test_an_early_answer_names_the_best_so_far() -> None:
+    early = optimization.OptimizePlannerResult(
+        state="running", job_id="job_1", best_so_far="cfg_1", message="4 of 16 candidates", next_step="get_job"
+    )
+    assert early.to_text().splitlines()[:2] == ["job_1: running; 4 of 16 candidates", "Best so far: cfg_1."]
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_the_two_halves_share_no_place(seed: int) -> None:
     chosen = [ChosenScenario(name) for name in SCENARIOS]

@@ -445,11 +445,9 @@ async def optimize_planner(arguments: OptimizePlannerArguments, call: ToolCall) 
     stored = call.workspace.find_by_recipe("study", recipe)
     if stored is not None:
         return _finished(stored.read(StudyRecord), call)
-    searches: list[_Search] = []
 
     async def work(progress: JobProgress) -> None:
         search = _Search(plan, ToolCall(call.services), progress)
-        searches.append(search)
         study = await (_effects(search) if arguments.method in _SENSITIVITY else search.run())
         call.workspace.put("study", study.study_id, recipe=recipe, record=study, name=_study_name(study))
         progress.add_result(study.study_id)
@@ -461,11 +459,11 @@ async def optimize_planner(arguments: OptimizePlannerArguments, call: ToolCall) 
     stored = call.workspace.find_by_recipe("study", recipe)
     if stored is not None:
         return _finished(stored.read(StudyRecord), call)
-    known = [search for search in searches if search.trials]
+    best = [key for key in job.results if key.startswith("cfg_")]
     return OptimizePlannerResult(
         state=job.state,
         job_id=job.job_id,
-        best_so_far=known[0].line(known[0].best()) if known else None,
+        best_so_far=best[-1] if best else None,
         message=job.error or job.message,
         next_step=f"get_job with job_id '{job.job_id}', then optimize_planner as before: finished runs are kept",
     )
