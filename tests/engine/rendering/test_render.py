@@ -149,4 +149,5 @@ def test_real_scenarios_are_drawn(tmp_path: Path, shared_data: Path, name: str) 
 
 
 def test_every_kind_that_can_be_asked_for_is_drawn() -> None:
-    assert {"auto", "picture", "animation", *CHARTS} == set(get_args(PictureKind))
+    of_scenarios, of_a_study = {"auto", "picture", "animation"}, {"search"}
+    assert of_scenarios | of_a_study | set(CHARTS) == set(get_args(PictureKind))
