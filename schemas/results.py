@@ -287,7 +287,7 @@ class AnalyzeResultsArguments(Arguments):
         description="run or batch ids; latest, latest_run, latest_batch, previous_batch",
     )
     breakdown: Breakdown = "none"
-    where: list[str] = Field([], max_length=12, description="'outcome=collision', 'config=cfg_…', 'duration_s>=5'")
+    where: list[str] = Field([], max_length=12, description="'outcome=collision', 'config=cfg_…', 'time_s=2..4'")
     detail: AnalysisDetail = "summary"
     trial: bool = Field(False, description="run suggested changes on failing and passing runs")
 
@@ -331,6 +331,7 @@ class AnalyzeResultsResult(Result):
     findings: tuple[Finding, ...] = ()
     rows: tuple[RunRow, ...] = ()
     timeline: tuple[TimelineStep, ...] = ()
+    timeline_of: Literal["end", "moment", "window"] = Field("end", description="window: that of where=time_s=…")
     review: RunReview | None = None
     causes: CollisionCauses | None = None
     trivial: TrivialGoals | None = None
@@ -395,7 +396,7 @@ def _one_run(result: AnalyzeResultsResult) -> Answer:
     listed = [*_groups(result), *_timeline(result), *_correlations(result)]
     if result.detail == "costs":
         listed += _costs(result)
-    listed += [_finding_text(finding) for finding in _stated(result)]
+    listed += [*(_finding_text(finding) for finding in _stated(result)), *_no_suggestion(result)]
     failed = row.outcome not in ("goal_reached", "invalid")
     look = f"analyze_results with results ['{row.run_id}'], detail timeline"
     if result.detail == "timeline":
@@ -467,6 +468,7 @@ def _several_runs(result: AnalyzeResultsResult) -> Answer:
     listed += ["Findings:", *(_finding_text(finding) for finding in shown)] if shown else []
     more = len(stated) - len(shown)
     listed += [f"… {more} more: detail=findings"] if more > 0 else []
+    listed += _no_suggestion(result)
     main = next((finding.next_step for finding in result.findings if finding.name == "main_failure"), "")
     causes = result.causes
     if causes is not None and causes.recorded_traffic and 2 * causes.from_behind > causes.collisions:
@@ -478,6 +480,13 @@ def _several_runs(result: AnalyzeResultsResult) -> Answer:
 
 _SAID_ABOVE = frozenset(["main_failure", "dominating_cost", "near_misses", "uncomfortable_turns", "idle_weights"])
 """Findings that repeat, of a single run, what its moments and its cost say."""
+
+
+def _no_suggestion(result: AnalyzeResultsResult) -> list[str]:
+    """Where findings were asked for and none points at a weight, that it is so."""
+    if result.detail != "findings" or any(finding.suggestion for finding in result.findings):
+        return []
+    return ["No change of a weight follows from these runs; optimize_planner searches for one on several scenarios."]
 
 
 def _stated(result: AnalyzeResultsResult) -> list[Finding]:
@@ -578,11 +587,12 @@ _LEVEL = 0.05
 def _rows(result: AnalyzeResultsResult) -> list[str]:
     if result.detail != "rows":
         return []
-    return [
+    lines = [
         f"- {row.run_id} {row.scenario_id} {row.config_name}: {ending(row.outcome, row.reason, contact=row.contact)}; "
         f"{figure(row.duration_s)} s, gap {figure(row.minimum_distance_m)} m"
         for row in result.rows
     ]
+    return ["The hardest first: failed runs, then by risk score, time and distance to a collision:", *lines]
 
 
 def _timeline(result: AnalyzeResultsResult) -> list[str]:
@@ -591,11 +601,8 @@ def _timeline(result: AnalyzeResultsResult) -> list[str]:
         gap = f", {step.gap_m:.2f} m to {step.obstacle_id}" if step.gap_m is not None else ""
         cost = f", {step.largest_cost} {_percent(step.largest_cost_share)} of the cost" if step.largest_cost else ""
         lines.append(f"- {step.time_s:.1f} s: {step.speed_mps:.1f} m/s, {step.acceleration_mps2:+.1f} m/s²{gap}{cost}")
-    around = result.review is not None and result.review.contact is None and result.review.closest is not None
-    return [
-        "Around the most critical moment:" if around and result.success.count else "Before the end:",
-        *lines,
-    ] * bool(lines)
+    of = {"end": "Before the end", "moment": "Around the most critical moment", "window": "In the span asked for"}
+    return [f"{of[result.timeline_of]}:", *lines] if lines else []
 
 
 _ONE_PERCENT = 0.01
@@ -610,12 +617,16 @@ def _percent(share: float | None) -> str:
 
 _LONGEST = 1e7
 """Figures below it are written out."""
+_ROUNDING = 1e-9
+"""What is nearer to 0 is left by rounding, not measured."""
 
 
 def figure(value: float | None, digits: int = 3) -> str:
-    """A number with ``digits`` significant digits, a larger one as an integer; a dash for None."""
+    """A number with ``digits`` significant digits, a larger one as an integer; a dash for None, 0 below 1e-9."""
     if value is None:
         return "–"
+    if abs(value) < _ROUNDING:
+        return "0"
     return f"{value:.0f}" if 10**digits <= abs(value) < _LONGEST else f"{value:.{digits}g}"
 
 

@@ -24,10 +24,11 @@ from ...schemas.analysis.comparison import (
     Side,
     Stratum,
     SuccessTest,
+    UncomparedCost,
     WeightChange,
 )
 from ...schemas.errors import InvalidRequest, NotPossible
-from ...schemas.results import ConfigWeights, figure
+from ...schemas.results import ConfigWeights, MetricName, figure
 from ...schemas.runs import Lineage, RunRecord
 from ..execution import ProgressReporter
 from .moments import contact_of, review
@@ -42,6 +43,7 @@ _EXPLAINED = 6
 """Flips whose collision is looked at (chosen): each reads its scenario, and an answer has 50 s."""
 _LISTED_EDITED = 10
 """Pairs by lineage whose edits the structured answer holds (chosen)."""
+_COST: MetricName = "mean_total_cost"
 _Pairs = Sequence[tuple[RunRecord, RunRecord]]
 """(before, after) of each pair."""
 
@@ -124,6 +126,7 @@ def _compare(
         after=after.label,
         success=success,
         metrics=tuple(metrics),
+        cost=_cost(pairing, (before, after), metrics, request.metrics),
         to_success=tuple(_flip(pair, runs, i) for i, pair in enumerate(to_success[: request.limit])),
         to_success_count=len(to_success),
         to_failure=tuple(_flip(pair, runs, i) for i, pair in enumerate(to_failure[: request.limit])),
@@ -140,9 +143,28 @@ def _compare(
     )
 
 
+def _cost(
+    pairing: "_Pairing", sides: tuple[Side, Side], tested: Sequence[MetricTest], asked: Sequence[MetricName]
+) -> UncomparedCost | None:
+    """The cost of both sides where they are no pairs of one measure; None where it was compared or a side has none."""
+    if any(one.name == _COST and one.pairs for one in tested) or (asked and _COST not in asked):
+        return None
+    costs = [[one.metrics.mean_total_cost for one in runs if one.metrics] for runs in zip(*pairing.pairs, strict=True)]
+    first, second = ([cost for cost in runs if cost is not None] for runs in costs or ([], []))
+    if not first or not second:
+        return None
+    if len({side.config_id for side in sides}) > 1:
+        why = "configurations weigh differently"
+    elif any(name.startswith("prediction") for name in pairing.differing):
+        why = "the predictions differ"
+    else:
+        why = "no pair reaches the goal on both sides"
+    return UncomparedCost(before=median(first), after=median(second), why=why)
+
+
 def _notes(request: CompareRequest) -> tuple[str, ...]:
     notes = []
-    if "mean_total_cost" in request.metrics and len({side.config_id for side in request.sides}) > 1:
+    if _COST in request.metrics and len({side.config_id for side in request.sides}) > 1:
         notes.append("mean_total_cost depends on the weights: across configurations it compares different measures")
     return tuple(notes)
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from ...schemas.errors import InvalidRequest, UnknownName, closest
-from ...schemas.grammar import Condition, parse_condition
+from ...schemas.grammar import Condition, Interval, parse_condition
 from ...schemas.runs import RunRecord
 from ..commonroad import parse_benchmark_id
 from .run_set import METRICS, MetricSpec, RunSet
@@ -46,6 +46,30 @@ def matching(runs: RunSet, conditions: Sequence[str]) -> RunSet:
         holds = _test(runs, condition, text)
         kept = tuple(source for source in kept if holds(source.record) != condition.negated)
     return runs.with_sources(kept)
+
+
+_WINDOW = "time_s"
+
+
+def window_of(conditions: Sequence[str]) -> tuple[tuple[str, ...], Interval | None]:
+    """The conditions on runs, and the span of ``time_s=2..4``, which narrows a timeline; None where there is none.
+
+    Raises:
+        InvalidRequest: a span that cannot be read, or a second one.
+    """
+    rest: list[str] = []
+    spans: list[Interval] = []
+    for text in conditions:
+        condition = parse_condition(text, words=True)
+        if condition.name != _WINDOW:
+            rest.append(text)
+        elif condition.value is not None or condition.negated:
+            raise InvalidRequest(f"'{text}' is no span of time", valid=[f"{_WINDOW}=2..4", f"{_WINDOW}>=2"])
+        else:
+            spans.append(condition.interval)
+    if len(spans) > 1:
+        raise InvalidRequest(f"{_WINDOW} is given {len(spans)} times", valid=[f"{_WINDOW}=2..4"])
+    return tuple(rest), spans[0] if spans else None
 
 
 def _test(runs: RunSet, condition: Condition, text: str) -> Callable[[RunRecord], bool]:

@@ -11,6 +11,8 @@ from typing import Literal
 
 import numpy as np
 
+from ...schemas.errors import InvalidRequest
+from ...schemas.grammar import Interval
 from ...schemas.results import TimelineStep
 from ...schemas.runs import (
     BodySide,
@@ -500,21 +502,37 @@ def _rates(values: Values, steps: int, step_s: float) -> Values:
     return rates
 
 
-def timeline(runs: RunSet, record: RunRecord, moment: Encounter | None = None) -> tuple[TimelineStep, ...]:
-    """At most ten moments of three seconds: those before the end, or around the moment that is given.
+def timeline(
+    runs: RunSet, record: RunRecord, moment: Encounter | None = None, window: Interval | None = None
+) -> tuple[TimelineStep, ...]:
+    """At most ten moments: of three seconds before the end or around a moment, or of a window of time.
 
     Empty without steps.
+
+    Raises:
+        InvalidRequest: the run has ended before the window.
     """
     steps = runs.steps.get(record.run_id)
     if steps is None or not steps.x_m:
         return ()
     tracks = _tracks(runs, record, steps)
     last = len(steps.x_m) - 1
-    if moment is not None:
-        last = min(last, round((moment.time_s + _LAST_S / 2) / record.step_s))
-    first = max(last - round(_LAST_S / record.step_s), 0)
+    end_s = last * record.step_s
+    if window is not None and (window.low or 0.0) > end_s:
+        raise InvalidRequest(f"the run ends at {end_s:.1f} s, before time_s={window.low:g}", valid=[f"0..{end_s:.1f}"])
+    if window is not None:
+        last = last if window.high is None else min(last, math.floor(window.high / record.step_s + _EXACT))
+        first = min(max(math.ceil((window.low or 0.0) / record.step_s - _EXACT), 0), last)
+    else:
+        if moment is not None:
+            last = min(last, round((moment.time_s + _LAST_S / 2) / record.step_s))
+        first = max(last - round(_LAST_S / record.step_s), 0)
     chosen = sorted({round(float(index)) for index in np.linspace(first, last, min(_MOMENTS, last - first + 1))})
     return tuple(_moment(record, steps, index, tracks) for index in chosen)
+
+
+_EXACT = 1e-6
+"""Share of a step that is rounding: 0.3 s are three steps of 0.1 s."""
 
 
 def _tracks(runs: RunSet, record: RunRecord, steps: RunSteps) -> dict[int, Track]:

@@ -3,12 +3,13 @@
 Invalid items stand apart and are in no denominator.
 """
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ...schemas.errors import NotPossible
+from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.results import (
     AnalyseRequest,
     AnalysisDetail,
@@ -27,7 +28,7 @@ from ..commonroad import parse_benchmark_id
 from ..execution import ProgressReporter
 from .causes import collision_causes, trivial_goals
 from .correlations import correlations
-from .filters import matching
+from .filters import matching, window_of
 from .findings import CRITICAL_TIME_TO_COLLISION_S, find_all
 from .moments import contact_of, review, timeline
 from .run_set import METRICS, RunSet, cost_shares, most_frequent_first
@@ -47,10 +48,13 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         NotPossible: no run is left, or a timeline of several runs was asked for.
         UnknownName, InvalidRequest: a condition that cannot be meant.
     """
-    runs = matching(RunSet(request.runs, request.configs, request.scenarios, request.lineage), request.where)
+    conditions, window = window_of(request.where)
+    runs = matching(RunSet(request.runs, request.configs, request.scenarios, request.lineage), conditions)
     if not runs.sources:
         raise NotPossible(f"no run meets {', '.join(request.where) or 'the request'}", next_step="drop a condition")
     detail: AnalysisDetail = request.detail
+    if window is not None and detail != "timeline":
+        raise InvalidRequest("time_s narrows a timeline only", next_step="add detail=timeline, for one run")
     if detail == "timeline" and len(runs.sources) > 1:
         raise NotPossible(
             f"a timeline shows one run, these are {len(runs.sources)}",
@@ -86,10 +90,11 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
             one.model_copy(update={"run_ids": one.run_ids[:_FINDING_RUNS], "run_count": len(one.run_ids)})
             for one in stated
         ),
-        rows=_rows(runs, (*runs.failures, *runs.successes, *invalid))
+        rows=_rows(runs, (*sorted(runs.failures, key=_ease), *sorted(runs.successes, key=_ease), *invalid))
         if detail == "rows" or len(runs.sources) == 1
         else (),
-        timeline=timeline(runs, runs.records[0], moment) if detail == "timeline" else (),
+        timeline=timeline(runs, runs.records[0], moment, window) if detail == "timeline" else (),
+        timeline_of="window" if window is not None else "end" if moment is None else "moment",
         review=looked_at,
         causes=collision_causes(runs) if detail == "summary" and len(runs.sources) > 1 else None,
         trivial=trivial_goals(runs) if detail == "summary" and len(runs.sources) > 1 else None,
@@ -110,6 +115,15 @@ def _costs(runs: RunSet, detail: AnalysisDetail) -> tuple[CostShare, ...]:
     if detail == "costs":
         return cost_shares(runs)
     return cost_shares(runs)[:_SUMMARY_COSTS] if detail == "summary" and len(runs.sources) == 1 else ()
+
+
+def _ease(record: RunRecord) -> tuple[float, ...]:
+    """By risk, then time and distance to a collision, then duration: what came nearest to harm, and soonest, first."""
+    found = record.metrics
+    if found is None:
+        return (math.inf,)
+    worst = (found.risk_score, found.minimum_time_to_collision_s, found.minimum_distance_m, found.duration_s)
+    return tuple(math.inf if value is None else float(value) for value in worst)
 
 
 def _rows(runs: RunSet, records: Sequence[RunRecord]) -> tuple[RunRow, ...]:

@@ -80,7 +80,7 @@ class Judge:
         hit = self._traffic.hit_by(ego, self._vehicle)
         if hit is None:
             return None
-        time_s = self._time_s(ego)
+        time_s = self._since_start_s(ego.step)
         record = CollisionRecord(obstacle_id=hit[0], kind=hit[1], step=ego.step, time_s=time_s)
         reason = f"collided with obstacle {hit[0]} ({hit[1]}) at {time_s:.1f} s, driving {ego.speed_mps:.1f} m/s"
         return Verdict("collision", reason, record)
@@ -91,7 +91,7 @@ class Judge:
         self._was_clear_of_edge = self._was_clear_of_edge or not touches
         if not leaves:
             return None
-        time_s = self._time_s(ego)
+        time_s = self._since_start_s(ego.step)
         record = CollisionRecord(obstacle_id=None, kind="road_boundary", step=ego.step, time_s=time_s)
         reason = f"left the road at {time_s:.1f} s, driving {ego.speed_mps:.1f} m/s"
         return Verdict("off_road", reason, record)
@@ -99,19 +99,23 @@ class Judge:
     def _at_goal(self, ego: EgoState) -> Verdict | None:
         stands = self._goal.status(ego)
         if any(status.reached for status in stands):
-            return Verdict("goal_reached", f"reached the goal at {self._time_s(ego):.1f} s (step {ego.step})")
+            return Verdict(
+                "goal_reached", f"reached the goal at {self._since_start_s(ego.step):.1f} s (step {ego.step})"
+            )
         self._stays |= {status.timing for status in stands if status.position}
         for status, state in zip(stands, self._goal.states, strict=True):
             if status.all_but_time and ego.step > self._goal.last_step:
-                late = ego.step - state.last
-                return Verdict("goal_late", f"met the goal at step {ego.step}, {late} steps after its last")
+                late_s = (ego.step - state.last) * self._step_s
+                reason = f"met the goal at {self._since_start_s(ego.step):.1f} s, {late_s:.1f} s after its time"
+                return Verdict("goal_late", reason)
         return self._beyond_goal(ego) if self._goal.has_position else self._too_late_anywhere(ego)
 
     def _too_late_anywhere(self, ego: EgoState) -> Verdict | None:
         """A goal without a place: its conditions were not met by its last step."""
         if ego.step <= self._goal.last_step:
             return None
-        reason = f"the goal's last step {self._goal.last_step} passed at {ego.speed_mps:.1f} m/s without its conditions"
+        over_s = self._since_start_s(self._goal.last_step)
+        reason = f"the goal's time was over at {over_s:.1f} s, at {ego.speed_mps:.1f} m/s without its conditions"
         return Verdict("goal_missed", reason)
 
     def _beyond_goal(self, ego: EgoState) -> Verdict | None:
@@ -123,13 +127,14 @@ class Judge:
         if not (beyond_m > _PASSED_M or (time_over and self._stays and beyond_m > 0)):
             return None
         if not self._stays:
-            reason = f"passed beside the goal region by step {ego.step} and was never in it"
+            reason = f"passed beside the goal region by {self._since_start_s(ego.step):.1f} s and was never in it"
             return Verdict("goal_missed", reason) if time_over else None
-        window = f"{self._goal.first_step} to {self._goal.last_step}"
-        return Verdict(
-            self._outcome_of_stays(),
-            f"drove out of the goal region by step {ego.step} at {ego.speed_mps:.1f} m/s; its time is step {window}",
+        first_s, last_s = (self._since_start_s(step) for step in (self._goal.first_step, self._goal.last_step))
+        reason = (
+            f"drove out of the goal region by {self._since_start_s(ego.step):.1f} s at {ego.speed_mps:.1f} m/s; "
+            f"its time is {first_s:.1f} to {last_s:.1f} s"
         )
+        return Verdict(self._outcome_of_stays(), reason)
 
     def _out_of_time(self, ego: EgoState) -> Verdict | None:
         if ego.step < self.last_step:
@@ -137,7 +142,7 @@ class Judge:
         cause = f"{_TIME_LIMIT_FACTOR} × the goal's last step"
         if ego.step - self._first_step >= _MOST_STEPS:
             cause = f"no run takes more than {_MOST_STEPS} steps"
-        limit = f"{self._time_s(ego):.1f} s ({cause})"
+        limit = f"{self._since_start_s(ego.step):.1f} s ({cause})"
         if self._stays:
             reason = f"was in the goal region but never met all its conditions within {limit}"
             return Verdict(self._outcome_of_stays(), reason)
@@ -159,5 +164,5 @@ class Judge:
         """How far the ego is beyond the end of the goal along the reference path, in m."""
         return project(self._reference.points, ego.position)[0] - float(self._goal_end_m or 0.0)
 
-    def _time_s(self, ego: EgoState) -> float:
-        return round((ego.step - self._first_step) * self._step_s, 9)
+    def _since_start_s(self, step: int) -> float:
+        return round((step - self._first_step) * self._step_s, 9)

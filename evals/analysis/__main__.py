@@ -11,6 +11,7 @@ something does), ``interval_coverage`` (95 % intervals that hold the truth).
 ``trivial``: ``trivial_marked`` (share of reached goals that are told to ask for no driving, or not, as it is so).
 ``advice``: ``advice_helped`` (of changes of a weight that a trial tells to help, those that help on other roads).
 ``statements``: ``statements_recomputed`` (share of the figures in answers and reports that raw rows give once more).
+``questions``: ``questions_answered`` (share of the corpora's questions about results that one call answers).
 
 ``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too; then the status is
 1. ``--json`` prints the last line alone.
@@ -33,6 +34,7 @@ PARTS: Parts[AnalysisBench] = Parts(
         "trivial": ("trivial_marked",),
         "advice": ("advice_helped", "advice_told"),
         "statements": ("statements_recomputed",),
+        "questions": ("questions_answered",),
     },
 )
 """The parts in the order in which they are measured, and the keys that each owes."""

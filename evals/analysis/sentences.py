@@ -480,6 +480,12 @@ class Judge:
         hit = self._run(match.string).collision
         return [None if hit is None else hit.obstacle_id]
 
+    def _uncompared(self, pairs: Pairs) -> list[float | None]:
+        """The median cost of each side over the valid runs of all pairs."""
+        sides = zip(*pairs.pairs, strict=True)
+        costs = [[cost for one in side if (cost := metric(one, "mean total cost")) is not None] for side in sides]
+        return [median(side) if side else None for side in costs]
+
     def _of_comparison(self, pairs: Pairs) -> list[Row]:
         success = pairs.success()
         words = "|".join(sorted(METRICS, key=len, reverse=True))
@@ -537,6 +543,7 @@ class Judge:
                     adjusted["success"],
                 ],
             ),
+            (rf"mean total cost {N} → {N}, not compared", lambda _: self._uncompared(pairs)),
             (rf"flipped to success \({N}\)", lambda _: flips[:1]),
             (rf"flipped to failure \({N}\)", lambda _: flips[1:]),
             (rf"; {N} more: limit={N}", lambda match: [float(match[2]) - 3, *flips[_failing(match) :][:1]]),

@@ -152,6 +152,14 @@ class MetricTest(Model):
     direction: Literal["better", "worse", "same", "changed"] | None = None
 
 
+class UncomparedCost(Model):
+    """The mean total cost of both sides, medians over their valid runs, and why it tells neither better nor worse."""
+
+    before: float
+    after: float
+    why: str
+
+
 class Comparison(Model):
     """One side against the baseline."""
 
@@ -159,6 +167,7 @@ class Comparison(Model):
     after: str
     success: SuccessTest
     metrics: tuple[MetricTest, ...]
+    cost: UncomparedCost | None = Field(None, description="where mean_total_cost is no measure of both sides alike")
     to_success: tuple[Flip, ...]
     to_success_count: int
     to_failure: tuple[Flip, ...]
@@ -230,6 +239,7 @@ def _comparison(comparison: Comparison, shown_flips: int) -> list[str]:
         lines += _flips("to success", comparison.to_success, comparison.to_success_count, shown_flips)
         lines += _flips("to failure", comparison.to_failure, comparison.to_failure_count, shown_flips)
         lines += _tested(comparison.metrics)
+    lines += _cost(comparison.cost)
     lines += _weights(comparison.weights)
     if comparison.conditions:
         lines.append(f"- the sides also differ in {'; '.join(comparison.conditions)}")
@@ -239,6 +249,14 @@ def _comparison(comparison: Comparison, shown_flips: int) -> list[str]:
             f"{comparison.invalid_pairs} pairs with an invalid run"
         )
     return lines
+
+
+def _cost(cost: UncomparedCost | None) -> list[str]:
+    if cost is None:
+        return []
+    return [
+        f"- {metric_words('mean_total_cost')} {figure(cost.before)} → {figure(cost.after)}, not compared: {cost.why}"
+    ]
 
 
 def _weights(changes: tuple[WeightChange, ...]) -> list[str]:

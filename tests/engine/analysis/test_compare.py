@@ -89,6 +89,19 @@ def test_comfort_is_compared_only_where_both_reached_the_goal() -> None:
     assert "mean_total_cost" not in pairs
 
 
+def test_costs_that_are_no_comparison_are_shown_with_the_reason() -> None:
+    cheap, dear = (metrics(mean_total_cost=cost) for cost in (3.0, 8.0))
+    before = [source(record(figures=cheap))]
+    other_weights = compared(before, [source(record(config=SAFE, figures=dear))])
+    assert "mean total cost 3 → 8, not compared: configurations weigh differently" in other_weights.to_text()
+    failed = compared(before, [source(record(outcome="collision", figures=dear, seed=1))], lineage=())
+    assert "mean total cost 3 → 8, not compared: no pair reaches the goal on both sides" in failed.to_text()
+    alike = compared(before, [source(record(figures=dear, seed=1))])
+    assert alike.comparisons[0].cost is None
+    assert "mean total cost 3 → 8" in alike.to_text()
+    assert compared(before, [source(record(config=SAFE))], metrics=("risk_score",)).comparisons[0].cost is None
+
+
 def test_exchanging_the_sides_mirrors_everything() -> None:
     first = runs(["goal_reached", "collision", "timeout"] * 3, gaps=[1.0, 0.0, 2.5] * 3)
     second = runs(["collision", "goal_reached", "goal_reached"] * 3, SAFE, [0.0, 1.5, 2.0] * 3)
@@ -196,7 +209,7 @@ def test_metrics_that_differ_come_first_and_the_others_stand_in_one_line() -> No
     lines = result.to_text().splitlines()
     assert lines[2].startswith("- minimum distance: median 1.55 → 2.1 m, shift")
     assert lines[3].startswith("- no difference shown (medians): time to collision 4 s, time headway 2 s")
-    assert len(lines) == 5
+    assert len(lines) == 6
 
 
 def test_planners_without_common_weights_are_not_listed_weight_by_weight() -> None:

@@ -130,6 +130,47 @@ def test_timeline_of_several_runs_is_refused() -> None:
         analysed(*five_runs(), detail="timeline")
 
 
+def test_a_timeline_shows_the_span_that_is_asked_for(tmp_path: Path) -> None:
+    run = source(record(), tmp_path, prediction=1.0)
+    found = analysed(run, detail="timeline", where=("time_s=1..2",))
+    assert [found.timeline[0].time_s, found.timeline[-1].time_s] == [1.0, 2.0]
+    assert "In the span asked for:" in found.to_text()
+    assert analysed(run, detail="timeline", where=("time_s<=0.5",)).timeline[-1].time_s == 0.5
+
+
+@pytest.mark.parametrize(
+    ("where", "detail", "said"),
+    [
+        (("time_s=60..70",), "timeline", "the run ends at"),
+        (("time_s=1..2", "time_s=3..4"), "timeline", "given 2 times"),
+        (("time_s=soon",), "timeline", "no span of time"),
+        (("time_s=1..2",), "summary", "narrows a timeline only"),
+    ],
+)
+def test_spans_that_cannot_be_shown_are_refused(tmp_path: Path, where: tuple[str, ...], detail: str, said: str) -> None:
+    with pytest.raises(InvalidRequest, match=said):
+        analysed(source(record(), tmp_path), detail=detail, where=where)
+
+
+def test_rows_stand_the_hardest_first() -> None:
+    worst, near, far = metrics(risk_score=0), metrics(risk_score=1), metrics(risk_score=4)
+    runs = [
+        source(record("ZAM_Far-1_1_T-1", figures=far)),
+        source(record("ZAM_Near-1_1_T-1", figures=near)),
+        source(record("ZAM_Hit-1_1_T-1", "collision", figures=worst)),
+    ]
+    found = analysed(*runs, detail="rows")
+    assert [row.scenario_id.split("-")[0] for row in found.rows] == ["ZAM_Hit", "ZAM_Near", "ZAM_Far"]
+    assert "The hardest first" in found.to_text()
+
+
+def test_findings_that_point_at_no_weight_say_so(tmp_path: Path) -> None:
+    assert "No change of a weight follows" in analysed(source(record(), tmp_path), detail="findings").to_text()
+    harsh = metrics(maximum_lateral_acceleration_mps2=4.0)
+    runs = [source(record(f"ZAM_T-{n}_1_T-1", figures=harsh)) for n in range(12)]
+    assert "No change of a weight follows" not in analysed(*runs, detail="findings").to_text()
+
+
 def test_missing_steps_are_a_failure_of_ours(tmp_path: Path) -> None:
     run = RunSource(record=record(), steps_path=str(tmp_path / "gone.json"))
     with pytest.raises(ResourceFailure, match="cannot be read"):

@@ -63,8 +63,8 @@ AT_40 = rectangle_at(40.0, 0.0)
     ("run", "outcome", "said"),
     [
         (lambda: cruise(goal_state((35, 45), AT_40)), "goal_reached", "step 35"),
-        (lambda: cruise(goal_state((70, 80), AT_40)), "goal_early", "its time is step 70 to 80"),
-        (lambda: cruise(goal_state((20, 30), AT_40)), "goal_late", "4 steps after its last"),
+        (lambda: cruise(goal_state((70, 80), AT_40)), "goal_early", "its time is 7.0 to 8.0 s"),
+        (lambda: cruise(goal_state((20, 30), AT_40)), "goal_late", "0.4 s after its time"),
         (lambda: cruise(goal_state((35, 45), AT_40, speed=(2.0, 4.0))), "goal_missed", "drove out of the goal"),
         (lambda: cruise(goal_state((20, 30), AT_40, speed=(2.0, 4.0))), "goal_late", "drove out of the goal"),
         (lambda: cruise(goal_state((30, 40), rectangle_at(40.0, 3.5, size=(12.0, 2.0)))), "goal_missed", "beside"),
