@@ -8,6 +8,7 @@
     ├── UnsafeInput         a file that is malformed, hostile or too large
     ├── ResourceFailure     disk, database or memory gave up                         (nothing was lost)
     ├── ServiceFailure      a service on the net did not answer as it should         (nothing was made)
+    ├── PlannerFailure      a planner that is not ours broke its contract            (an error of that run alone)
     ├── WorkerFailure       native code in a worker process died
     │   └── WorkerTimeout   … or ran past its limit
     └── UnexpectedFailure   a defect of ours; logged with an incident number         (never shown with a traceback)
@@ -171,6 +172,13 @@ class ServiceFailure(PlannerForgeError):
 
     code = "service_failure"
     usual_step = "call again later, or import an .osm extract of the place with import_files"
+
+
+class PlannerFailure(PlannerForgeError):
+    """A planner that is not part of this program broke its contract: it crashed, hung, or answered nonsense."""
+
+    code = "planner_failure"
+    usual_step = "mend the planner; `plannerforge planner check NAME` says what it breaks"
 
 
 class WorkerFailure(PlannerForgeError):

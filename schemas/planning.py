@@ -1,12 +1,15 @@
 """Planners and their configurations: arguments and results of list_planners, configure_planner and run_planner."""
 
-from typing import Literal
+import re
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator, model_validator
 
 from .base import Answer, Arguments, Model, Result
 from .runs import LostCell, Outcome, Prediction, RunRecord, RunReview, RunSteps, RunTiming, Traffic, ending
 
+WEIGHT_NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
+"""Names of weights that assignments can name."""
 LISTED_RUNS, LISTED_FAILURES, LISTED_CONFIGURATIONS = 20, 3, 8
 """How many runs, failures and configurations an answer lists; chosen to keep it short."""
 
@@ -71,6 +74,7 @@ class RunResponse(Model):
     record: RunRecord
     steps: RunSteps
     timing: RunTiming
+    planner_log: str = Field("", description="the end of what a command-line planner wrote to standard error")
 
 
 class ListPlannersArguments(Arguments):
@@ -141,7 +145,10 @@ class ListPlannersResult(Result):
 
     def answer(self) -> Answer:
         """Planners and presets, weights of the configuration that act with what they do, settings, configurations."""
-        lines = [f"{item.name}: {item.summary}; presets {', '.join(item.presets)}" for item in self.planners]
+        lines = [
+            "; presets ".join([f"{item.name}: {item.summary}", *([", ".join(item.presets)] if item.presets else [])])
+            for item in self.planners
+        ]
         lines.append(f"Predictions: {', '.join(self.predictions)}.")
         lines.append(f"Weights of {self.config_id} ({self.config_name}), 0 to 1e6 (0: off) unless a range is given:")
         for item in (weight for weight in self.weights if weight.acts):
@@ -330,3 +337,140 @@ def _rate_line(item: ConfigurationSummary) -> str:
     ]
     parts += [f"invalid, in no rate: {invalid}"] if invalid else []
     return f"{item.config_name} ({item.config_id}): {'; '.join(parts)}"
+
+
+class DeclaredWeight(Model):
+    """A weight or parameter of a planner of one's own: its default, its range, and what it does, in words."""
+
+    meaning: str = Field(min_length=1)
+    raising: str = Field("", description="what a larger value does")
+    default: float
+    lowest: float = 0.0
+    highest: float = 1e6
+
+    @model_validator(mode="after")
+    def _default_in_range(self) -> "DeclaredWeight":
+        if not self.lowest <= self.default <= self.highest:
+            raise ValueError(f"default {self.default:g} lies outside {self.lowest:g} to {self.highest:g}")
+        return self
+
+
+class DeclaredPreset(Model):
+    """A preset: what it is for, and the weights that differ from their defaults."""
+
+    intent: str = ""
+    weights: dict[str, float] = Field(default_factory=dict)
+
+
+class PlannerDeclaration(Model):
+    """What is said of a planner of one's own beside its code; the preset Default holds the defaults of its weights."""
+
+    summary: str = Field(min_length=1, description="one line, for list_planners")
+    weights: dict[str, DeclaredWeight] = Field(default_factory=dict)
+    presets: dict[str, DeclaredPreset] = Field(default_factory=dict, description="beside Default")
+
+    @model_validator(mode="after")
+    def _presets_fit(self) -> "PlannerDeclaration":
+        wrong = [name for name in self.weights if not WEIGHT_NAME.fullmatch(name)]
+        if wrong:
+            raise ValueError(f"weight '{wrong[0]}': a name is lower-case letters, digits and _, as in time_gap_s")
+        if "Default" in self.presets:
+            raise ValueError("preset Default is made of the defaults of the weights; name yours otherwise")
+        for name, preset in self.presets.items():
+            for weight, value in preset.weights.items():
+                known = self.weights.get(weight)
+                if known is None:
+                    raise ValueError(
+                        f"preset {name} sets {weight}, which is no weight; valid: {', '.join(self.weights)}"
+                    )
+                if not known.lowest <= value <= known.highest:
+                    raise ValueError(
+                        f"preset {name}: {weight}={value:g} is not in {known.lowest:g} to {known.highest:g}"
+                    )
+        return self
+
+
+class CommandPlanner(PlannerDeclaration):
+    """A planner that is a program: ``[planners.NAME]`` in the settings file; see docs/own_planner.md."""
+
+    command: tuple[str, ...] = Field(min_length=1, description="program and arguments; paths are absolute")
+    stays: bool = Field(False, description="one process for many runs, a request a line; else one process a run")
+    time_s: float = Field(60.0, gt=0, le=3600, description="time limit of one run")
+    memory_mb: int = Field(2048, ge=16, description="address space of each of its processes")
+    folder_mb: int = Field(64, ge=1, description="largest file, and all files together in its working folder")
+    output_mb: int = Field(16, ge=1, le=256, description="largest answer on standard output")
+    environment: dict[str, str] = Field(default_factory=dict, description="variables beside PATH, HOME, LANG, TMPDIR")
+
+    @field_validator("command")
+    @classmethod
+    def _absolute(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        program = value[0]
+        if not program or ("/" in program and not program.startswith("/")):
+            raise ValueError(f"program '{program}': give a name on PATH or an absolute path")
+        return value
+
+
+class EgoStart(Model):
+    """The ego's centre at the first step: m, rad, m/s, m/s²."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    speed_mps: float
+    acceleration_mps2: float
+
+
+class CommandRequest(Model):
+    """What a command-line planner reads: one line of JSON on standard input.
+
+    ``scenario_file``: a copy of the CommonRoad XML file; ``folder``: where it is, and where a run may write;
+    ``last_step``: of the goal's time; ``step_s``: time step of scenario and trajectory.
+    """
+
+    version: Literal[1] = 1
+    scenario_id: str
+    scenario_file: str
+    problem_id: int
+    folder: str
+    planner: str
+    config_id: str
+    weights: dict[str, float]
+    settings: dict[str, float] = Field(description="all settings, with the ego's size and limits")
+    ego: EgoStart
+    first_step: int
+    last_step: int
+    step_s: float
+
+
+class CommandTrajectory(Model):
+    """States of the ego's centre, one a time step; the first is the present: all lists are of the same length."""
+
+    x_m: tuple[float, ...]
+    y_m: tuple[float, ...]
+    heading_rad: tuple[float, ...]
+    speed_mps: tuple[float, ...]
+
+    @model_validator(mode="after")
+    def _same_lengths(self) -> "CommandTrajectory":
+        lengths = {name: len(values) for name, values in self}
+        if len(set(lengths.values())) > 1:
+            told = ", ".join(f"{name} {length}" for name, length in lengths.items())
+            raise ValueError(f"the lists have different lengths: {told}")
+        return self
+
+
+class CommandAnswer(Model):
+    """What a command-line planner writes: one line of JSON on standard output, and nothing else there.
+
+    ``trajectory``: the whole drive in one plan; null where the planner finds none, with ``rejected`` saying why.
+    """
+
+    version: Literal[1] = 1
+    scenario_id: str = Field(description="as in the request")
+    problem_id: int = Field(description="as in the request")
+    trajectory: CommandTrajectory | None
+    costs: dict[str, float] = Field(default_factory=dict, description="weighted cost term: value")
+    rejected: dict[str, Annotated[int, Field(ge=0)]] = Field(
+        default_factory=dict, description="constraint: candidates that it rejected"
+    )
+    candidates: int = Field(1, ge=0)

@@ -10,6 +10,7 @@ from pathlib import Path
 import anyio
 
 from ..engine.execution import CallThreads, Claims, Executor, JobRunner, JobStore, Limits, ReachableExecutor, WorkerPool
+from ..engine.planners import programs_named
 from ..engine.workspace import Workspace, make_private
 from ..schemas.catalog import BuildIndexRequest
 from ..schemas.errors import NotPossible, PlannerForgeError
@@ -61,6 +62,7 @@ async def open_services(settings: Settings, start_folder: Path, threads: CallThr
     try:
         log = workspace_root / "logs" / "workers.log"
         async with (
+            _planners_of(settings),
             WorkerPool.open(limits, log) as workers,
             carried_out(settings.cluster, workers, limits) as executor,
             anyio.create_task_group() as tasks,
@@ -83,6 +85,12 @@ async def open_services(settings: Settings, start_folder: Path, threads: CallThr
             tasks.cancel_scope.cancel()
     finally:
         workspace.close()
+
+
+@asynccontextmanager
+async def _planners_of(settings: Settings) -> AsyncIterator[None]:
+    with programs_named(settings.planners):
+        yield
 
 
 @asynccontextmanager

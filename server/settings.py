@@ -20,6 +20,7 @@ from .. import __version__
 from ..engine.execution import Limits
 from ..schemas.catalog import PACKAGED_MODEL
 from ..schemas.maps import NOMINATIM_URL, OVERPASS_URLS, MapServices, OnlineMode
+from ..schemas.planning import CommandPlanner
 
 RECORDINGS_FOLDER = "recordings"
 """Where, in the workspace, workers keep what they read; it may be deleted at any time."""
@@ -50,6 +51,9 @@ class Settings(BaseSettings):
     workers: int = Field(2, ge=1, le=64, description="worker processes for simulation and planning")
     cluster: str = Field(
         "", description="Dask scheduler that runs and generation go to: tcp://host:8786, or a scheduler file"
+    )
+    planners: dict[str, CommandPlanner] = Field(
+        default_factory=dict, description="programs that are planners: a section [planners.NAME] each"
     )
     worker_memory_mb: int = Field(4096, ge=512, description="data memory of one worker process")
     operation_timeout_s: float = Field(300.0, gt=0, le=3600, description="time limit of one operation in a worker")

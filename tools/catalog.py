@@ -17,7 +17,7 @@ from ..engine.catalog import (
 )
 from ..engine.cosimulation import presets as behaviour_presets
 from ..engine.maps import country_code, find_maps
-from ..engine.planners import PLANNERS
+from ..engine.planners import PLANNERS, planner_names
 from ..engine.tuning import tuning_of
 from ..engine.workspace import ArtifactKind, Recipe
 from ..schemas.catalog import (
@@ -178,7 +178,8 @@ def _behaviours() -> FacetCounts:
 
 def _planners() -> FacetCounts:
     presets = "; ".join(f"{name}: {', '.join(tuning_of(name).presets)}" for name in PLANNERS)
-    return FacetCounts(facet="planners", counts=dict.fromkeys(PLANNERS, 0), note=f"PLANNER:PRESET with {presets}")
+    counts = dict.fromkeys(planner_names(), 0)
+    return FacetCounts(facet="planners", counts=counts, note=f"PLANNER:PRESET with {presets}")
 
 
 async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> FindScenariosResult:

@@ -2,7 +2,7 @@
 
 from typing import get_args
 
-from ..engine.planners import PLANNERS, check_modes, known_planner
+from ..engine.planners import check_modes, known_planner, planner_names, refused_planners
 from ..engine.tuning import (
     PlannerTuning,
     changed_configuration,
@@ -14,7 +14,7 @@ from ..engine.tuning import (
     tuning_of,
 )
 from ..engine.workspace import Recipe
-from ..schemas.errors import Faults, InvalidRequest
+from ..schemas.errors import Faults, InvalidRequest, PlannerFailure
 from ..schemas.planning import (
     LISTED_CONFIGURATIONS,
     ConfigurationInfo,
@@ -50,9 +50,9 @@ async def list_planners(arguments: ListPlannersArguments, call: ToolCall) -> Lis
     tuning = tuning_of(configuration.planner)
     made = made_configurations(call, LISTED_CONFIGURATIONS)
     return ListPlannersResult(
-        planners=tuple(
-            PlannerInfo(name=name, summary=each.summary, presets=tuple(each.presets))
-            for name, each in ((name, tuning_of(name)) for name in PLANNERS)
+        planners=(
+            *(_listed(name) for name in planner_names()),
+            *(PlannerInfo(name="refused", summary=why, presets=()) for why in refused_planners()),
         ),
         predictions=get_args(Prediction),
         config_id=configuration.config_id,
@@ -133,6 +133,15 @@ async def run_planner(arguments: RunPlannerArguments, call: ToolCall) -> RunPlan
         call.made("run", *([result.record.run_id] if result.record is not None else []))
         return await answer_of(call, cells, [result], batch_id=None, notes=choice.notes)
     return await run_many(call, cells, arguments.wait_s, choice.notes)
+
+
+def _listed(name: str) -> PlannerInfo:
+    """A planner as it is listed; one of others that cannot be imported says so."""
+    try:
+        tuning = tuning_of(name)
+    except PlannerFailure as error:
+        return PlannerInfo(name=name, summary=f"cannot be used: {error.message}", presets=())
+    return PlannerInfo(name=name, summary=tuning.summary, presets=tuple(tuning.presets))
 
 
 def _weights(configuration: PlannerConfiguration, tuning: PlannerTuning) -> tuple[WeightInfo, ...]:

@@ -13,6 +13,7 @@ from types import MappingProxyType
 import anyio
 
 from ..engine.execution import JobProgress
+from ..engine.planners import planner_version
 from ..engine.workspace import Recipe, versions_of, write_text
 from ..schemas.errors import PlannerForgeError, UnexpectedFailure
 from ..schemas.jobs import JobState
@@ -54,6 +55,7 @@ class Cell:
 
     def recipe(self) -> Recipe:
         """The recipe of the run; its digest names it."""
+        own = planner_version(self.configuration.planner)
         simulator = ["libsumo"] if self.traffic == "reactive" else []
         return Recipe(
             tool="run_planner",
@@ -66,7 +68,8 @@ class Cell:
             },
             parents=(self.scenario_id, self.configuration.config_id),
             seed=self.seed,
-            versions=versions_of("frenetix", "commonroad-io", "commonroad-drivability-checker", *simulator),
+            versions=versions_of("frenetix", "commonroad-io", "commonroad-drivability-checker", *simulator)
+            | ({self.configuration.planner: own} if own else {}),
         )
 
 
@@ -157,9 +160,11 @@ async def _made(call: ToolCall, cell: Cell, recipe: Recipe, *, tell_client: bool
     run = call.run if tell_client else call.services.workers.run
     response = await run(RUN_PLANNER, request)
     with call.workspace.scratch() as folder:
-        files = {"steps.json": response.steps, "timing.json": response.timing}
+        files = {"steps.json": response.steps.model_dump_json(), "timing.json": response.timing.model_dump_json()}
+        if response.planner_log:
+            files["planner.log"] = response.planner_log
         for name, content in files.items():
-            write_text(folder / name, content.model_dump_json(), f"the run of {cell.scenario}")
+            write_text(folder / name, content, f"the run of {cell.scenario}")
         stored = call.workspace.put(
             "run",
             request.run_id,

@@ -13,6 +13,13 @@
 ``BEYOND_GOAL_M``: How far a reference path goes on beyond its goal at least, in m.
 ``build_reference_path``: The path of a route for an ego at a position and speed.
 ``PLANNERS``: For each planner by its name the function that makes it.
+``planner_names``: The names of all planners, those of others included.
+``refused_planners``: Why planners of others that were found cannot be named.
+``own_planner``: The planner of others of a name.
+``planner_version``: A digest of the source of a planner of others; empty for built-in ones.
+``OwnPlanner``: What an entry point of the group ``plannerforge.planners`` names: the class and its declaration.
+``ScenarioFile``: The file that a program plans on.
+``programs_named``: Makes the programs of the settings known as planners while a block runs, in workers too.
 ``known_planner``: A planner's name as registered; ``UnknownName`` where there is none.
 ``make_planner``: A new planner by its name.
 ``run_planner``: An operation: runs a planner on one planning problem of a CommonRoad file.
@@ -32,12 +39,24 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .conformance import check_planner
+    from .external.command import ScenarioFile
+    from .external.found import OwnPlanner, programs_named
     from .frenetix.costs import CandidateBatch, responsibility
     from .frenetix.planner import Frenetix
     from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
     from .prediction import Predictor, predictor
     from .reference_path import BEYOND_GOAL_M, build_reference_path
-    from .registry import PLANNERS, check_modes, known_planner, make_planner, open_traffic
+    from .registry import (
+        PLANNERS,
+        check_modes,
+        known_planner,
+        make_planner,
+        open_traffic,
+        own_planner,
+        planner_names,
+        planner_version,
+        refused_planners,
+    )
     from .runs import run_planner
     from .simulation import DrivenRun, simulate
     from .solution import write_solution

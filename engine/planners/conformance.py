@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .interface import Observation, Plan, PlannedTrajectory, Planner, PlanningTask
+from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
 
 _SHORTEST_PLAN_S = 1.0
 """The contract: with the longest time between plans, 10 steps of 0.1 s, the plan in force never ends."""
@@ -22,10 +22,10 @@ def check_planner(make: Callable[[], Planner], task: PlanningTask, observation: 
     """
     planner = make()
     planner.reset(task)
-    first = planner.plan(observation)
-    breaches = _of_figures(first)
-    if first.trajectory is not None:
-        breaches += _of_trajectory(first.trajectory, observation, task.step_s)
+    first: object = planner.plan(observation)
+    breaches = plan_breaches(first, observation, task.step_s)
+    if not isinstance(first, Plan):
+        return tuple(breaches)
     planner.reset(task)
     other = make()
     other.reset(task)
@@ -33,6 +33,19 @@ def check_planner(make: Callable[[], Planner], task: PlanningTask, observation: 
         if not _same(first, again):
             breaches.append(f"gives another plan {name}")
     return tuple(breaches)
+
+
+def plan_breaches(plan: object, observation: Observation, step_s: float) -> list[str]:
+    """What one answer of a planner breaks of the contract; for planners of others it may be anything."""
+    if not isinstance(plan, Plan):
+        return [f"plan() gives {type(plan).__name__}, not a Plan"]
+    breaches = _of_figures(plan)
+    trajectory: object = plan.trajectory
+    if isinstance(trajectory, PlannedTrajectory):
+        breaches += trajectory_breaches(trajectory, observation.ego, step_s)
+    elif trajectory is not None:
+        breaches.append(f"trajectory is {type(trajectory).__name__}, not a PlannedTrajectory or None")
+    return breaches
 
 
 def _of_figures(plan: Plan) -> list[str]:
@@ -43,7 +56,11 @@ def _of_figures(plan: Plan) -> list[str]:
     return breaches
 
 
-def _of_trajectory(trajectory: PlannedTrajectory, observation: Observation, step_s: float) -> list[str]:
+def trajectory_breaches(trajectory: PlannedTrajectory, ego: EgoState, step_s: float) -> list[str]:
+    """What a trajectory that begins at the ego breaks of the contract."""
+    wrong = [name for name, values in vars(trajectory).items() if not isinstance(values, np.ndarray)]
+    if wrong:
+        return [f"{wrong[0]} of the trajectory is {type(getattr(trajectory, wrong[0])).__name__}, not a numpy array"]
     count = len(trajectory.positions)
     others = (trajectory.headings_rad, trajectory.speeds_mps, trajectory.accelerations_mps2)
     if trajectory.positions.shape != (count, 2) or any(values.shape != (count,) for values in others):
@@ -53,7 +70,7 @@ def _of_trajectory(trajectory: PlannedTrajectory, observation: Observation, step
     breaches = []
     if (count - 1) * step_s < _SHORTEST_PLAN_S - 1e-9:
         breaches.append(f"plans only {(count - 1) * step_s:.2f} s")
-    away = float(np.linalg.norm(trajectory.positions[0] - observation.ego.position))
+    away = float(np.linalg.norm(trajectory.positions[0] - ego.position))
     if away > _START_TOLERANCE_M:
         breaches.append(f"starts {away:.2f} m from the ego")
     moved = np.linalg.norm(np.diff(trajectory.positions, axis=0), axis=1)

@@ -1,5 +1,7 @@
 """Planners and traffic by name. What is heavy, numpy and the C++ core, is imported when one is made.
 
+Planners of others (``external``) are known beside the built-in ones; their code is imported when it is used.
+
 To add a planner, add a function that makes it to ``PLANNERS``, and its ``PlannerTuning`` under the same name to
 ``engine/tuning/tunings.py``.
 """
@@ -8,15 +10,17 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, get_args
 
-from ...schemas.errors import InvalidRequest, UnknownName, closest
+from ...schemas.errors import InvalidRequest, PlannerFailure, UnknownName, closest
 from ...schemas.runs import Prediction
 from ...schemas.runs import Traffic as TrafficMode
+from .external.found import Found, found_planners
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
 
     from ..commonroad import LoadedScenario
     from ..vehicles import VehicleParameters
+    from .external.command import ScenarioFile
     from .interface import Planner
     from .traffic.recorded import Traffic
 
@@ -36,6 +40,17 @@ def _intelligent_driver() -> "Planner":
 PLANNERS: dict[str, "Callable[[], Planner]"] = {"frenetix": _frenetix, "idm": _intelligent_driver}
 
 
+def planner_names() -> tuple[str, ...]:
+    """The planners that can be named: the built-in ones, then those of others."""
+    others = found_planners(PLANNERS).values()
+    return (*PLANNERS, *(each.name for each in others if not each.fault))
+
+
+def refused_planners() -> tuple[str, ...]:
+    """Why planners of others that were found cannot be named, a sentence each."""
+    return tuple(each.fault for each in found_planners(PLANNERS).values() if each.fault)
+
+
 def known_planner(name: str) -> str:
     """The name as registered, whatever its case.
 
@@ -44,21 +59,54 @@ def known_planner(name: str) -> str:
     """
     folded = name.strip().lower().replace("-", "_")
     if folded not in PLANNERS:
-        raise UnknownName(
-            f"there is no planner '{name}'",
-            valid=closest(name, PLANNERS) or list(PLANNERS),
-            next_step="call list_planners",
-        )
+        own_planner(folded)
     return folded
 
 
-def make_planner(name: str) -> "Planner":
-    """A new planner.
+def own_planner(name: str) -> Found:
+    """The planner of others of that name.
 
     Raises:
         UnknownName: no such planner.
+        PlannerFailure: its name clashes with another's.
     """
-    return PLANNERS[known_planner(name)]()
+    found = found_planners(PLANNERS).get(name.strip().lower().replace("-", "_"))
+    if found is None:
+        names = planner_names()
+        raise UnknownName(
+            f"there is no planner '{name}'", valid=closest(name, names) or list(names), next_step="call list_planners"
+        )
+    if found.fault:
+        raise PlannerFailure(found.fault, reason="name_taken")
+    return found
+
+
+def make_planner(name: str, scenario: "ScenarioFile | None" = None) -> "Planner":
+    """A new planner; one that is a program is given the scenario's file.
+
+    Raises:
+        UnknownName: no such planner.
+        PlannerFailure: a planner of others that cannot be made.
+    """
+    folded = known_planner(name)
+    if folded in PLANNERS:
+        return PLANNERS[folded]()
+    found = own_planner(folded)
+    if found.command is None:
+        from .external.guarded import guarded
+
+        return guarded(folded, found.own().make)
+    if scenario is None:
+        raise PlannerFailure(f"planner {folded} is a program and plans on a file alone", reason="no_file")
+    from .external.command import command_driver
+
+    return command_driver(folded, found.command, scenario)
+
+
+def planner_version(name: str) -> str:
+    """A digest of the source of a planner of others; empty for built-in ones, whose version is ours."""
+    folded = known_planner(name)
+    return "" if folded in PLANNERS else own_planner(folded).version
 
 
 def check_modes(traffic: TrafficMode, prediction: Prediction) -> None:

@@ -14,6 +14,7 @@ from ..criticality import drive_criticality
 from ..execution import ProgressReporter
 from ..geometry import Values, wrap_angles
 from ..vehicles import VehicleParameters, vehicle_of
+from .external.command import CommandDriver, ScenarioFile
 from .interface import EgoState
 from .registry import check_modes, make_planner, open_traffic
 from .simulation import DrivenRun, simulate
@@ -27,12 +28,14 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         UnsafeInput: the file cannot be read.
         UnknownName: no such planning problem or planner.
         InvalidRequest: a prediction that does not go with the traffic.
+        PlannerFailure: a planner of others broke its contract.
     """
     began = perf_counter()
     loaded = kept_recording(Path(request.scenario_path)).loaded
     problem = loaded.problem(request.problem_id)
     vehicle = vehicle_of(request.configuration.settings)
-    planner = make_planner(request.configuration.planner)
+    file = ScenarioFile(Path(request.scenario_path), str(loaded.scenario.scenario_id))
+    planner = make_planner(request.configuration.planner, file)
     check_modes(request.traffic, request.prediction)
     with open_traffic(request.traffic, loaded, problem, vehicle, request.seed) as traffic:
         driven = simulate(loaded.scenario, problem, request.configuration, planner, request.prediction, report, traffic)
@@ -68,7 +71,8 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         steps=len(driven.plan_s),
         planning_ms=tuple(round(1000 * duration_s, 3) for duration_s in driven.plan_s),
     )
-    return RunResponse(record=record, steps=run_steps(driven), timing=timing)
+    log = planner.log if isinstance(planner, CommandDriver) else ""
+    return RunResponse(record=record, steps=run_steps(driven), timing=timing, planner_log=log)
 
 
 def _metrics(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> RunMetrics | None:

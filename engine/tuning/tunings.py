@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from typing import Literal, TypeVar
 
 from ...schemas.errors import UnknownName, closest
+from ...schemas.planning import PlannerDeclaration
 from ...schemas.vocabulary import preset_of
-from ..planners import known_planner
+from ..planners import known_planner, own_planner
 
 LARGEST_WEIGHT = 1e6
 """Chosen: 200,000 times the largest weight of a preset, and far from where sums of costs lose digits."""
@@ -99,8 +100,24 @@ def tuning_of(planner: str) -> PlannerTuning:
 
     Raises:
         UnknownName: no such planner.
+        PlannerFailure: a planner of others that cannot be imported.
     """
-    return TUNINGS[known_planner(planner)]
+    name = known_planner(planner)
+    return TUNINGS[name] if name in TUNINGS else _declared(own_planner(name).declaration)
+
+
+def _declared(declaration: PlannerDeclaration) -> PlannerTuning:
+    """What can be set in a planner of others, all of it its own."""
+    defaults = {name: weight.default for name, weight in declaration.weights.items()}
+    weights = {
+        name: Weight(name, weight.meaning, weight.raising or "as it says", "ours", weight.lowest, weight.highest)
+        for name, weight in declaration.weights.items()
+    }
+    presets = {"Default": Preset("Default", "Default", "its defaults", defaults)} | {
+        name: Preset(name, name, preset.intent or "as it says", defaults | preset.weights)
+        for name, preset in declaration.presets.items()
+    }
+    return PlannerTuning(declaration.summary, weights, {}, presets)
 
 
 def _preset(weights: tuple[Weight, ...], name: str, short_name: str, intent: str, values: tuple[float, ...]) -> Preset:

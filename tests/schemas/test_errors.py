@@ -27,6 +27,7 @@ CODES = {
     "invalid_request",
     "not_possible",
     "outside_roots",
+    "planner_failure",
     "resource_failure",
     "service_failure",
     "unexpected",

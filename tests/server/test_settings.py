@@ -120,3 +120,32 @@ def test_a_fresh_install_asks_the_net_only_for_what_is_not_at_hand(monkeypatch: 
     assert len(services.hosts) == 5
     assert services.user_agent.startswith("PlannerForge-MCP/")
     assert services.delay_s >= 1.0  # Nominatim's policy
+
+
+PLANNER = """
+[planners.theirs]
+summary = "a planner of theirs"
+command = ["/opt/theirs/bin/python", "/opt/theirs/plan.py"]
+time_s = 30
+"""
+
+
+def test_programs_are_planners_by_a_section_each_of_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    write_file(PLANNER)
+    assert Settings().planners["theirs"].time_s == 30
+    monkeypatch.setenv("PLANNERFORGE_PLANNERS", '{"mine": {"summary": "mine", "command": ["python3", "/mine.py"]}}')
+    assert set(Settings().planners) == {"theirs", "mine"}
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "named"),
+    [
+        ("time_s", "times", ("planners", "theirs", "times")),
+        ("/opt/theirs/bin/python", "bin/python", ("planners", "theirs", "command")),
+    ],
+)
+def test_a_wrong_planner_in_the_file_is_refused_by_its_name(before: str, after: str, named: tuple[str, ...]) -> None:
+    write_file(PLANNER.replace(before, after))
+    with pytest.raises(ValidationError) as caught:
+        Settings()
+    assert [detail["loc"] for detail in caught.value.errors()] == [named]

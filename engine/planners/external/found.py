@@ -1,0 +1,274 @@
+"""Which planners of others there are: read from packages' metadata and the environment, imported only when used.
+
+A planner is found by the entry points of the group ``plannerforge.planners`` or by ``PLANNERFORGE_PLANNERS``, in which
+the server hands the programs of its settings to its workers. One that cannot be used is found as well, with why. The
+server's process never imports code of others: what a planner says of itself is read by a process of its own.
+"""
+
+import hashlib
+import importlib
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pydantic import TypeAdapter, ValidationError
+
+from ....schemas.errors import PlannerFailure
+from ....schemas.planning import WEIGHT_NAME, CommandPlanner, PlannerDeclaration
+from ....schemas.text import one_line
+
+if TYPE_CHECKING:
+    from ..interface import Planner
+
+ENTRY_POINTS = "plannerforge.planners"
+PLANNERS_VARIABLE = "PLANNERFORGE_PLANNERS"
+IMPORT_LIMIT_S = 60.0
+"""The longest that a planner's package may take to be imported; chosen: PyTorch takes seconds."""
+_LARGEST_SOURCE_BYTES = 10_000_000
+"""Files of a program up to this size are part of its version (chosen: scripts are, data and interpreters are not)."""
+_IMPORT_BYTES = 4 * 1024**3
+"""Data memory of the process that imports it for its declaration; chosen, as of a worker."""
+_COMMANDS = TypeAdapter(dict[str, CommandPlanner])
+_BROKEN = "entry_point_broken"
+
+
+@dataclass(frozen=True)
+class OwnPlanner:
+    """What an entry point names: the planner's class, or a function that makes one, and what is said of it."""
+
+    make: "Callable[[], Planner]"
+    declaration: PlannerDeclaration
+
+    def __post_init__(self) -> None:
+        if not callable(self.make):
+            raise TypeError(f"make is {type(self.make).__name__}, neither a class nor a function")
+        if not isinstance(self.declaration, PlannerDeclaration):
+            raise TypeError(f"declaration is {type(self.declaration).__name__}, not PlannerDeclaration")
+
+
+@dataclass(frozen=True)
+class Found:
+    """A planner of others: an entry point or a program. ``fault``: why its name cannot be used; empty where it can."""
+
+    name: str
+    where: str
+    entry: EntryPoint | None = None
+    command: CommandPlanner | None = None
+    fault: str = ""
+
+    def own(self) -> OwnPlanner:
+        """The object that the entry point names, imported now into this process: for workers.
+
+        Raises:
+            PlannerFailure: it cannot be imported, or is no ``OwnPlanner``.
+        """
+        if self.entry is None:
+            raise PlannerFailure(f"planner {self.name} is a program, not a class", reason=_BROKEN)
+        try:
+            return _imported(self.entry.value, self.version)
+        except (Exception, SystemExit) as error:  # the boundary to code of others: it becomes the error of this planner
+            raise self._broken(_words(error)) from error
+
+    @property
+    def declaration(self) -> PlannerDeclaration:
+        """What is said of the planner.
+
+        Raises:
+            PlannerFailure: it cannot be imported, or is no ``OwnPlanner``.
+        """
+        if self.command is not None or self.entry is None:
+            return self.command or self.own().declaration
+        try:
+            return _told(self.entry.value, self.version)
+        except (ValueError, subprocess.TimeoutExpired) as error:
+            raise self._broken(one_line(str(error))) from error
+
+    @property
+    def version(self) -> str:
+        """A digest of the planner's own source, so that runs of an edited planner are made anew."""
+        if self.command is not None:
+            files = [Path(part) for part in self.command.command if part.startswith("/")]
+            return _digest(self.command.model_dump_json(), files)
+        return _digest("", _sources(self.entry.module if self.entry else ""))
+
+    def _broken(self, why: str) -> PlannerFailure:
+        value = self.entry.value if self.entry else ""
+        return PlannerFailure(
+            f"planner {self.name}: {value} of the {self.where} cannot be used: {why}",
+            next_step="mend it; its entry point names an OwnPlanner(make, declaration)",
+            reason=_BROKEN,
+        )
+
+
+def found_planners(built_in: Collection[str]) -> dict[str, Found]:
+    """The planners of others by name; names of built-in ones, of two, and malformed ones have a fault.
+
+    Raises:
+        PlannerFailure: the variable of the environment is malformed.
+    """
+    found: dict[str, Found] = {}
+    for each in (*_of_packages(_path_times()), *_of_environment(os.environ.get(PLANNERS_VARIABLE, ""))):
+        fault = ""
+        if each.name in built_in:
+            fault = f"the {each.where} is named as the built-in planner {each.name}; rename it"
+        elif not WEIGHT_NAME.fullmatch(each.name):
+            fault = f"{each.where}: '{one_line(each.name)}' is no name; lower-case letters, digits and _ make one"
+        elif each.name in found:
+            fault = f"two planners are named {each.name}: {found[each.name].where} and {each.where}; rename one"
+        found[each.name] = Found(each.name, each.where, each.entry, each.command, fault)
+    return found
+
+
+@contextmanager
+def programs_named(commands: Mapping[str, CommandPlanner]) -> Iterator[None]:
+    """While the block runs, these programs are planners, in this process and in those that it starts."""
+    before = os.environ.get(PLANNERS_VARIABLE)
+    if commands:
+        os.environ[PLANNERS_VARIABLE] = _COMMANDS.dump_json(dict(commands)).decode()
+    try:
+        yield
+    finally:
+        if before is not None:
+            os.environ[PLANNERS_VARIABLE] = before
+        elif commands:
+            os.environ.pop(PLANNERS_VARIABLE, None)
+
+
+def _path_times() -> tuple[tuple[str, int], ...]:
+    """The folders that packages are installed in, with when one was last: reading all metadata takes 20 ms."""
+    folders = [Path(entry or ".") for entry in sys.path]
+    return tuple((str(folder), folder.stat().st_mtime_ns) for folder in folders if folder.exists())
+
+
+@cache
+def _of_packages(path_times: tuple[tuple[str, int], ...]) -> tuple[Found, ...]:
+    del path_times  # the cache's key: a package that is installed later is found
+    return tuple(
+        Found(_folded(entry.name), f"entry point of {_package(entry)}", entry=entry)
+        for entry in entry_points(group=ENTRY_POINTS)
+    )
+
+
+def _folded(name: str) -> str:
+    return name.strip().lower().replace("-", "_")
+
+
+def _package(entry: EntryPoint) -> str:
+    return entry.dist.name if entry.dist is not None else entry.module
+
+
+@cache
+def _of_environment(text: str) -> tuple[Found, ...]:
+    if not text:
+        return ()
+    try:
+        commands = _COMMANDS.validate_json(text)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise PlannerFailure(
+            f"{PLANNERS_VARIABLE} cannot be read: {'.'.join(map(str, first['loc']))}: {first['msg']}",
+            next_step="mend it, as docs/own_planner.md says",
+            reason="settings_broken",
+        ) from error
+    return tuple(Found(_folded(name), "command in the settings", command=each) for name, each in commands.items())
+
+
+def _sources(module: str) -> list[Path]:
+    """The Python files of the module's package, without importing it."""
+    spec = find_spec(module.partition(".")[0]) if module else None
+    if spec is None:
+        return []
+    folders = [Path(folder) for folder in spec.submodule_search_locations or ()]
+    return sorted(path for folder in folders for path in folder.rglob("*.py")) or [Path(spec.origin or "")]
+
+
+def _digest(text: str, files: list[Path]) -> str:
+    stats = [(path, path.stat()) for path in files if path.is_file()]
+    return _digest_of(
+        text, tuple((path, s.st_mtime_ns, s.st_size) for path, s in stats if s.st_size <= _LARGEST_SOURCE_BYTES)
+    )
+
+
+@cache
+def _digest_of(text: str, files: tuple[tuple[Path, int, int], ...]) -> str:
+    """Of contents alone; when files were changed, and their sizes, are the cache's key."""
+    digest = hashlib.sha256(text.encode())
+    for path, _, _ in files:
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+@cache
+def _imported(value: str, version: str) -> OwnPlanner:
+    """The object at ``module:name``; a package that was edited since is imported again, workers live long."""
+    module, _, name = value.partition(":")
+    package = module.partition(".")[0]
+    before = _imported_versions().setdefault(package, version)
+    if before != version:
+        _imported_versions()[package] = version
+        for known in [key for key in sys.modules if key == package or key.startswith(f"{package}.")]:
+            del sys.modules[known]
+        importlib.invalidate_caches()
+    loaded: object = importlib.import_module(module)
+    for part in name.split(".") if name else ():
+        loaded = getattr(loaded, part)
+    if not isinstance(loaded, OwnPlanner):
+        raise TypeError(f"it is {type(loaded).__name__}, not OwnPlanner")
+    return loaded
+
+
+@cache
+def _imported_versions() -> dict[str, str]:
+    """The version of each package that this process has imported."""
+    return {}
+
+
+@cache
+def _told(value: str, version: str) -> PlannerDeclaration:
+    """What the object at ``module:name`` declares, asked in another process, which may crash or hang.
+
+    Raises:
+        ValueError: it cannot be imported; why.
+        subprocess.TimeoutExpired: it takes too long.
+    """
+    del version  # part of the cache's key alone
+    program = f"from {__name__} import print_declaration; print_declaration({value!r})"
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", program],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        timeout=IMPORT_LIMIT_S,
+        check=False,
+    )
+    if done.returncode:
+        lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
+        raise ValueError(lines[-1] if lines else f"its import ended with exit status {done.returncode}")
+    return PlannerDeclaration.model_validate_json(done.stdout)
+
+
+def print_declaration(value: str) -> None:
+    """Print what the object at ``module:name`` declares, as JSON: the program of the process that is asked."""
+    from ...execution import limit_memory
+
+    answer = os.dup(1)
+    os.dup2(2, 1)  # what the planner's package prints is no declaration
+    limit_memory(_IMPORT_BYTES)
+    try:
+        os.write(answer, _imported(value, "").declaration.model_dump_json().encode())
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - the boundary to code of others
+        sys.exit(_words(error))
+
+
+def _words(error: BaseException) -> str:
+    """An error of code of others in a line."""
+    if isinstance(error, ValidationError):
+        return "; ".join(one_line(each["msg"].removeprefix("Value error, ")) for each in error.errors())
+    return f"{type(error).__name__}: {one_line(str(error))}"

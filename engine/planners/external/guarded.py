@@ -1,0 +1,80 @@
+"""A planner of another package in the loop: what it raises or answers wrongly is a named error of that planner."""
+
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from ....schemas.errors import PlannerFailure, PlannerForgeError
+from ....schemas.text import one_line
+from ..conformance import plan_breaches
+from ..drivability import violated_limit
+from ..interface import Observation, Plan, Planner, PlanningTask
+
+
+def guarded(name: str, make: Callable[[], Planner]) -> Planner:
+    """A new planner of that name, every plan of which is held to the contract.
+
+    Raises:
+        PlannerFailure: it cannot be made.
+    """
+    with _blamed(name, "is made"):
+        return _Guarded(name, make())
+
+
+class _Guarded:
+    """See :class:`plannerforge.engine.planners.interface.Planner`."""
+
+    def __init__(self, name: str, planner: Planner) -> None:
+        self._name, self._planner = name, planner
+
+    def reset(self, task: PlanningTask) -> None:
+        """Prepare for a new run.
+
+        Raises:
+            PlannerFailure: the planner raised.
+        """
+        self._task = task
+        with _blamed(self._name, "resets"):
+            self._planner.reset(task)
+
+    def plan(self, observation: Observation) -> Plan:
+        """The planner's plan; none where the vehicle cannot drive it.
+
+        Raises:
+            PlannerFailure: the planner raised, or its plan breaks the contract.
+        """
+        with _blamed(self._name, f"plans at step {observation.ego.step}"):
+            plan = self._planner.plan(observation)
+            breaches = plan_breaches(plan, observation, self._task.step_s)
+        if breaches:
+            raise PlannerFailure(
+                f"planner {self._name} breaks its contract at step {observation.ego.step}: {'; '.join(breaches)}",
+                reason="contract_broken",
+            )
+        return drivable(plan, self._task)
+
+
+def drivable(plan: Plan, task: PlanningTask) -> Plan:
+    """The plan; without its trajectory where the vehicle cannot drive the steps until the next plan."""
+    if plan.trajectory is None:
+        return plan
+    next_steps = plan.trajectory.until(task.configuration.settings.replan_steps + 1)
+    limit = violated_limit(next_steps, task.vehicle, task.step_s)
+    return plan if limit is None else replace(plan, trajectory=None, costs={}, rejected={**plan.rejected, limit: 1})
+
+
+@contextmanager
+def _blamed(name: str, doing: str) -> Iterator[None]:
+    try:
+        yield
+    except PlannerForgeError:
+        raise
+    except (Exception, SystemExit) as error:  # the boundary to code of others: it becomes the error of this run
+        at = traceback.extract_tb(error.__traceback__)[-1]
+        raise PlannerFailure(
+            f"planner {name} raises {type(error).__name__} when it {doing}: {one_line(str(error))}"
+            f" ({Path(at.filename).name}, line {at.lineno})",
+            reason="raised",
+        ) from error
