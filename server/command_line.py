@@ -1,4 +1,4 @@
-"""The server's part of the command line: ``plannerforge serve | call | tools | prompts | maps | check | test``.
+"""The server's part of the command line: ``plannerforge serve | call | tools | prompts | maps | planner | check | …``.
 
 Clients join it in ``agent/command_line.py``, evaluations in ``evals/command_line.py``.
 
@@ -16,6 +16,7 @@ from ..schemas.errors import PlannerForgeError
 from .commands.catalog import catalog
 from .commands.flags import MapFolders, Roots, Workers, Workspace, settings_from
 from .commands.maps import maps
+from .commands.planner import planner
 
 application = typer.Typer(
     name="plannerforge",
@@ -26,6 +27,7 @@ application = typer.Typer(
 )
 application.add_typer(catalog)
 application.add_typer(maps)
+application.add_typer(planner)
 
 
 def run(program: typer.Typer) -> None:

@@ -17,6 +17,7 @@
 ``Search``: A search against the tables of the catalogue, with its answer.
 ``entries_of``: The entries of these numbers by their ids.
 ``ARCHIVE``: The name of the archive with the starter scenarios.
+``starter_files``: A context with some of the starter scenarios as files.
 ``open_catalogue``: Make the catalogue of a workspace ready, starter scenarios included.
 ``MOST_ENTRIES``: Planning problems of one file that are entered, and the step of the numbers between two artifacts.
 ``add_facts``: Enter one entry in the tables.
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
     from .intake import ID_TAKEN, ReadFile, ScenarioIntake, net_beside, put_scenario
     from .ranking import build_index, rank
     from .search import Ranking, Search, entries_of
-    from .starter import ARCHIVE, open_catalogue
+    from .starter import ARCHIVE, open_catalogue, starter_files
     from .tables import MOST_ENTRIES, add_facts, descriptions, facts_of, is_ready, listed_version, prepare, refresh
     from .vector_index import COMPLETE, EmbeddingModel, Vectors, ensure_generation, query
     from .words import description_of

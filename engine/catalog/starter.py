@@ -7,8 +7,11 @@ workspace is new) and, for every scenario, ``scenarios/<id>.xml`` with ``scenari
 import hashlib
 import json
 import os
+import tempfile
 import zipfile
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from importlib.resources import as_file, files
 from pathlib import Path
 
@@ -32,6 +35,27 @@ def open_catalogue(workspace: Workspace, *, with_starter: bool = True) -> None:
     if with_starter:
         _load_starter(workspace)
     refresh(workspace.database)
+
+
+@contextmanager
+def starter_files(count: int) -> Iterator[tuple[Path, ...]]:
+    """So many of the starter scenarios, of towns as different as there are, in a temporary folder while the block runs.
+
+    Raises:
+        ResourceFailure: the disk is full.
+    """
+    with as_file(files("plannerforge.engine.catalog") / ARCHIVE) as path, zipfile.ZipFile(path) as opened:
+        names = sorted(name for name in opened.namelist() if name.endswith("_T-1.xml"))
+        towns = sorted(names, key=lambda name: [other for other in names if _town(other) == _town(name)].index(name))
+        with tempfile.TemporaryDirectory(prefix="plannerforge-") as folder:
+            copies = [Path(folder, Path(name).name) for name in towns[:count]]
+            for name, copy in zip(towns, copies, strict=False):
+                _write(copy, opened.read(name))
+            yield tuple(copies)
+
+
+def _town(name: str) -> str:
+    return name.partition("-")[0]
 
 
 def _load_starter(workspace: Workspace) -> None:

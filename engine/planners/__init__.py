@@ -17,6 +17,9 @@
 ``refused_planners``: Why planners of others that were found cannot be named.
 ``own_planner``: The planner of others of a name.
 ``planner_version``: A digest of the source of a planner of others; empty for built-in ones.
+``Found``: A planner of others that was found, and where.
+``check_on``: What a planner of others breaks on a scenario, in words.
+``PlannerCheck``: What came out of it.
 ``OwnPlanner``: What an entry point of the group ``plannerforge.planners`` names: the class and its declaration.
 ``ScenarioFile``: The file that a program plans on.
 ``programs_named``: Makes the programs of the settings known as planners while a block runs, in workers too.
@@ -38,9 +41,10 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
+    from .check import PlannerCheck, check_on
     from .conformance import check_planner
     from .external.command import ScenarioFile
-    from .external.found import OwnPlanner, programs_named
+    from .external.found import Found, OwnPlanner, programs_named
     from .frenetix.costs import CandidateBatch, responsibility
     from .frenetix.planner import Frenetix
     from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask

@@ -30,7 +30,7 @@ def check_planner(make: Callable[[], Planner], task: PlanningTask, observation: 
     other = make()
     other.reset(task)
     for name, again in (("after a reset", planner.plan(observation)), ("in a new instance", other.plan(observation))):
-        if not _same(first, again):
+        if not same_plan(first, again):
             breaches.append(f"gives another plan {name}")
     return tuple(breaches)
 
@@ -82,7 +82,7 @@ def trajectory_breaches(trajectory: PlannedTrajectory, ego: EgoState, step_s: fl
     return breaches
 
 
-def _same(first: Plan, second: Plan) -> bool:
+def same_plan(first: Plan, second: Plan) -> bool:
     """Whether everything but the time that it took is the same."""
     content = [(dict(p.costs), dict(p.rejected), p.candidates, p.kind, p.trajectory is None) for p in (first, second)]
     if content[0] != content[1]:

@@ -17,12 +17,17 @@ Workers = Annotated[int | None, typer.Option(help="Worker processes for simulati
 def settings_from(**flags: Any) -> Settings:
     """Settings with the flags that were given; a wrong one ends the program with one line."""
     from pydantic import ValidationError
+    from pydantic_settings import SettingsError
 
     try:
         return Settings(**{name: value for name, value in flags.items() if value is not None})
     except ValidationError as error:
-        problems = "; ".join(f"{detail['loc'][0]}: {detail['msg']}" for detail in error.errors(include_url=False))
+        details = error.errors(include_url=False)
+        problems = "; ".join(f"{'.'.join(map(str, detail['loc']))}: {detail['msg']}" for detail in details)
         typer.echo(f"plannerforge: {problems}", err=True)
+        raise typer.Exit(2) from None
+    except SettingsError as error:
+        typer.echo(f"plannerforge: {error}", err=True)
         raise typer.Exit(2) from None
     except (OSError, tomllib.TOMLDecodeError) as error:
         typer.echo(f"plannerforge: {settings_file()} cannot be read: {error}", err=True)

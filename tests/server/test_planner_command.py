@@ -1,0 +1,161 @@
+"""plannerforge planner new | check | schema."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import jsonschema
+import pytest
+from support import own_planner_program
+from support.builders import Problem, town_road
+from support.own_planners import STRAIGHT, install
+from typer.testing import CliRunner, Result
+
+from plannerforge.schemas.errors import InvalidRequest
+from plannerforge.schemas.planning import CommandRequest, EgoStart
+from plannerforge.server.command_line import application
+from plannerforge.server.commands.planner import published_schema, write_planner
+from plannerforge.server.settings import settings_file
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples" / "own_planner"
+Install = Callable[..., Path]
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
+    """Installs a planner of a name where this process, and those that it starts, find packages."""
+    folder = tmp_path / "site"
+    folder.mkdir()
+    monkeypatch.syspath_prepend(str(folder))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [str(folder), os.environ.get("PYTHONPATH", "")])))
+    return lambda name, source=STRAIGHT, **options: install(folder, name, source, **options)
+
+
+@pytest.fixture
+def road(tmp_path: Path) -> Path:
+    """A short drive straight on."""
+    path = tmp_path / "road.xml"
+    builder = town_road().with_vehicles()
+    return type(builder)(builder.lanes, problems=(Problem(goal=(65.0, 0.0, 8.0, 3.0), steps=(15, 35)),)).write(path)
+
+
+def command(*words: str | Path) -> Result:
+    return CliRunner().invoke(application, ["planner", *map(str, words)], env={"COLUMNS": "200"})
+
+
+def test_a_new_planner_passes_its_own_test_at_once(tmp_path: Path) -> None:
+    made = command("new", "my_first", "--folder", tmp_path)
+    assert made.exit_code == 0, made.output
+    folder = tmp_path / "my_first"
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "plannerforge_my_first.py",
+        "pyproject.toml",
+        "test_plannerforge_my_first.py",
+    ]
+    assert 'my_first = "plannerforge_my_first:PLANNER"' in (folder / "pyproject.toml").read_text()
+    done = subprocess.run([sys.executable, "-m", "unittest"], cwd=folder, capture_output=True, text=True, check=False)
+    assert "Ran 2 tests" in done.stderr, done.stderr
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_new_planner_is_checked_in_words(installed: Install, tmp_path: Path) -> None:
+    source = write_planner("second", tmp_path) / "plannerforge_second.py"
+    installed("second", source.read_text(), package="plannerforge_second")
+    checked = command("check", "second")
+    assert checked.exit_code == 0, checked.output
+    lines = checked.output.splitlines()
+    assert lines[0] == "second (entry point of plannerforge_second): follows its route and keeps its distance"
+    assert lines[1] == "  weights speed_mps=10, time_gap_s=1.5; presets Default, Careful"
+    assert "goal_reached" in lines[2]
+    assert lines[-1] == "second keeps its contract on 3 scenarios."
+
+
+@pytest.mark.parametrize("name", ["My Planner", "9lives", "frenetix", "../up", ""])
+def test_a_name_that_no_planner_can_have_writes_nothing(name: str, tmp_path: Path) -> None:
+    with pytest.raises(InvalidRequest):
+        write_planner(name, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_is_there_is_left_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    with pytest.raises(InvalidRequest, match="there already"):
+        write_planner("mine", tmp_path)
+    assert list((tmp_path / "mine").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "part", "instead", "told"),
+    [
+        ("raising", "ego, slower =", "1 / 0; ego, slower =", ["raises ZeroDivisionError", 'own_raising.py", line 12']),
+        ("shorter", "arange(21)", "arange(8)", ["different lengths"]),
+        ("dice", "candidates=1", "candidates=np.random.randint(10**9)", ["gives another plan after a reset"]),
+        ("counting", "ego, slower =", "self.n = getattr(self, 'n', 0) + 1; ego, slower =", []),
+    ],
+)
+def test_what_a_planner_breaks_is_told_in_words(
+    name: str, part: str, instead: str, told: list[str], installed: Install, road: Path
+) -> None:
+    assert part in STRAIGHT
+    installed(name, STRAIGHT.replace(part, instead))
+    checked = command("check", name, road)
+    assert checked.exit_code == (1 if told else 0), checked.output
+    assert all(words in checked.output for words in told), checked.output
+    assert ("BREAKS THE CONTRACT" in checked.output) == bool(told)
+
+
+def test_a_weight_that_does_nothing_is_noted(installed: Install, road: Path) -> None:
+    idle = STRAIGHT.replace('self.task.configuration.weights["slower_mps2"]', "0.0").replace('{"slower": slower}', "{}")
+    installed("idle", idle)
+    assert "Note: the weight slower_mps2 changed no first plan" in command("check", "idle", road).output
+    installed("acting")
+    assert "Note" not in command("check", "acting", road).output
+
+
+@pytest.mark.parametrize(("behaviour", "code", "told"), [("drives", 0, "keeps"), ("too_short", 1, "plans only 0.40 s")])
+def test_a_program_of_the_settings_is_checked(behaviour: str, code: int, told: str, road: Path) -> None:
+    settings_file().parent.mkdir(parents=True, exist_ok=True)
+    program = f'["{sys.executable}", "-S", "{own_planner_program.__file__}", "{behaviour}"]'
+    settings_file().write_text(f'[planners.theirs]\nsummary = "theirs"\ncommand = {program}\n')
+    checked = command("check", "theirs", road)
+    assert checked.exit_code == code, checked.output
+    assert told in checked.output
+
+
+@pytest.mark.parametrize(("name", "told"), [("absent", "there is no planner 'absent'"), ("idm", "built-in")])
+def test_a_planner_that_cannot_be_checked_is_named(name: str, told: str) -> None:
+    checked = command("check", name)
+    assert checked.exit_code != 0
+    assert told in str(checked.exception)
+
+
+@pytest.mark.parametrize("which", ["request", "answer"])
+def test_the_published_schema_is_that_of_the_models(which: str) -> None:
+    printed = command("schema", which).output
+    assert printed == (EXAMPLES / f"{which}.schema.json").read_text(encoding="utf-8")
+
+
+def test_an_answer_that_drives_is_one_of_the_schema() -> None:
+    import json
+
+    request = CommandRequest(
+        scenario_id="ZAM_Builder-1_1_T-1",
+        scenario_file="/tmp/scenario.xml",
+        problem_id=100,
+        folder="/tmp",
+        planner="theirs",
+        config_id="cfg_1",
+        weights={"comfort": 1.0},
+        settings={"length_m": 4.5},
+        ego=EgoStart(x_m=0.0, y_m=0.0, heading_rad=0.0, speed_mps=10.0, acceleration_mps2=0.0),
+        first_step=0,
+        last_step=30,
+        step_s=0.1,
+    ).model_dump(mode="json")
+    jsonschema.validate(request, json.loads(published_schema("request")))
+    answer, form = own_planner_program.answer(request), json.loads(published_schema("answer"))
+    jsonschema.validate(answer, form)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(answer | {"colour": "red"}, form)
