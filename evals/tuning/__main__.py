@@ -10,6 +10,7 @@ keys and judges by code apart from the product. The keys that count:
 ``optimised``: ``optimised_gain``, ``optimised_gain_low``, ``optimised_collision_change`` (what a search gains on roads
 that it has not seen).
 ``random_bound``: ``bound_best`` (the most that any of many random weights could gain).
+``tables``: ``success_PLANNER_N``, ``collisions_PLANNER_N`` (every planner on the presets of 50, 100 and all scenarios).
 ``safety``: ``safety_to_success``, ``safety_unpreventable`` and others: why Safety-Conservative gains little here.
 
 ``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too; then the status is
@@ -33,6 +34,7 @@ PARTS: Parts[AnalysisBench] = Parts(
         "optimised": ("optimised_gain", "optimised_gain_low", "optimised_collision_change"),
         "random_bound": ("bound_best",),
         "safety": ("safety_to_success", "safety_unpreventable"),
+        "tables": ("tabled", "success_frenetix_500"),
     },
 )
 """The parts in the order in which they are measured, and the keys that each owes."""
