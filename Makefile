@@ -14,7 +14,7 @@ SEED ?= 1
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
 	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning \
-	starter house chat-page format clean
+	starter house chat-page train-rbfn format clean
 
 help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
@@ -25,6 +25,7 @@ help:
 	@echo "make bench-same-bytes RECORD=after.json BEFORE=before.json"
 	@echo "             record digests of what a fixed list of requests makes; with BEFORE, name what differs (developers)"
 	@echo "make starter re-make the maps and the starter catalogue that ship with the package"
+	@echo "make train-rbfn train the network of the planner MP-RBFN anew; the same weights (developers)"
 	@echo "make house   draw the map of the packages anew (developers)"
 	@echo "make chat-page record docs/chat.md, a chat through five stages, anew (developers)"
 	@echo "make bench-robust SEEDS=\"1 2 3\""
@@ -141,6 +142,9 @@ bench-analysis: $(DEV_STAMP)
 
 bench-tuning: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.tuning
+
+train-rbfn: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.planners.rbfn_training
 
 bench-same-bytes: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.symmetries.same_bytes record $(RECORD)

@@ -4,6 +4,13 @@
 ``CandidateBatch``: States of n candidates at m steps, with the obstacles and lanes around them.
 ``responsibility``: The cost term of that name: a raw cost for each candidate, shape (n,).
 ``Frenetix``: The sampling planner of TUM.
+``PRIMITIVE_INPUTS``: The scaled boundary values of a motion primitive, in the order of the network's inputs.
+``PRIMITIVE_NODES``: How many states a motion primitive of the network has.
+``PrimitiveEnds``: Where n motion primitives are to end, seen from the rear axle at their beginning.
+``PrimitiveNetwork``: The network of MP-RBFN that makes motion primitives; ``shipped`` comes with the package.
+``driven_poses``: The poses of a rear axle that drives scaled curvatures and speeds.
+``motion_primitives``: The primitives to n ends at m times, and whether the network knows each.
+``straight_lines``: Straight lines over the nodes between first and last values.
 ``EgoState``: The ego at one time step: centre in m, heading in rad, speed, acceleration and yaw rate.
 ``Observation``: What a planner sees before it plans: the ego and the predicted obstacles.
 ``Plan``: The answer of a planner: a trajectory or None, with costs and what was rejected.
@@ -49,6 +56,15 @@ if TYPE_CHECKING:
     from .frenetix.planner import Frenetix
     from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
     from .prediction import Predictor, predictor
+    from .rbfn.network import (
+        PRIMITIVE_INPUTS,
+        PRIMITIVE_NODES,
+        PrimitiveEnds,
+        PrimitiveNetwork,
+        driven_poses,
+        motion_primitives,
+        straight_lines,
+    )
     from .reference_path import BEYOND_GOAL_M, build_reference_path
     from .registry import (
         PLANNERS,

@@ -37,7 +37,17 @@ def _intelligent_driver() -> "Planner":
     return IntelligentDriver()
 
 
-PLANNERS: dict[str, "Callable[[], Planner]"] = {"frenetix": _frenetix, "idm": _intelligent_driver}
+def _radial_basis_primitives() -> "Planner":
+    from .rbfn.planner import RadialBasisPrimitives
+
+    return RadialBasisPrimitives()
+
+
+PLANNERS: dict[str, "Callable[[], Planner]"] = {
+    "frenetix": _frenetix,
+    "mp_rbfn": _radial_basis_primitives,
+    "idm": _intelligent_driver,
+}
 
 
 def planner_names() -> tuple[str, ...]:

@@ -132,7 +132,7 @@ _SETTINGS = (
     Setting("maximum_steering_rate_radps", "rad/s", 0.05, 2.0, "how fast it can change"),
     Setting("horizon_s", "s", 1.5, 6.0, "how far a plan and the prediction reach"),
     Setting("replan_steps", "steps", 1, 10, "time steps driven before the next plan", whole=True),
-    Setting("sampling_level", "", 0, 3, "candidates of Frenetix: 3, 5, 9 or 17 speeds and offsets", whole=True),
+    Setting("sampling_level", "", 0, 3, "candidates: 3, 5, 9 or 17 speeds and offsets", whole=True),
 )
 
 

@@ -194,6 +194,45 @@ _FRENETIX_PRESETS = (
 )
 """The paper names the presets; the values are those of its released code."""
 
+_CHANNELS = (
+    Weight("distance_to_reference_path", "mean offset from the path, by 3 m", "keeps to the path", "ours"),
+    Weight("distance_to_reference_path_final", "offset from it at the end, by 3 m", "comes back to the path", "ours"),
+    Weight("velocity_offset_final", "(final − desired speed)², by (5 m/s)²", "keeps the desired speed", "ours"),
+    Weight("orientation_offset", "mean (heading − path)², by (0.5 rad)²", "straighter along the path", "ours"),
+    Weight("orientation_offset_final", "(heading − path)² at the end, by (0.5 rad)²", "ends along the path", "ours"),
+    Weight("prediction", "Σ 1 / Mahalanobis distance² to predicted others", "avoids predicted motion", "ours"),
+    Weight("distance_to_boundary", "mean 1 / clearance² to the road's edge", "keeps off the road's edge", "ours"),
+)
+"""The seven channels of MP-RBFN by the names of its public copy, normalised in ``engine/planners/rbfn/costs.py``."""
+_CHANNEL_PRESETS = (
+    _preset(
+        _CHANNELS, "Default", "Default", "ours: follow the path, keep the speed", (0.6, 0.3, 0.8, 0.1, 0.1, 0.3, 0.1)
+    ),
+    _preset(
+        _CHANNELS,
+        "Comfort",
+        "Comfort",
+        "ours: speed counts less, straight ahead more",
+        (0.4, 0.2, 0.3, 0.6, 0.4, 0.3, 0.1),
+    ),
+    _preset(_CHANNELS, "Balanced", "Balanced", "ours: between the others", (0.5, 0.3, 0.5, 0.3, 0.2, 0.4, 0.2)),
+    _preset(
+        _CHANNELS,
+        "Efficiency-Sporty",
+        "Sporty",
+        "ours: the desired speed counts most, the path less",
+        (0.3, 0.2, 1.0, 0.1, 0.1, 0.2, 0.05),
+    ),
+    _preset(
+        _CHANNELS,
+        "Safety-Conservative",
+        "Safety",
+        "ours: away from predicted others and the road's edge",
+        (0.6, 0.3, 0.5, 0.1, 0.1, 0.9, 0.4),
+    ),
+)
+"""The paper names the presets and prints no values for this planner: the values are ours, after the names."""
+
 _IDM_PARAMETERS = (
     Weight("time_headway_s", "desired time gap T to the leader, s", "follows farther away", "ours", 0.1, 10.0),
     Weight("minimum_gap_m", "gap s0 at standstill, m", "stops earlier behind others", "ours", 0.1, 30.0),
@@ -217,6 +256,13 @@ TUNINGS = {
         weights=_by_name(_COST_WEIGHTS),
         external=_by_name(_EXTERNAL_WEIGHTS),
         presets=_by_name(_FRENETIX_PRESETS),
+    ),
+    "mp_rbfn": PlannerTuning(
+        summary="learned motion primitives (radial basis functions); presets are ours",
+        weights=_by_name(_CHANNELS),
+        external={},
+        presets=_by_name(_CHANNEL_PRESETS),
+        idle_settings=("switching_speed_mps",),
     ),
     "idm": PlannerTuning(
         summary="lane-following Intelligent Driver Model, a baseline; no cost terms",

@@ -7,33 +7,35 @@ import numpy as np
 from ...engine.commonroad import LoadedScenario
 from ...engine.execution import silent
 from ...engine.geometry import Points
-from ...engine.planners import Frenetix, Observation, Plan, PlanningTask, simulate
+from ...engine.planners import Observation, Plan, Planner, PlanningTask, make_planner, simulate
 from ...schemas.planning import PlannerConfiguration
 
 _RAISED = 1e6
 """A weight at which the term outweighs all others."""
 
 
-class _FirstPlan(Frenetix):
-    """Frenetix that plans once."""
+class _FirstPlan:
+    """A planner that plans once."""
 
-    first: Plan | None = None
+    def __init__(self, planner: Planner) -> None:
+        self._planner = planner
+        self.first: Plan | None = None
 
     def reset(self, task: PlanningTask) -> None:
         """Prepare for a new run."""
-        super().reset(task)
+        self._planner.reset(task)
         self.first = None
 
     def plan(self, observation: Observation) -> Plan:
         """The first plan; none afterwards."""
         if self.first is not None:
             return Plan(None)
-        self.first = super().plan(observation)
+        self.first = self._planner.plan(observation)
         return self.first
 
 
 def acting_weights(configuration: PlannerConfiguration, situations: Sequence[LoadedScenario]) -> frozenset[str]:
-    """The weights of a Frenetix configuration that act: 0 and raised they choose differently, the others as they are.
+    """The weights of a configuration that act: 0 and raised they choose differently, the others as they are.
 
     The situations are the starts of scenarios; a weight acts if it changes the choice in any of them.
     """
@@ -51,7 +53,7 @@ def acting_weights(configuration: PlannerConfiguration, situations: Sequence[Loa
 
 def _chosen(configuration: PlannerConfiguration, name: str, weight: float, situation: LoadedScenario) -> Points:
     weighted = configuration.model_copy(update={"weights": configuration.weights | {name: weight}})
-    planner = _FirstPlan()
+    planner = _FirstPlan(make_planner(configuration.planner))
     simulate(situation.scenario, situation.problem(), weighted, planner, "constant_velocity", silent)
     trajectory = planner.first.trajectory if planner.first else None
     return np.zeros((0, 2)) if trajectory is None else trajectory.positions

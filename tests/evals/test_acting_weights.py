@@ -40,6 +40,10 @@ def test_the_thirteen_weights_act_and_those_of_absent_modules_do_not(
     assert not acting & set(tuning_of("frenetix").external)
 
 
+def test_the_seven_channels_of_the_learned_planner_act(aside: LoadedScenario, crowded: LoadedScenario) -> None:
+    assert acting_weights(configuration("mp_rbfn"), [aside, crowded]) == set(tuning_of("mp_rbfn").weights)
+
+
 def test_a_weight_of_a_term_that_is_not_computed_does_not_act(
     aside: LoadedScenario, monkeypatch: pytest.MonkeyPatch
 ) -> None:

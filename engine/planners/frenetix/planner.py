@@ -10,7 +10,7 @@ import heapq
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import frenetix
 import numpy as np
@@ -18,9 +18,9 @@ import numpy as np
 from ...geometry import Points, project
 from ..drivability import Limit, violated_limit
 from ..goal import DesiredSpeed, Goal
-from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, PredictedObstacle
+from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask
 from ..lanes import LaneCenters, LaneCorridors
-from ..traffic.recorded import rectangle
+from ..safety import SafetyCheck
 from .core import (
     CONSTRAINTS,
     FINAL_SPEED,
@@ -38,9 +38,6 @@ from .core import (
     sampling_matrix,
 )
 from .costs import OWN_TERMS, CandidateBatch
-
-if TYPE_CHECKING:
-    from commonroad_dc import pycrcc
 
 _LOW_SPEED_MPS = 2.0
 """Chosen: under it the core plans with lateral derivatives by arc length (``CurvilinearState``)."""
@@ -247,52 +244,3 @@ def first_feasible(
             return candidate
         rejected[reason] += 1
     return None
-
-
-class SafetyCheck:
-    """The checks of one planning step; the present state (index 0) is not judged, since no plan can change it."""
-
-    def __init__(self, task: PlanningTask, observation: Observation) -> None:
-        from commonroad_dc import pycrcc
-
-        self._vehicle, self._road = task.vehicle, task.road
-        self._others = pycrcc.CollisionChecker()
-        for obstacle in observation.obstacles:
-            if len(obstacle.positions) > 1:
-                bodies = _rectangles(obstacle, obstacle.length_m, obstacle.width_m)
-                self._others.add_collision_object(_motion(bodies))
-        self._on_edge_now = self._road.touches_edge(rectangle(observation.ego, task.vehicle))
-
-    def objection(self, trajectory: PlannedTrajectory) -> Literal["collision", "road_edge"] | None:
-        """Why a trajectory is not safe, or None.
-
-        An ego that touches the edge of the road now is only asked to stay clear of it once it has left it.
-        """
-        rectangles = _rectangles(trajectory, self._vehicle.length_m, self._vehicle.width_m)
-        if self._others.collide(_motion(rectangles)):
-            return "collision"
-        if self._on_edge_now:
-            clear = (i for i, body in enumerate(rectangles) if not self._road.touches_edge(body))
-            rectangles = rectangles[next(clear, len(rectangles)) :]
-        if rectangles and self._road.touches_edge(_motion(rectangles)):
-            return "road_edge"
-        return None
-
-
-def _rectangles(
-    driven: PlannedTrajectory | PredictedObstacle, length_m: float, width_m: float
-) -> list["pycrcc.RectOBB"]:
-    """The body at each step but the present one."""
-    from commonroad_dc import pycrcc
-
-    states = zip(driven.positions[1:].tolist(), driven.headings_rad[1:].tolist(), strict=True)
-    return [pycrcc.RectOBB(length_m / 2, width_m / 2, heading, x, y) for (x, y), heading in states]
-
-
-def _motion(rectangles: list["pycrcc.RectOBB"]) -> "pycrcc.TimeVariantCollisionObject":
-    from commonroad_dc import pycrcc
-
-    motion = pycrcc.TimeVariantCollisionObject(1)
-    for body in rectangles:
-        motion.append_obstacle(body)
-    return motion

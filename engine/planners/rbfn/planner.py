@@ -1,0 +1,185 @@
+"""MP-RBFN: candidates are motion primitives that a network of radial basis functions makes, all in one call.
+
+PrimitiveEnds are sampled beside the reference path, the network leads there, and the way goes on along the path
+(``candidates.py``). What the vehicle cannot drive is left out; the others are tested in the order of their cost
+(``costs.py``) against the predicted obstacles and the edge of the road, and the first that passes is driven. Where none
+passes: standing still under 0.1 m/s, else the drivable candidate that stops soonest.
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geometry import Points, Values, wrap_angles
+from ...vehicles import centers, rear_axle
+from ..drivability import broken_limits
+from ..goal import DesiredSpeed, Goal
+from ..interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask
+from ..safety import SafetyCheck
+from .candidates import Candidates, Driven, PathTable, Samples, Start, candidates
+from .costs import CHANNELS, ChannelBatch, RoadEdge
+from .network import PrimitiveNetwork
+
+_STANDSTILL_MPS = 0.1
+"""Chosen: an ego as slow as this that has no safe candidate stands still."""
+_SLOWEST_TURNING_MPS = 0.1
+"""Chosen: slower, a yaw rate tells nothing about the steering angle."""
+_COSTED_S = 0.3
+"""Chosen: costs look at the candidates every 0.3 s."""
+_EQUAL = 0.002
+"""Chosen: costs that differ by less than this share of the sum of all weights count as equal: the gentler is driven.
+What the network misses by, a thousandth of its way, must not decide between a gentle and a harsh one."""
+
+
+@dataclass(frozen=True)
+class _Step:
+    """One planning step: what can be driven, and what it costs by channel, unweighted (n,)."""
+
+    ego: EgoState
+    found: Candidates
+    drivable: NDArray[np.intp]
+    rejected: Counter[str]
+    costs: dict[str, Values]
+
+
+class RadialBasisPrimitives:
+    """The planner; see :class:`plannerforge.engine.planners.interface.Planner`."""
+
+    def __init__(self, network: PrimitiveNetwork | None = None) -> None:
+        self._network = network or PrimitiveNetwork.shipped()
+
+    def reset(self, task: PlanningTask) -> None:
+        """Prepare for a new run."""
+        self._task = task
+        self._weights = task.configuration.weights
+        self._path = PathTable(task.reference.points)
+        self._edge = RoadEdge(task.road)
+        self._desired_speed = DesiredSpeed(Goal(task.goal_ahead), task.reference, task.step_s)
+        count = round(task.configuration.settings.horizon_s / task.step_s) + 1
+        self._times: Values = np.arange(count, dtype=np.float64) * task.step_s
+        self._driven: Driven | None = None
+
+    def plan(self, observation: Observation) -> Plan:
+        """Sample, score, and take the first candidate that is safe."""
+        ego, task = observation.ego, self._task
+        start, rest = self._start(ego)
+        if abs(start.turned_rad) > np.pi / 2:
+            return Plan(None, rejected={"initial_state": 1}, candidates=1)
+        desired_mps = self._desired_speed.at(ego)
+        settings = task.configuration.settings
+        samples = Samples.of(start, desired_mps, settings.horizon_s, task.step_s, settings.sampling_level, task.vehicle)
+        found = candidates(self._network, self._path, start, samples, self._times).with_rest(rest)
+        rejected: Counter[str] = Counter()
+        drivable = self._drivable(found, rejected)
+        step = _Step(ego, found, drivable, rejected, self._costs(found, drivable, start, desired_mps, observation))
+        safety = SafetyCheck(task, observation)
+        for index in self._cheapest_first(step):
+            reason = safety.objection(self._trajectory(step, index))
+            if reason is None:
+                return self._drive(step, index, "regular")
+            rejected[reason] += 1
+        return self._fallback(step)
+
+    def _start(self, ego: EgoState) -> tuple[Start, Candidates | None]:
+        """Where the rear axle begins, and the rest of the plan that is being driven, where the ego followed it."""
+        rear = rear_axle(ego.position, ego.heading_rad, self._task.vehicle)
+        followed = self._driven.curvature_at(ego.step, ego.position) if self._driven else None
+        curvature, rest = followed, None
+        if curvature is None:
+            steepest = np.tan(self._task.vehicle.maximum_steering_rad) / self._task.vehicle.wheelbase_m
+            turning = ego.yaw_rate_radps / max(ego.speed_mps, _SLOWEST_TURNING_MPS)
+            curvature = float(np.clip(turning, -steepest, steepest))
+        elif self._driven is not None:
+            rest = self._driven.rest(self._path, ego.step, self._task.step_s)
+        return Start.of(self._path, rear, ego.heading_rad, ego.speed_mps, curvature), rest
+
+    def _drivable(self, found: Candidates, rejected: Counter[str]) -> NDArray[np.intp]:
+        """The candidates that the network knows and the vehicle can drive; the others are counted, each once."""
+        vehicle, motions = self._task.vehicle, found.motions
+        slips, turns = broken_limits(motions.heading_rad, motions.speed_mps, vehicle, self._task.step_s)
+        steering = np.arctan(vehicle.wheelbase_m * motions.curvature_per_m)
+        rates = np.abs(np.diff(steering, axis=1)) / self._task.step_s
+        within = np.arange(rates.shape[1]) < found.primitive_steps[:, None]
+        too_quick = np.where(within, rates, 0.0).max(axis=1) > vehicle.maximum_steering_rate_radps
+        too_far = np.abs(steering).max(axis=1) > vehicle.maximum_steering_rad
+        left = np.ones(found.count, dtype=np.bool_)
+        broken = {"unknown": ~found.known, "friction": slips, "curvature": turns | too_far, "steering_rate": too_quick}
+        for name, which in broken.items():
+            count = int((left & which).sum())
+            if count:
+                rejected[name] += count
+            left &= ~which
+        return np.flatnonzero(left)
+
+    def _costs(
+        self, found: Candidates, drivable: NDArray[np.intp], start: Start, desired_mps: float, observation: Observation
+    ) -> dict[str, Values]:
+        """The channels that have a weight, for the drivable candidates."""
+        if not len(drivable):
+            return {}
+        every = max(round(_COSTED_S / self._task.step_s), 1)
+        steps = np.arange(len(self._times) - 1, 0, -every, dtype=np.intp)[::-1]
+        x, y, heading = (
+            values[np.ix_(drivable, steps)]
+            for values in (found.motions.x_m, found.motions.y_m, found.motions.heading_rad)
+        )
+        way = np.cumsum(found.motions.speed_mps[drivable], axis=1) * self._task.step_s
+        _, offset, along = self._path.beside(x, y, start.station_m + way[:, steps])
+        back = self._task.vehicle.rear_axle_behind_center_m
+        batch = ChannelBatch(
+            steps=steps,
+            x_m=x + back * np.cos(heading),
+            y_m=y + back * np.sin(heading),
+            offset_m=offset,
+            turned_rad=wrap_angles(heading - along),
+            final_mps=found.motions.speed_mps[drivable, -1],
+            desired_mps=desired_mps,
+            obstacles=observation.obstacles,
+            vehicle=self._task.vehicle,
+            edge=self._edge,
+        )
+        return {name: channel(batch) for name, channel in CHANNELS.items() if self._weights[name] > 0}
+
+    def _cheapest_first(self, step: _Step) -> Iterable[int]:
+        """Places in ``drivable`` by ascending cost, the gentler first where costs are equal."""
+        total = np.zeros(len(step.drivable))
+        for name, values in step.costs.items():
+            total += self._weights[name] * values
+        equal = _EQUAL * sum(self._weights.values()) or 1.0
+        gentleness = np.round(step.found.gentleness[step.drivable], 6)
+        order: NDArray[np.intp] = np.lexsort((total, gentleness, np.floor(total / equal)))
+        return map(int, order)
+
+    def _trajectory(self, step: _Step, index: int) -> PlannedTrajectory:
+        """A candidate as states of the centre."""
+        motions, row = step.found.motions, step.drivable[index]
+        heading, speed = motions.heading_rad[row], motions.speed_mps[row]
+        rear = np.stack([motions.x_m[row], motions.y_m[row]], axis=1)
+        positions: Points = centers(rear, heading, self._task.vehicle)
+        return PlannedTrajectory(positions, heading, speed, np.gradient(speed, self._task.step_s))
+
+    def _drive(self, step: _Step, index: int, kind: PlanKind) -> Plan:
+        trajectory = self._trajectory(step, index)
+        row = slice(step.drivable[index], step.drivable[index] + 1)
+        chosen = step.found.part(row)
+        self._driven = Driven(step.ego.step, chosen, trajectory.positions)
+        weighted = {name: self._weights[name] * float(values[index]) for name, values in sorted(step.costs.items())}
+        return Plan(trajectory, weighted, dict(step.rejected), step.found.count, kind)
+
+    def _fallback(self, step: _Step) -> Plan:
+        if step.ego.speed_mps <= _STANDSTILL_MPS:
+            self._driven = None
+            count = len(self._times)
+            positions = np.repeat(step.ego.position[None, :], count, axis=0)
+            headings = np.full(count, step.ego.heading_rad)
+            still = PlannedTrajectory(positions, headings, np.zeros(count), np.zeros(count))
+            return Plan(still, {}, dict(step.rejected), step.found.count, "standstill")
+        stops = step.found.stops_s[step.drivable]
+        slowest = step.found.motions.speed_mps[step.drivable, -1]
+        if not len(stops):
+            return Plan(None, {}, dict(step.rejected), step.found.count)
+        soonest = np.lexsort((np.abs(step.found.last_offset_m[step.drivable]), slowest, stops))
+        return self._drive(step, int(soonest[0]), "stopping")
