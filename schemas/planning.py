@@ -66,6 +66,7 @@ class RunRequest(Model):
     prediction: Prediction = "constant_velocity"
     traffic: Traffic = "recorded"
     seed: int = 0
+    planner_version: str = Field("", description="of a planner that is not ours: the one that the run is stored under")
 
 
 class RunResponse(Model):

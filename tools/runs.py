@@ -156,6 +156,7 @@ async def _made(call: ToolCall, cell: Cell, recipe: Recipe, *, tell_client: bool
         prediction=cell.prediction,
         traffic=cell.traffic,
         seed=cell.seed,
+        planner_version=recipe.versions.get(cell.configuration.planner, ""),
     )
     run = call.run if tell_client else call.services.workers.run
     response = await run(RUN_PLANNER, request)

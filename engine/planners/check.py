@@ -12,7 +12,7 @@ from ...schemas.runs import Outcome
 from ..commonroad import read_recorded
 from ..execution import silent
 from .conformance import check_planner, same_plan
-from .external.command import ScenarioFile, command_driver
+from .external.command import CommandDriver, ScenarioFile, command_driver
 from .external.found import Found, OwnPlanner
 from .external.guarded import guarded
 from .interface import Observation, Plan, Planner, PlanningTask
@@ -24,7 +24,8 @@ class PlannerCheck:
     """What a planner did on one scenario.
 
     ``breaches``: what it breaks of the contract, in words. ``idle``: weights that change no first plan from one end of
-    their range to the other. ``raised``: the traceback of what its code raised. ``plan_ms``: the median time of a plan.
+    their range to the other. ``raised``: the traceback of what its code raised; of a program what it wrote to standard
+    error. ``took``: how long it took to plan, in words.
     """
 
     scenario_id: str
@@ -33,7 +34,7 @@ class PlannerCheck:
     reason: str = ""
     idle: tuple[str, ...] = ()
     raised: str = ""
-    plan_ms: float = 0.0
+    took: str = ""
 
 
 class _Recorder:
@@ -61,22 +62,30 @@ def check_on(name: str, planner: OwnPlanner | Found, path: Path) -> PlannerCheck
 
     Raises:
         UnsafeInput: the file cannot be read.
-        PlannerFailure: the planner cannot be imported.
     """
     loaded = read_recorded(path).loaded
     scenario_id = str(loaded.scenario.scenario_id)
+    try:
+        planner = planner.own() if isinstance(planner, Found) and planner.command is None else planner
+    except PlannerFailure as failure:
+        return PlannerCheck(scenario_id, (failure.message,), raised=_raised(failure))
     declaration = planner.declaration
     configuration = _defaults(name, declaration)
     is_program = isinstance(planner, Found) and planner.command is not None
     make = _maker(name, planner, ScenarioFile(path, scenario_id))
+    driver: Planner | None = None
     try:
-        recorder = _Recorder(make())
+        driver = make()
+        recorder = _Recorder(driver)
         run = simulate(loaded.scenario, loaded.problem(None), configuration, recorder, "constant_velocity", silent)
     except PlannerFailure as failure:
-        return PlannerCheck(scenario_id, (failure.message,), raised=_raised(failure))
+        raised = driver.log if isinstance(driver, CommandDriver) else _raised(failure)
+        return PlannerCheck(scenario_id, (failure.message,), raised=raised)
     except NotPossible as refusal:
         return PlannerCheck(scenario_id, (), reason=f"it refuses the problem: {refusal.message}")
-    plan_ms = 1000 * median(run.plan_s) if run.plan_s else 0.0
+    took = ""
+    if run.plan_s:
+        took = f"answered in {sum(run.plan_s):.1f} s" if is_program else f"{1000 * median(run.plan_s):.1f} ms a plan"
     breaches: list[str] = []
     idle: tuple[str, ...] = ()
     task, seen = recorder.task, recorder.observations
@@ -85,7 +94,7 @@ def check_on(name: str, planner: OwnPlanner | Found, path: Path) -> PlannerCheck
             breaches += _asked_again(make, task, observation)
         idle = () if is_program else _idle(make, task, seen[0], declaration)
     return PlannerCheck(
-        scenario_id, tuple(dict.fromkeys(breaches)), run.final.outcome, run.final.reason, idle, plan_ms=plan_ms
+        scenario_id, tuple(dict.fromkeys(breaches)), run.final.outcome, run.final.reason, idle, took=took
     )
 
 
@@ -137,6 +146,10 @@ def _idle(
 
 
 def _raised(failure: PlannerFailure) -> str:
-    """The traceback of what a planner's own code raised; empty where it raised nothing."""
+    """The traceback of what a planner's own code raised, from its first file on; empty where it raised nothing."""
     cause = failure.__cause__
-    return "".join(traceback.format_exception(cause)) if cause is not None and failure.reason == "raised" else ""
+    if cause is None:
+        return ""
+    ours = Path(__file__).parent
+    frames = [frame for frame in traceback.extract_tb(cause.__traceback__) if ours not in Path(frame.filename).parents]
+    return "".join([*traceback.format_list(frames), *traceback.format_exception_only(cause)])

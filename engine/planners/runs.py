@@ -7,6 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
+from ...schemas.errors import PlannerFailure
 from ...schemas.planning import RunRequest, RunResponse
 from ...schemas.runs import DrivenObstacle, RunMetrics, RunRecord, RunSteps, RunTiming
 from ..commonroad import Track, kept_recording
@@ -16,7 +17,7 @@ from ..geometry import Values, wrap_angles
 from ..vehicles import VehicleParameters, vehicle_of
 from .external.command import CommandDriver, ScenarioFile
 from .interface import EgoState
-from .registry import check_modes, make_planner, open_traffic
+from .registry import check_modes, make_planner, open_traffic, planner_version
 from .simulation import DrivenRun, simulate
 from .solution import steering_of
 
@@ -35,6 +36,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     problem = loaded.problem(request.problem_id)
     vehicle = vehicle_of(request.configuration.settings)
     file = ScenarioFile(Path(request.scenario_path), str(loaded.scenario.scenario_id))
+    _check_version(request)
     planner = make_planner(request.configuration.planner, file)
     check_modes(request.traffic, request.prediction)
     with open_traffic(request.traffic, loaded, problem, vehicle, request.seed) as traffic:
@@ -73,6 +75,18 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     )
     log = planner.log if isinstance(planner, CommandDriver) else ""
     return RunResponse(record=record, steps=run_steps(driven), timing=timing, planner_log=log)
+
+
+def _check_version(request: RunRequest) -> None:
+    """Refuse to store a run under another version of a planner of others than the one that would drive."""
+    name, wanted = request.configuration.planner, request.planner_version
+    here = planner_version(name) if wanted else ""
+    if here != wanted:
+        raise PlannerFailure(
+            f"planner {name} has version {here} where the run is made, not {wanted}",
+            next_step="call again where it was edited meanwhile; on a cluster, install the same on every worker",
+            reason="other_version",
+        )
 
 
 def _metrics(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> RunMetrics | None:

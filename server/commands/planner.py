@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from ...schemas.errors import InvalidRequest, PlannerForgeError, ResourceFailure
+from ...schemas.errors import InvalidRequest, PlannerFailure, PlannerForgeError, ResourceFailure
 from ...schemas.planning import WEIGHT_NAME, CommandAnswer, CommandRequest
 from ...schemas.text import counted, quoted
 from .flags import settings_from
@@ -59,7 +59,6 @@ def check(
         if name.strip().lower() in PLANNERS:
             raise InvalidRequest(f"{name} is a built-in planner", next_step="name one of your own")
         found = own_planner(name)
-        typer.echo(_introduced(found))
         if scenarios:
             passed = _check_all(found, scenarios)
         else:
@@ -118,7 +117,10 @@ def write_planner(name: str, folder: Path) -> Path:
 
 
 def _introduced(found: "Found") -> str:
-    declaration = found.declaration
+    try:
+        declaration = found.declaration
+    except PlannerFailure:  # each scenario tells it, with what was raised
+        return f"{found.name} ({found.where}) cannot be used"
     weights = ", ".join(f"{name}={weight.default:g}" for name, weight in declaration.weights.items()) or "no weights"
     presets = ", ".join(["Default", *declaration.presets])
     return f"{found.name} ({found.where}): {declaration.summary}\n  weights {weights}; presets {presets}"
@@ -127,6 +129,7 @@ def _introduced(found: "Found") -> str:
 def _check_all(found: "Found", paths: Sequence[Path]) -> bool:
     from ...engine.planners import check_on
 
+    typer.echo(_introduced(found))
     checks: list[PlannerCheck] = []
     for path in paths:
         try:
@@ -150,6 +153,8 @@ def _check_all(found: "Found", paths: Sequence[Path]) -> bool:
 
 
 def _in_words(checked: "PlannerCheck") -> str:
-    parts = [f"{checked.outcome}: {checked.reason}; {checked.plan_ms:.1f} ms a plan"] if checked.outcome else []
+    parts = (
+        [f"{checked.outcome}: {checked.reason}{f'; {checked.took}' if checked.took else ''}"] if checked.outcome else []
+    )
     parts += [f"BREAKS THE CONTRACT: {breach}" for breach in checked.breaches] or ([] if parts else [checked.reason])
     return "\n    ".join([*parts, *checked.raised.splitlines()])

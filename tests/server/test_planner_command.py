@@ -106,6 +106,14 @@ def test_what_a_planner_breaks_is_told_in_words(
     assert ("BREAKS THE CONTRACT" in checked.output) == bool(told)
 
 
+def test_what_an_import_raises_is_told_with_its_traceback(installed: Install, road: Path) -> None:
+    installed("unimportable", STRAIGHT + "import absent_library\n")
+    checked = command("check", "unimportable", road)
+    assert checked.exit_code == 1
+    assert "No module named 'absent_library'" in checked.output
+    assert 'own_unimportable.py", line 30, in <module>' in checked.output
+
+
 def test_a_weight_that_does_nothing_is_noted(installed: Install, road: Path) -> None:
     idle = STRAIGHT.replace('self.task.configuration.weights["slower_mps2"]', "0.0").replace('{"slower": slower}', "{}")
     installed("idle", idle)

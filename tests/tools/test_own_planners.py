@@ -20,6 +20,14 @@ from plannerforge.server.settings import Settings
 
 pytestmark = pytest.mark.anyio
 Call = Callable[..., Awaitable[Any]]
+MISBEHAVING = {
+    "hangs": "gives no answer within 0.7 s",
+    "floods": "writes more than 1 MB to standard output",
+    "writes_five_gb": "writes more than 2 MB",
+    "exits_three": "ended with exit status 3",
+    "not_a_number": "answers a number that is not finite",
+    "other_scenario": "answers for 'DEU_Other-1_1_T-1'",
+}
 PROGRAM = own_planner_program.__file__
 
 
@@ -37,8 +45,15 @@ async def call(settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     near = Problem(goal=(65.0, 0.0, 8.0, 3.0), steps=(15, 35))
     replace(town_road().with_vehicles(), problems=(near,)).write(files / "one.xml")
     programs = {
-        name: CommandPlanner(summary=f"a program that {name}", command=(sys.executable, "-S", PROGRAM, name))
-        for name in ("looks", "exits_three")
+        name: CommandPlanner(
+            summary=f"a program that {name}",
+            command=(sys.executable, "-S", PROGRAM, name),
+            time_s=0.7 if name == "hangs" else 60.0,
+            folder_mb=2,
+            output_mb=1,
+            environment={"CHILD_FILE": str(tmp_path / "child")},
+        )
+        for name in ("looks", *MISBEHAVING)
     }
     own = settings.model_copy(update={"starter": False, "planners": programs})
     async with Client(create_server(own, start_folder=tmp_path)) as client:
@@ -53,22 +68,27 @@ async def call(settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 async def test_planners_of_others_go_the_whole_way(call: Call, tmp_path: Path) -> None:
     listed = {item["name"]: item["summary"] for item in (await call("list_planners"))["planners"]}
-    assert list(listed) == ["frenetix", "idm", "theirs", "faulty", "looks", "exits_three", "refused"]
+    assert list(listed) == ["frenetix", "idm", "theirs", "faulty", "looks", *MISBEHAVING, "refused"]
     assert "cannot be used: planner faulty: own_faulty:PLANNER" in listed["faulty"]
     assert "built-in planner idm" in listed["refused"]
     assert listed["looks"] == "a program that looks"
     assert "own_theirs" not in sys.modules, "the server's process runs no code of others"
     configured = await call("configure_planner", base="theirs:Lazy", weights=["slower_mps2=0.5"])
     assert configured["name"] == "theirs:Lazy, slower_mps2=0.5"
-    configurations = ["idm", configured["config_id"], "looks", "exits_three"]
+    configurations = ["idm", configured["config_id"], "looks", *MISBEHAVING]
     batch = await call("run_planner", scenarios=["ZAM_Builder-1_1_T-1"], configs=configurations, wait_s=50)
     assert batch["state"] == "done"
     assert [run["config_name"].split(":")[0] for run in batch["runs"]] == ["idm", "theirs", "looks"]
     assert {run["outcome"] for run in batch["runs"]} == {"goal_reached"}
-    (lost,) = batch["lost"]
-    assert "[planner_failure] planner exits_three ended with exit status 3" in lost["error"]
+    assert len(batch["lost"]) == len(MISBEHAVING)
+    for (name, told), lost in zip(MISBEHAVING.items(), batch["lost"], strict=True):
+        assert lost["error"].startswith(f"[planner_failure] planner {name} {told}")
     folder = next((tmp_path / "workspace").rglob("planner.log"))
     assert "has the file" in folder.read_text()
+    written = tmp_path / "theirs.yaml"
+    written.write_text(configured["yaml"])
+    imported = await call("import_files", path=str(written))
+    assert imported["items"][0]["artifact_id"] == configured["config_id"]
     assert "[planner_failure] planner faulty" in await call("configure_planner", base="faulty")
     again = await call("run_planner", scenarios=["ZAM_Builder-1_1_T-1"], configs=configurations[1:3], wait_s=50)
     assert again["reused"] == 2

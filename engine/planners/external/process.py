@@ -19,8 +19,8 @@ from ....schemas.errors import PlannerFailure
 from ....schemas.planning import CommandPlanner
 from ....schemas.text import one_line, printable
 
-_LOG_BYTES = 65_536
-"""What is kept of standard error, its end."""
+_HALF_LOG_BYTES = 32_768
+"""What is kept of standard error: so much of its beginning, where what went wrong may stand, and of its end."""
 _TOLD_LOG = 300
 """Characters of it that an error repeats."""
 _LOOK_S = 0.05
@@ -51,7 +51,7 @@ class PlannerProcess:
             )
         self._folder = tempfile.TemporaryDirectory(prefix="plannerforge-", ignore_cleanup_errors=True)
         self.folder = Path(self._folder.name).resolve()
-        self._log = bytearray()
+        self._log, self._end_of_log = bytearray(), bytearray()
         self._given_bytes = 0
         self._process = subprocess.Popen(
             [
@@ -79,8 +79,9 @@ class PlannerProcess:
 
     @property
     def log(self) -> str:
-        """The end of what it wrote to standard error, printable."""
-        return printable(self._log.decode("utf-8", "replace"))
+        """What is kept of what it wrote to standard error in this run, printable."""
+        kept = self._log + (b"\n[...]\n" if len(self._end_of_log) == _HALF_LOG_BYTES else b"") + self._end_of_log
+        return printable(kept.decode("utf-8", "replace"))
 
     @property
     def alive(self) -> bool:
@@ -104,6 +105,7 @@ class PlannerProcess:
             PlannerFailure: it broke a limit, ended with an error, or ended without an answer.
         """
         self._log.clear()
+        self._end_of_log.clear()
         try:
             return self._answer(request)
         except PlannerFailure:
@@ -138,7 +140,9 @@ class PlannerProcess:
                 elif key.data == "answer":
                     answer += chunk
                 else:
-                    self._log = (self._log + chunk)[-_LOG_BYTES:]
+                    room = _HALF_LOG_BYTES - len(self._log)
+                    self._log += chunk[:room]
+                    self._end_of_log = (self._end_of_log + chunk[room:])[-_HALF_LOG_BYTES:]
             if stays and b"\n" in answer:
                 self._check_limits(answer, ends)
                 return bytes(answer)
@@ -199,6 +203,17 @@ class PlannerProcess:
         return self._failure("exit_status", f"ended with exit status {status}{without}")
 
     def _failure(self, reason: str, what: str) -> PlannerFailure:
-        log = self.log.strip()
-        told = f"; standard error ends: {one_line(log[-_TOLD_LOG:], _TOLD_LOG)}" if log else ""
+        told = _told(self.log)
         return PlannerFailure(f"planner {self._name} {what}{told}", reason=reason)
+
+
+def _told(log: str) -> str:
+    """What an error repeats of standard error: the exception of a Python program, which noise of its libraries follows,
+    else the end.
+    """
+    _, traceback, block = log.rpartition("Traceback (most recent call last):")
+    raised = next((line for line in block.splitlines()[1:] if line and not line.startswith(" ")), "")
+    if traceback and raised:
+        return f"; it raised {one_line(raised, _TOLD_LOG)}"
+    end = log.strip()[-_TOLD_LOG:]
+    return f"; standard error ends: {one_line(end, _TOLD_LOG)}" if end else ""

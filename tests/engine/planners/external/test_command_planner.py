@@ -31,13 +31,14 @@ def road() -> ScenarioBuilder:
     return replace(town_road().with_vehicles(), problems=(NEAR,))
 
 
-def driven(folder: Path, planner: CommandPlanner, *changes: str) -> RunResponse:
+def driven(folder: Path, planner: CommandPlanner, *changes: str, version: str = "") -> RunResponse:
     with programs_named({"mine": planner}):
         request = RunRequest(
             run_id="run_0",
             scenario_path=str(road().write(folder / "scenario.xml")),
             scenario_id="ZAM_Builder-1_1_T-1",
             configuration=configuration("mine", *changes),
+            planner_version=version,
         )
         return run_planner(request, silent)
 
@@ -72,7 +73,7 @@ def test_it_gets_the_file_and_no_secret_and_its_log_is_kept(tmp_path: Path, monk
         ("writes_many", {"folder_mb": 4}, "wrote_too_much", "more than 4 MB"),
         ("exits_three", {}, "exit_status", "exit status 3; standard error ends: no licence for this machine"),
         ("is_killed", {}, "died", "signal 9"),
-        ("takes_memory", {"memory_mb": 256}, "exit_status", "MemoryError"),
+        ("takes_memory", {"memory_mb": 256}, "exit_status", "it raised MemoryError"),
         ("not_a_number", {}, "not_finite", "trajectory.x_m.4"),
         ("other_scenario", {}, "wrong_scenario", "DEU_Other-1_1_T-1"),
         ("other_problem", {}, "wrong_scenario", "#7; asked was ZAM_Builder-1_1_T-1 #100"),
@@ -159,6 +160,15 @@ def test_an_edited_program_is_another_version(tmp_path: Path) -> None:
         with programs_named({"mine": planner}):
             versions.append(planner_version("mine"))
     assert len(set(versions)) == 2
+
+
+def test_a_run_is_made_under_the_version_that_was_asked_for(tmp_path: Path) -> None:
+    with programs_named({"mine": declared("drives")}):
+        version = planner_version("mine")
+    assert driven(tmp_path, declared("drives"), version=version).record.outcome == "goal_reached"
+    with pytest.raises(PlannerFailure) as caught:
+        driven(tmp_path, declared("looks"), version=version)
+    assert caught.value.reason == "other_version"
 
 
 def test_programs_are_known_while_they_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
