@@ -14,6 +14,7 @@ from support.builders import Problem, town_road
 from support.own_planners import STRAIGHT, install
 
 from plannerforge.engine.execution import pool
+from plannerforge.engine.planners import PLANNERS
 from plannerforge.schemas.planning import CommandPlanner
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
@@ -68,7 +69,7 @@ async def call(settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 async def test_planners_of_others_go_the_whole_way(call: Call, tmp_path: Path) -> None:
     listed = {item["name"]: item["summary"] for item in (await call("list_planners"))["planners"]}
-    assert list(listed) == ["frenetix", "idm", "theirs", "faulty", "looks", *MISBEHAVING, "refused"]
+    assert list(listed) == [*PLANNERS, "theirs", "faulty", "looks", *MISBEHAVING, "refused"]
     assert "cannot be used: planner faulty: own_faulty:PLANNER" in listed["faulty"]
     assert "built-in planner idm" in listed["refused"]
     assert listed["looks"] == "a program that looks"
@@ -88,7 +89,8 @@ async def test_planners_of_others_go_the_whole_way(call: Call, tmp_path: Path) -
     written = tmp_path / "theirs.yaml"
     written.write_text(configured["yaml"])
     imported = await call("import_files", path=str(written))
-    assert imported["items"][0]["artifact_id"] == configured["config_id"]
+    read = await call("list_planners", config_id=imported["items"][0]["artifact_id"])
+    assert {weight["name"]: weight["value"] for weight in read["weights"]} == {"slower_mps2": 0.5}
     assert "[planner_failure] planner faulty" in await call("configure_planner", base="faulty")
     again = await call("run_planner", scenarios=["ZAM_Builder-1_1_T-1"], configs=configurations[1:3], wait_s=50)
     assert again["reused"] == 2
