@@ -114,10 +114,12 @@ def _whose_fault(result: AnalyzeResultsResult) -> str:
     others = f"; in {causes.from_behind} of these another drove into the ego from behind" if causes.from_behind else ""
     recorded = ", and followed a recording that cannot brake" if causes.from_behind and causes.recorded_traffic else ""
     edge = ", the road's edge included" if "road_boundary" in causes.kinds else ""
+    prevented = causes.judged - none
+    learn = ": these are the planner's to learn from" if prevented else ""
     without = f" Without these runs {_reached(causes.success_without)} reached the goal." if none else ""
     return (
         f"{causes.collisions} collisions{edge} ({kinds}). A reference driver in the ego's place prevents "
-        f"{causes.judged - none} of the {causes.judged} that could be judged: these are the planner's to learn from. "
+        f"{prevented} of the {causes.judged} that could be judged{learn}. "
         f"None prevents the other {none}{others}{recorded}.{without}"
     )
 
@@ -300,7 +302,7 @@ def _comparison_tables(comparison: Comparison) -> Iterable[ReportTable]:
 
 
 def _figure(value: float | None, digits: int = 2) -> str:
-    return "–" if value is None else f"{value:.{digits}f}"
+    return "–" if value is None else f"{round(value, digits) + 0.0:.{digits}f}"  # + 0.0: no minus before a zero
 
 
 @dataclass(frozen=True)

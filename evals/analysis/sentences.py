@@ -91,6 +91,7 @@ _COUNTED = (
     "uncomfortable_turns",
 )
 """Findings whose first figure is the number of their runs."""
+_FROM_BEHIND = ("rear_end_by_other", "onto_standing_ego")
 LATE = ("timeout", "goal_late")
 """Outcomes of runs that came too late, or not at all in time."""
 
@@ -134,8 +135,7 @@ class Judge:
     @cached_property
     def the_others(self) -> set[str]:
         """Collisions by others: from behind, or that nobody in the ego's place prevents."""
-        behind = ("rear_end_by_other", "onto_standing_ego")
-        return self.unprevented | {key for key, contact in self.contacts.items() if contact["kind"] in behind}
+        return self.unprevented | {key for key, contact in self.contacts.items() if contact["kind"] in _FROM_BEHIND}
 
     @cached_property
     def trivial(self) -> dict[str, str]:
@@ -224,6 +224,41 @@ class Judge:
             (rf"\b({'|'.join(outcomes)}) {N}(?=[,;]|$)", lambda match: [self._in_line(match)]),
             (rf"; {N} more: where outcome=invalid", lambda _: [len(records) - len(valid) - 2]),
             (rf"invalid {N}$", lambda match: [self._in_line(match, "invalid")]),
+            *self._of_overview(),
+        ]
+
+    def _of_overview(self) -> list[Row]:
+        """The rows "In short" of a report, and its table of configurations."""
+        records, valid, contacts = self.raw.records, self.raw.valid, self.contacts
+        judged = sum(contact["prevention"] is not None for contact in contacts.values())
+        hits = sum(one.collision is not None for one in valid)
+        behind = [key for key in self.unprevented if contacts[key]["kind"] in _FROM_BEHIND]
+        outcomes = Counter(one.outcome.replace("_", " ") for one in valid if not goal(one))
+        kinds = Counter(contact["kind"].replace("_", " ") for contact in contacts.values())
+        tested = [len(self.raw.batch.configs), len(self.raw.batch.scenarios), len(records)]
+
+        def reached(match: re.Match[str]) -> list[float]:
+            return self.goals_without(self.unprevented) if "Without these" in match.string else goals(valid)
+
+        def configuration(match: re.Match[str]) -> list[float]:
+            own = [one for one in records if one.config_id == match[1]]
+            found = goals(one for one in own if one.outcome != "invalid")
+            return [found[1], found[0], *found[2:5], sum(one.outcome == "invalid" for one in own)]
+
+        return [
+            (rf"\| {N} configurations? \(.*\) on {N} scenarios?, {N} runs;", lambda _: tested),
+            (rf"{N} of {N} valid runs \({N} %, 95 % interval {N} to {N} %\) reached", reached),
+            (rf"(?:ended as|,) {N} ({'|'.join(outcomes) or '-'})(?=[,;.])", lambda match: [outcomes[match[2]]]),
+            (rf"{N} collisions[ ,]", lambda _: [hits]),
+            (rf"(?:\(|, ){N} ({'|'.join(kinds) or '-'})(?=[,)])", lambda match: [kinds[match[2]]]),
+            (rf"prevents {N} of the {N} that could", lambda _: [judged - len(self.unprevented), judged]),
+            (rf"prevents the other {N}", lambda _: [len(self.unprevented)]),
+            (rf"in {N} of these another drove", lambda _: [len(behind)]),
+            (rf"^\S+ \((cfg_\w+)\) \| {N} \| {N} \({N} %\) \| {N} to {N} % \|.*\| {N}$", configuration),
+            (
+                rf"\b({'|'.join(outcomes) or '-'}) {N}(?=,| \|)",
+                lambda match: [self._in_line(match, match[1].replace(" ", "_"))],
+            ),
         ]
 
     def _in_line(self, match: re.Match[str], outcome: str | None = None) -> float:
@@ -364,8 +399,8 @@ class Judge:
                 lambda match: self._rejecting(match[3]),
             ),
             (
-                rf"(?:raise|lower) (\w+) of (cfg_\w+)(?: \(|: )it is {N} now",
-                lambda match: [self.weights[match[2]].get(match[1])],
+                rf"(?:raise|lower) (\w+) of (\S+?)(?: \(|: )it is {N} now",
+                lambda match: [self.weights[self.names.get(match[2], match[2])].get(match[1])],
             ),
         ]
 
@@ -451,8 +486,19 @@ class Judge:
             hit = None if one.collision is None else one.collision.time_s
             return [hit, self.raw.steps[one.run_id].speed_mps[-1], seen["obstacle_id"], seen["other_speed_mps"]]
 
+        def closest(match: re.Match[str]) -> list[float | None]:
+            one = self._run(match.string)
+            seen = self.reviews[one.run_id]["closest"]
+            told = [seen[key] for key in ("obstacle_id", "time_s", "ego_speed_mps", "other_speed_mps")]
+            return [metric(one, "minimum distance"), *told, metric(one, "time to collision")]
+
         return [
             (rf"at {N} s \(ego {N} m/s, \w+ {N} {N} m/s", speeds),
+            (
+                rf"Closest: {N} m to \w+ {N} .*? at {N} s \(ego {N}, it {N} m/s\); least time to collision {N} s",
+                closest,
+            ),
+            (rf"(acceleration|braking|jerk) {N} m/s[²³] at {N} s", self._motion),
             (rf"(braking since|standing since|in the way since) {N} s", since),
             (rf"full braking until {N} s", until),
             (rf"unforeseen: {N} m apart", lambda match: [self._contact(match.string)["predicted_gap_m"]]),
@@ -466,6 +512,21 @@ class Judge:
             (rf"^run_\w+ \|(?:.*)\| (?:{N}|–) \| (?:{N}|–) \| (?:{N}|–)$", in_report),
             (rf"; (?:{N}|–) s, gap (?:{N}|–) m$", end),
         ]
+
+    def _motion(self, match: re.Match[str]) -> list[float | None]:
+        """The largest motion of a kind and its time, from the driven states."""
+        one = self._run(match.string)
+        steps = self.raw.steps[one.run_id]
+        along = np.array(steps.acceleration_mps2)
+        turned = np.diff(np.unwrap(steps.heading_rad))
+        values = {
+            "acceleration": along,
+            "braking": -along,
+            "lateral acceleration": np.array([0.0, *np.abs(np.array(steps.speed_mps[1:]) * turned / one.step_s)]),
+            "jerk": np.array([0.0, *np.abs(np.diff(along)) / one.step_s]),
+        }["lateral acceleration" if match.string[: match.start()].endswith("lateral ") else match[1]]
+        values = values[1:]
+        return [float(values.max()), (1 + int(values.argmax())) * one.step_s]
 
     def _run(self, line: str) -> RunRecord:
         """The failed run that a line is on: the only one that it names, or of a flip the one that failed."""
@@ -489,7 +550,7 @@ class Judge:
     def _of_comparison(self, pairs: Pairs) -> list[Row]:
         success = pairs.success()
         words = "|".join(sorted(METRICS, key=len, reverse=True))
-        fields = {field: name for name, (field, *_) in METRICS.items()}
+        fields = {field: name for name, (field, *_) in METRICS.items()}  # of verdicts, which name fields
         compared = [name for name in METRICS if name != "mean total cost"]
         adjusted = pairs.adjusted(compared)
         before, after = (self.weights[config] for config in self.raw.batch.configs)
@@ -519,7 +580,7 @@ class Judge:
             return [None if test is None else abs(test["shift"])]
 
         def report_row(match: re.Match[str]) -> list[float | None]:
-            test = pairs.tested(fields[match[1]])
+            test = pairs.tested(match[1])
             if test is None:
                 return [0]
             p = [test["p"]] if test["scenarios"] > 5 else []
@@ -557,7 +618,7 @@ class Judge:
             (rf"({words})(?: \(0 [^)]*\))? {N}(?: → {N})?(?= |,|$)", medians),
             (rf"(?<=[:,] )(\w+) {N} → {N}", lambda match: [before.get(match[1]), after.get(match[1])]),
             (rf"left out: {N} runs .* {N} pairs", lambda _: [pairs.unpaired, pairs.invalid]),
-            (rf"^(\w+) \([^|]*\) \| {N} \| {N} \| {N} \| {N} \[{N}, {N}\] \| (?:{N}|–)", report_row),
+            (rf"^({words})(?: \([^|]*\))? \| {N} \| {N} \| {N} \| {N} \[{N}, {N}\] \| (?:{N}|–)", report_row),
             (rf"^(\w+) \| {N} \| {N}$", lambda match: [before.get(match[1]), after.get(match[1])]),
         ]
 

@@ -115,11 +115,19 @@ async def _reviews(client: Client, raw: RawRuns) -> dict[str, Any]:
 
 
 def page_text(page: str) -> str:
-    """What a report says of runs, a line each: paragraphs, findings, and the rows of its tables."""
+    """What a report says of runs, a line each: paragraphs, findings, and the rows of its tables.
+
+    Lines below a heading that names a run name it too.
+    """
     body = page[page.index("<main>") : page.index("</main>")]
-    rows = (re.findall(r"<td>(.*?)</td>", row, re.DOTALL) for row in re.findall(r"<tr>(.*?)</tr>", body, re.DOTALL))
-    texts = re.findall(r"<(?:li|p)>(.*?)</(?:li|p)>", body, re.DOTALL)
-    return html.unescape("\n".join([*texts, *(" | ".join(row) for row in rows if row)]))
+    lines, run = list[str](), ""
+    for tag, inner in re.findall(r"<(h2|li|p|tr)>(.*?)</\1>", body, re.DOTALL):
+        if tag == "h2":
+            run = next(iter(re.findall(r"run_\w+", inner)), "")
+            continue
+        text = " | ".join(re.findall(r"<td>(.*?)</td>", inner, re.DOTALL)) if tag == "tr" else inner
+        lines += [f"{text} {run}" if run and run not in text else text] if text else []
+    return html.unescape("\n".join(lines))
 
 
 def lines_of(text: str, raw: RawRuns) -> tuple[str, ...]:
