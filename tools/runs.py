@@ -69,8 +69,13 @@ class Cell:
             parents=(self.scenario_id, self.configuration.config_id),
             seed=self.seed,
             versions=versions_of("frenetix", "commonroad-io", "commonroad-drivability-checker", *simulator)
-            | ({self.configuration.planner: own} if own else {}),
+            | ({self.own_planner: own} if own else {}),
         )
+
+    @property
+    def own_planner(self) -> str:
+        """What a recipe calls a planner of others; a planner may be named as a package is."""
+        return f"planner {self.configuration.planner}"
 
 
 @dataclass(frozen=True)
@@ -156,7 +161,7 @@ async def _made(call: ToolCall, cell: Cell, recipe: Recipe, *, tell_client: bool
         prediction=cell.prediction,
         traffic=cell.traffic,
         seed=cell.seed,
-        planner_version=recipe.versions.get(cell.configuration.planner, ""),
+        planner_version=recipe.versions.get(cell.own_planner, ""),
     )
     run = call.run if tell_client else call.services.workers.run
     response = await run(RUN_PLANNER, request)
