@@ -6,11 +6,11 @@ from plannerforge.evals.tuning import optimised, random_bound, safety, weight_fi
 from plannerforge.schemas.runs import RunSteps
 
 
-def test_gains_are_counted_by_scenario_and_only_where_all_sides_ran() -> None:
+def test_ends_are_counted_by_scenario_and_only_where_all_sides_ran() -> None:
     base = {"A": (False, True), "B": (True, False), "C": (True, False)}
     best = {"A": (True, False), "B": (True, False), "C": (True, False)}
     rows = optimised._rows(base, best, {"A": (False, True), "B": (True, False)})
-    assert rows == {"A": (1.0, -1.0, 1.0, 0.0), "B": (0.0, 0.0, 0.0, 0.0)}
+    assert rows == {"A": (0.0, 1.0, 0.0, 1.0, 1.0, 0.0), "B": (1.0, 0.0, 1.0, 0.0, 1.0, 0.0)}
 
 
 def test_the_interval_holds_the_mean_and_is_that_of_places() -> None:
