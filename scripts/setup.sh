@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Makes the virtual environment and installs PlannerForge into it. Used by the Makefile.
 #   scripts/setup.sh VENV        the package and what it needs
+#   scripts/setup.sh VENV torch  torch alone, into an environment that is there
 #   scripts/setup.sh VENV dev    what developers and tests need besides
 set -euo pipefail
 venv=${1:?the folder of the virtual environment}
@@ -42,11 +43,23 @@ install_package() {
     check_compiler "$python"
     say "Making the environment in $venv with $("$python" --version)"
     [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
-    say "Installing torch for the CPU (asked for exactly and first, so that no CUDA build is fetched)"
-    install "torch==$(pinned torch)"
+    install_torch
     say "Installing PlannerForge and its dependencies (two to three minutes)"
     install -e .
     "$venv/bin/python" -m pip check
+}
+
+install_torch() {
+    # The usual index has a build for CUDA on Linux, with gigabytes of libraries; PyTorch's own one has one for the CPU.
+    local version index
+    version=$(pinned torch)
+    index=${PLANNERFORGE_TORCH_INDEX:-https://download.pytorch.org/whl/cpu}
+    say "Installing torch $version for the CPU from $index"
+    if [ "$(uname -s)" = Linux ]; then
+        PIP_EXTRA_INDEX_URL='' install --no-deps --retries 0 --timeout 10 --index-url "$index" "torch==$version+cpu" 2>/dev/null && return
+        say "It cannot be had there: installing torch $version from the usual index, which may hold the larger build for CUDA"
+    fi
+    install "torch==$version"
 }
 
 pinned() { sed -n "s/^ *\"$1==\([^\"]*\)\".*/\1/p" pyproject.toml; }
@@ -63,4 +76,9 @@ with open("pyproject.toml", "rb") as stream:
 PYTHON
 }
 
-if [ "$part" = dev ]; then install_development; else install_package; fi
+case $part in
+    package) install_package ;;
+    torch) install_torch ;;
+    dev) install_development ;;
+    *) fail "no part '$part'; there are package, torch, dev" ;;
+esac

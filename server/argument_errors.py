@@ -186,6 +186,11 @@ def _nearest(name: str, known: Iterable[str]) -> str:
     return found[0] if found else ""
 
 
+def problems_of(model: type[BaseModel], error: ValidationError) -> list[tuple[str, list[str]]]:
+    """Each problem in words, with what would be valid, the nearest first."""
+    return [_problem(model, detail) for detail in error.errors(include_url=False)]
+
+
 def _problem(model: type[BaseModel], detail: ErrorDetails) -> tuple[str, list[str]]:
     path = _path(detail["loc"])
     if detail["type"] == "extra_forbidden":
@@ -197,9 +202,12 @@ def _problem(model: type[BaseModel], detail: ErrorDetails) -> tuple[str, list[st
     if detail["type"] == "literal_error":
         allowed = re.findall(r"'([^']*)'", str(detail.get("ctx", {}).get("expected", "")))
         return f"{path} cannot be {given}", closest(str(detail["input"]), allowed, limit=len(allowed))
+    wanted = _wanted(model, detail["loc"])
+    if detail["type"].endswith(_OTHER_KIND) or detail["type"].startswith(_OUT_OF_RANGE):
+        return f"{path} takes {wanted.partition(' (')[0]}, not {given}", [f"{path}: {wanted}"]
     message = detail["msg"][:1].lower() + detail["msg"][1:]
     message = re.sub(r"^(value error|assertion failed), ", "", message)
-    return f"{path}: {message} (given: {given})", [f"{path}: {_wanted(model, detail['loc'])}"]
+    return f"{path}: {message} (given: {given})", [f"{path}: {wanted}"]
 
 
 def _path(location: tuple[int | str, ...]) -> str:
@@ -231,22 +239,32 @@ def _nested(annotation: Any) -> type[BaseModel] | None:
 
 def _wanted(model: type[BaseModel], location: tuple[int | str, ...]) -> str:
     """What an argument takes, in words, from its schema."""
-    name = next((part for part in reversed(location) if isinstance(part, str)), "")
-    holder = _model_at(model, location)
+    named = [place for place, part in enumerate(location) if isinstance(part, str)]
+    name = location[named[-1]] if named else ""
+    holder = _model_at(model, location[: named[-1] + 1] if named else ())
     schema = holder.model_json_schema().get("properties", {}).get(name, {})
     arms = [arm for arm in schema.get("anyOf", [schema]) if arm.get("type") != "null"]
     arm = arms[0] if arms else {}
     if location and isinstance(location[-1], int):
         arm = arm.get("items", {})
-    kind = {"array": "a list", "string": "text", "integer": "a whole number", "number": "a number"}.get(
-        arm.get("type", "")
-    )
+    kind = _KINDS.get("object" if "$ref" in arm else arm.get("type", ""))
     bounds = [f"{word} {arm[key]:g}" for key, word in _BOUNDS if key in arm]
     choices = ", ".join(map(str, arm.get("enum", ())))
     described = f" ({schema['description']})" if schema.get("description") else ""
     return " ".join([choices or kind or "a value", *bounds]) + described
 
 
+_KINDS = {
+    "array": "a list",
+    "string": "text",
+    "integer": "a whole number",
+    "number": "a number",
+    "boolean": "true or false",
+    "object": "an object",
+}
+_OTHER_KIND = ("_type", "_parsing", "_from_float")
+"""How pydantic's errors end that say: this is a value of another kind; its words name Python's types."""
+_OUT_OF_RANGE = ("greater_than", "less_than", "finite_number")
 _BOUNDS = (("minimum", "from"), ("exclusiveMinimum", "above"), ("maximum", "to"), ("exclusiveMaximum", "below"))
 
 

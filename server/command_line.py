@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from .. import __version__
 from ..schemas.errors import PlannerForgeError
 from .commands.catalog import catalog
 from .commands.flags import MapFolders, Roots, Workers, Workspace, settings_from
@@ -22,12 +23,26 @@ application = typer.Typer(
     name="plannerforge",
     help="Scenario-based testing of motion planners behind one MCP server.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 application.add_typer(catalog)
 application.add_typer(maps)
 application.add_typer(planner)
+
+
+def _tell_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"plannerforge {__version__}")
+        raise typer.Exit
+
+
+@application.callback()
+def _main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    del version  # told by its callback
 
 
 def run(program: typer.Typer) -> None:

@@ -55,14 +55,18 @@ def test_good_arguments_become_their_model() -> None:
         ({"place": "B", "Cuont": 1}, "there is no argument 'Cuont'", "count"),
         ({"place": "B", "kinds": ["trcuk"]}, "kinds[0] cannot be 'trcuk'", "truck"),
         ({"place": "B", "mode": "slow"}, "mode cannot be 'slow'", "auto"),
-        ({"place": "B", "count": 2.5}, "count: input should be a valid integer", "count: a whole number from 1 to 50"),
-        ({"place": "B", "limits": [1, "x"]}, "limits[1]: input should be a valid number", "limits[1]: a number"),
+        (
+            {"place": "B", "count": 2.5},
+            "count takes a whole number from 1 to 50, not 2.5",
+            "count: a whole number from 1 to 50",
+        ),
+        ({"place": "B", "limits": [1, "x"]}, "limits[1] takes a number, not 'x'", "limits[1]: a number"),
         (
             {"place": "B", "changes": [{"op": "add", "position_m": -11}]},
-            "changes[0].position_m: input should be greater than or equal to -10 (given: -11)",
+            "changes[0].position_m takes a number from -10, not -11",
             "changes[0].position_m: a number from -10 (along the lane)",
         ),
-        ({"place": "B", "changes": [{"op": "add"}, 7]}, "changes[1]: input should be", None),
+        ({"place": "B", "changes": [{"op": "add"}, 7]}, "changes[1] takes an object, not 7", None),
         ({"place": "Atlantis"}, "place: no map holds 'Atlantis' (given: 'Atlantis')", "place: text"),
     ],
 )
@@ -109,7 +113,12 @@ def test_whatever_is_sent_is_taken_or_refused_in_one_line(given: dict[str, Any])
             "send it as the tool's input schema",
         ),
         ({f"a{n}": [0] * 1500 for n in range(8)}, "more than 10,000 values", "at most 10,000 values", "several calls"),
-        ({"count": 99}, "count: input should be less", "count: a whole number from 1 to 50", "correct the arguments"),
+        (
+            {"count": 99},
+            "count takes a whole number from 1 to 50, not 99",
+            "count: a whole number from 1 to 50",
+            "correct the arguments",
+        ),
     ],
     ids=["text", "surrogate", "number", "list", "depth", "values", "bound"],
 )

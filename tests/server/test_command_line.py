@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from plannerforge import __version__
 from plannerforge.server.command_line import application
 from plannerforge.server.settings import settings_file
 
@@ -78,6 +79,16 @@ def test_arguments_that_are_no_json_object_are_refused(arguments: str, expected:
     assert expected in result.stderr
 
 
+def test_the_version_is_told() -> None:
+    assert run("--version").stdout == f"plannerforge {__version__}\n"
+
+
+def test_the_package_runs_as_a_module() -> None:
+    command = [sys.executable, "-P", "-m", "plannerforge", "--version"]
+    told = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert told.stdout == f"plannerforge {__version__}\n"
+
+
 def test_tools_are_listed_with_their_cost() -> None:
     result = run("tools")
     assert result.exit_code == 0
@@ -89,8 +100,8 @@ def test_tools_are_listed_with_their_cost() -> None:
 @pytest.mark.parametrize(
     ("flags", "named"),
     [
-        (("--workers", "0"), "workers: Input should be greater than or equal to 1"),
-        (("--workers", "0", "--tools", "few"), "; tools: Input should be 'all' or 'essential'"),
+        (("--workers", "0"), "--workers: workers takes a whole number from 1 to 64, not 0"),
+        (("--workers", "0", "--tools", "few"), "; --tools: tools cannot be 'few' (valid: essential, all)"),
         (("--log-level", "LOUD"), "log_level"),
     ],
 )
@@ -109,7 +120,8 @@ def test_wrong_settings_file_is_one_line(text: str) -> None:
     result = run("tools")
     assert result.exit_code == 2
     assert result.stderr.count("\n") == 1
-    assert "wrokers" in result.stderr or str(settings_file()) in result.stderr
+    assert str(settings_file()) in result.stderr
+    assert "wrokers" not in text or "there is no setting 'wrokers' (valid: workers" in result.stderr
 
 
 def test_unknown_flag_and_no_command_name_what_there_is() -> None:
