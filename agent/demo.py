@@ -6,7 +6,6 @@ depends on what came back before, and every figure on the answers.
 
 import json
 import sys
-import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -128,23 +127,25 @@ def _free_folder(wanted: Path) -> Path:
 async def _demo(scenario: Path | None, map_file: Path | None, folder: Path, console: Console) -> None:
     console.print("[bold]PlannerForge MCP[/bold]: one scenario through every stage, by a real MCP client.")
     started = time.perf_counter()
-    with tempfile.TemporaryDirectory(prefix="plannerforge-demo-") as workspace:
-        roots = [folder.parent, *(path.resolve().parent for path in (scenario, map_file) if path)]
-        arguments = ["-P", "-m", "plannerforge.server", "serve", "--workspace", workspace]
-        arguments += [part for root in dict.fromkeys(roots) for part in ("--roots", str(root))]
-        async with Client(StdioServerParameters(command=sys.executable, args=arguments)) as client:
-            tools = (await client.list_tools()).tools
-            session = _DemoSession(client, console)
-            session.says(
-                f"Connected to plannerforge {__version__} over stdio, protocol {client.protocol_version}, "
-                f"{len(tools)} tools, after {time.perf_counter() - started:.1f} s."
-            )
-            await _stages(session, scenario, map_file, folder)
-            console.print()
-            console.rule("[bold]Done[/bold]", align="left")
-            console.print(Text(f"{session.calls} calls took {session.seconds:.1f} s in all."))
-            console.print(Text(f"Report:    {folder / 'report.html'}"))
-            console.print(Text(f"Pictures, animation and scenarios: {folder}"))
+    workspace = folder / "workspace"
+    roots = [folder.parent, *(path.resolve().parent for path in (scenario, map_file) if path)]
+    arguments = ["-P", "-m", "plannerforge.server", "serve", "--workspace", str(workspace)]
+    arguments += [part for root in dict.fromkeys(roots) for part in ("--roots", str(root))]
+    async with Client(StdioServerParameters(command=sys.executable, args=arguments)) as client:
+        tools = (await client.list_tools()).tools
+        session = _DemoSession(client, console)
+        session.says(
+            f"Connected to plannerforge {__version__} over stdio, protocol {client.protocol_version}, "
+            f"{len(tools)} tools, after {time.perf_counter() - started:.1f} s."
+        )
+        await _stages(session, scenario, map_file, folder)
+        console.print()
+        console.rule("[bold]Done[/bold]", align="left")
+        console.print(Text(f"{session.calls} calls took {session.seconds:.1f} s in all."))
+        console.print(Text(f"Report:    {folder / 'report.html'}"))
+        console.print(Text(f"Pictures, animation and scenarios: {folder}"))
+        console.print(Text(f"All that was made is kept in {workspace}; go on with it:"))
+        console.print(Text(f"  plannerforge call list_artifacts --workspace {workspace}"))
 
 
 async def _stages(session: _DemoSession, scenario: Path | None, map_file: Path | None, folder: Path) -> None:
@@ -218,13 +219,19 @@ async def _one_edit_of_each_kind(session: _DemoSession, described: dict[str, Any
 async def _first_possible(
     session: _DemoSession, scenario_id: str, before: list[dict[str, Any]], candidates: list[dict[str, Any]]
 ) -> dict[str, Any] | None:
+    refusals: list[str] = []
+    possible = None
     for candidate in candidates[:_MOST_TRIES]:
         arguments = {"scenario_id": scenario_id, "edits": [*before, candidate], "dry_run": True}
         step = await session.ask("modify_scenario", arguments, quiet=True)
         if not step.refused:
-            return candidate
-        session.says(f"tried {candidate}: {step.text}")
-    return None
+            possible = candidate
+            break
+        refusals.append(f"{json.dumps(candidate)}: {step.text}")
+    if refusals:
+        more = f" ({len(refusals)} such tries in all)" if len(refusals) > 1 else ""
+        session.says(f"Refused in a dry run: {refusals[0]}{more}")
+    return possible
 
 
 def _candidates(described: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
