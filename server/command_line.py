@@ -151,6 +151,39 @@ def check(
     raise typer.Exit(check_files(files, as_json=as_json))
 
 
+@application.command()
+def doctor(
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
+    fix: Annotated[bool, typer.Option("--fix", help="Make folders that are missing.")] = False,
+    workspace: Workspace = None,
+    roots: Roots = None,
+    map_folders: MapFolders = None,
+) -> None:
+    """Look whether everything is there that the server needs, and say how to mend what is not; 1 where a fault is."""
+    from .commands.doctor import run_doctor
+
+    settings = settings_from(workspace=workspace, roots=roots, map_folders=map_folders)
+    raise typer.Exit(run_doctor(settings, as_json=as_json, fix=fix, home=Path.home()))
+
+
+@application.command()
+def install(
+    host: Annotated[
+        str, typer.Argument(help="claude-desktop, claude-code, vscode, cursor, windsurf, codex, gemini or zed.")
+    ],
+    print_only: Annotated[bool, typer.Option("--print", help="Print what belongs there and write nothing.")] = False,
+    workspace: Workspace = None,
+    roots: Roots = None,
+) -> None:
+    """Write this server into the settings of an MCP host, with a backup of what was there."""
+    from .commands.hosts import install as install_into
+    from .commands.hosts import named_host, start_command
+
+    flags = ["--workspace", str(workspace.resolve())] if workspace else []
+    flags += [part for root in roots or () for part in ("--roots", str(root.resolve()))]
+    raise typer.Exit(install_into(named_host(host), start_command(flags), home=Path.home(), print_only=print_only))
+
+
 @application.command(name="test")
 def run_tests(
     suite: Annotated[Path, typer.Argument(help="The suite, a YAML file.", exists=True, dir_okay=False)],

@@ -95,6 +95,11 @@ class Database:
             opened.connection, opened.refused = self._open()
         return opened.connection
 
+    def damage(self) -> str:
+        """What SQLite finds damaged in the file; empty where it is intact."""
+        said = str(self.connection().execute("PRAGMA quick_check").fetchone()[0])
+        return "" if said == "ok" else said
+
     def kept(self, make: Callable[[], Kept]) -> Kept:
         """What is kept in memory beside the file, for all threads: one for each maker, made when first asked for."""
         with self._lock:

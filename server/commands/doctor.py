@@ -1,0 +1,262 @@
+"""``plannerforge doctor``: whether everything is there that the server needs, and how to mend what is not.
+
+What is heavy or may crash (SUMO, the planners' cores, the embedding model) is tried in a process of its own.
+"""
+
+import json
+import os
+import shutil
+import socket
+import sqlite3
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal
+from urllib.parse import urlsplit
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Column, Table
+
+from ... import __version__
+from ...schemas.errors import PlannerForgeError
+from ..settings import Settings, settings_file
+from .hosts import HOSTS, has_server
+
+State = Literal["ok", "note", "fault"]
+_TRY_LIMIT_S = 120.0
+"""Longest that a library may take to be imported; chosen: a cold disk takes half a minute for PyTorch."""
+_ASK_LIMIT_S = 5.0
+"""Longest that a host of a map service may take to accept a connection; chosen."""
+_LEAST_FREE_MB = 2000
+"""Free disk below which long batches may fill it; chosen: a batch of 500 runs takes 300 MB."""
+_SIGNS = {"ok": "[green]✓[/green]", "note": "[yellow]●[/yellow]", "fault": "[red]✗[/red]"}
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A program that prints what it found, for a process of its own, and what mends it where it fails."""
+
+    program: str
+    mend: str
+
+
+TRIALS = {
+    "SUMO": Trial(
+        """
+import subprocess
+from pathlib import Path
+import libsumo, sumo
+asked = [Path(sumo.SUMO_HOME, "bin", "netconvert"), "--version"]
+print(subprocess.run(asked, capture_output=True, text=True, check=True).stdout.splitlines()[0])
+""",
+        "pip install --force-reinstall libsumo eclipse-sumo, in the versions that plannerforge-mcp names",
+    ),
+    "planner cores": Trial(
+        """
+from importlib.metadata import version
+import commonroad_dc.pycrcc, frenetix
+print("frenetix", version("frenetix") + ", drivability checker", version("commonroad-drivability-checker"))
+""",
+        "pip install --force-reinstall frenetix commonroad-drivability-checker; Polygon3 needs a compiler",
+    ),
+    "text ranking": Trial(
+        """
+import sys
+from plannerforge.engine.catalog import EmbeddingModel
+print(sys.argv[1] + ", vectors of", EmbeddingModel.of(sys.argv[1]).embed(["a truck"]).shape[1])
+""",
+        "correct the setting embedding_model; searches without text work meanwhile",
+    ),
+    "text index": Trial(
+        """
+import chromadb
+print("chromadb", chromadb.__version__)
+""",
+        "pip install --force-reinstall chromadb",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What was looked at, how it stands, what was found, and what mends it."""
+
+    name: str
+    state: State
+    found: str
+    mend: str = ""
+
+
+def run_doctor(settings: Settings, *, as_json: bool, fix: bool, home: Path) -> int:
+    """Look at everything, print what was found, and mend what is safe to where ``fix``; 1 where a fault is left."""
+    mended = list(_mended(settings)) if fix else []
+    found = list(diagnoses(settings, home))
+    if as_json:
+        sys.stdout.write(json.dumps([asdict(each) for each in found], indent=1, ensure_ascii=False) + "\n")
+    else:
+        _print(found, mended)
+    return 1 if any(each.state == "fault" for each in found) else 0
+
+
+def diagnoses(settings: Settings, home: Path) -> Iterator[Diagnosis]:
+    """One after the other, what is looked at first stands first."""
+    yield Diagnosis("version", "ok", f"plannerforge {__version__}, Python {sys.version.split()[0]} ({sys.executable})")
+    yield _settings_file()
+    yield _compiler()
+    for name, trial in TRIALS.items():
+        yield _tried(name, trial, settings.embedding_model)
+    yield from _workspace(settings)
+    yield from _folders(settings)
+    yield from _services(settings)
+    yield from _hosts(home)
+
+
+def _settings_file() -> Diagnosis:
+    path = settings_file()
+    return Diagnosis("settings", "ok", f"{path}" if path.is_file() else f"defaults; {path} would be read")
+
+
+def _compiler() -> Diagnosis:
+    header = Path(sysconfig.get_paths()["include"]) / "Python.h"
+    compiler = next((name for name in ("cc", "gcc", "clang") if shutil.which(name)), "")
+    if compiler and header.is_file():
+        return Diagnosis("compiler", "ok", f"{compiler}, Python's headers (for installing alone)")
+    lacks = " and ".join(["a C compiler"] * (not compiler) + ["Python's headers"] * (not header.is_file()))
+    return Diagnosis(
+        "compiler", "note", f"{lacks} not found: needed for installing Polygon3 alone", "apt install gcc python3-dev"
+    )
+
+
+def _tried(name: str, trial: Trial, model: str) -> Diagnosis:
+    try:
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", trial.program, model],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=_TRY_LIMIT_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return Diagnosis(name, "fault", f"no answer in {_TRY_LIMIT_S:g} s", trial.mend)
+    if done.returncode:
+        lines = done.stderr.strip().splitlines()
+        ending = f"signal {-done.returncode}" if done.returncode < 0 else f"status {done.returncode}"
+        return Diagnosis(name, "fault", lines[-1] if lines else f"ended with {ending}", trial.mend)
+    return Diagnosis(name, "ok", done.stdout.strip())
+
+
+def _workspace(settings: Settings) -> Iterator[Diagnosis]:
+    root = settings.workspace.expanduser().resolve()
+    if not root.is_dir():
+        yield Diagnosis("workspace", "note", f"{root} is not there yet; the first start makes it", "--fix makes it now")
+        return
+    free_mb = shutil.disk_usage(root).free // 1024**2
+    if not os.access(root, os.W_OK | os.X_OK):
+        yield Diagnosis("workspace", "fault", f"{root} cannot be written to", "change its owner, or set workspace")
+    elif free_mb < _LEAST_FREE_MB:
+        yield Diagnosis("workspace", "note", f"{root}: {free_mb:,} MB of disk are free", "free some, or set workspace")
+    else:
+        yield Diagnosis("workspace", "ok", f"{root}, {free_mb:,} MB free")
+    yield _database(root)
+
+
+def _database(root: Path) -> Diagnosis:
+    from ...engine.workspace import Workspace
+
+    try:
+        workspace = Workspace(root)
+        try:
+            damage = workspace.database.damage()
+        finally:
+            workspace.close()
+    except (PlannerForgeError, sqlite3.Error) as error:
+        return Diagnosis("database", "fault", str(error), "set another workspace, or restore this one")
+    if damage:
+        return Diagnosis("database", "fault", damage, "restore the workspace from a copy")
+    return Diagnosis("database", "ok", "intact")
+
+
+def _folders(settings: Settings) -> Iterator[Diagnosis]:
+    for name, folders in (("roots", settings.roots), ("map folders", settings.map_folders)):
+        missing = [str(folder) for folder in folders if not folder.expanduser().is_dir()]
+        if missing:
+            yield Diagnosis(
+                name, "note", f"not there: {', '.join(missing)}", f"make them, or correct the setting {name}"
+            )
+        elif folders:
+            yield Diagnosis(name, "ok", ", ".join(map(str, folders)))
+
+
+def _services(settings: Settings) -> Iterator[Diagnosis]:
+    services = settings.map_services()
+    if services.mode != "online":
+        yield Diagnosis("map services", "ok", f"not asked (maps_online is {services.mode})")
+        return
+    addresses = dict.fromkeys((services.nominatim_url, *services.overpass_urls))
+    reached = [address for address in addresses if _accepts(address)]
+    lost = [urlsplit(address).hostname or address for address in addresses if address not in reached]
+    if not lost:
+        yield Diagnosis("map services", "ok", f"{len(reached)} of {len(addresses)} accept connections")
+    else:
+        words = f"{len(reached)} of {len(addresses)} accept connections; not {', '.join(lost)}"
+        yield Diagnosis(
+            "map services", "note", words, "built-in and own maps work without; maps_online=offline asks nobody"
+        )
+
+
+def _accepts(address: str) -> bool:
+    parts = urlsplit(address)
+    try:
+        with socket.create_connection((parts.hostname or "", parts.port or 443), timeout=_ASK_LIMIT_S):
+            return True
+    except OSError:
+        return False
+
+
+def _hosts(home: Path) -> Iterator[Diagnosis]:
+    for name, host in HOSTS.items():
+        try:
+            path, entry = has_server(host, home)
+        except PlannerForgeError as error:
+            yield Diagnosis(host.title, "note", error.message, f"plannerforge install {name} --print")
+            continue
+        if entry is None:
+            continue
+        command = str(entry.get("command", ""))
+        if shutil.which(command) is None:
+            yield Diagnosis(host.title, "fault", f"{path}: '{command}' is no program", f"plannerforge install {name}")
+        else:
+            yield Diagnosis(host.title, "ok", f"{path}")
+
+
+def _mended(settings: Settings) -> Iterator[str]:
+    """Make folders that are missing: nothing that is there is touched."""
+    from ...engine.workspace import make_private
+
+    root = settings.workspace.expanduser().resolve()
+    if not root.is_dir():
+        make_private(root)
+        yield f"made {root}"
+    for folder in (*settings.roots, *settings.map_folders):
+        path = folder.expanduser().resolve()
+        if not path.exists():
+            path.mkdir(parents=True)
+            yield f"made {path}"
+
+
+def _print(found: list[Diagnosis], mended: list[str]) -> None:
+    console = Console()
+    for words in mended:
+        console.print(escape(words), highlight=False)
+    table = Table(Column(""), Column("what"), Column("found", overflow="fold"), Column("mend", overflow="fold"))
+    for each in found:
+        table.add_row(_SIGNS[each.state], each.name, escape(each.found), escape(each.mend))
+    console.print(table)
+    faults = sum(each.state == "fault" for each in found)
+    notes = sum(each.state == "note" for each in found)
+    console.print(f"{len(found)} looked at: {faults} fault(s), {notes} note(s)", highlight=False)
