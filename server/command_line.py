@@ -18,6 +18,7 @@ from .commands.catalog import catalog
 from .commands.flags import MapFolders, Roots, Workers, Workspace, settings_from
 from .commands.maps import maps
 from .commands.planner import planner
+from .commands.workspace import workspace as workspace_commands
 
 application = typer.Typer(
     name="plannerforge",
@@ -28,6 +29,7 @@ application = typer.Typer(
 application.add_typer(catalog)
 application.add_typer(maps)
 application.add_typer(planner)
+application.add_typer(workspace_commands)
 
 
 def _tell_version(wanted: bool) -> None:

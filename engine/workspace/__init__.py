@@ -20,6 +20,11 @@
 ``content_digest``: SHA-256 of a file, hexadecimal.
 ``Recipe``: The tool, its resolved arguments, the artifacts it started from, the seed, and the versions that matter.
 ``versions_of``: The installed versions of packages, and our own, for a recipe.
+``FolderUse``: What a part of the workspace takes.
+``Disagreement``: Something that records and files of a workspace disagree on.
+``room_used``: What each part of the workspace takes.
+``disagreements``: What does not fit together in a workspace.
+``make_room``: Removes what belongs to nothing, and above a quota what can be made again.
 """
 
 from typing import TYPE_CHECKING
@@ -40,5 +45,6 @@ if TYPE_CHECKING:
     from .database import Database, make_private, still_runs
     from .export import REPORT_NAME, Export, plan_exports, refuse_taken, write_export, write_whole
     from .recipe import Recipe, content_digest, versions_of
+    from .upkeep import Disagreement, FolderUse, disagreements, make_room, room_used
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

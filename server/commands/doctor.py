@@ -162,23 +162,28 @@ def _workspace(settings: Settings) -> Iterator[Diagnosis]:
         yield Diagnosis("workspace", "note", f"{root}: {free_mb:,} MB of disk are free", "free some, or set workspace")
     else:
         yield Diagnosis("workspace", "ok", f"{root}, {free_mb:,} MB free")
-    yield _database(root)
+    yield _records(root)
 
 
-def _database(root: Path) -> Diagnosis:
-    from ...engine.workspace import Workspace
+def _records(root: Path) -> Diagnosis:
+    from ...engine.workspace import Workspace, disagreements
 
     try:
         workspace = Workspace(root)
         try:
-            damage = workspace.database.damage()
+            found = list(disagreements(workspace))
         finally:
             workspace.close()
     except (PlannerForgeError, sqlite3.Error) as error:
-        return Diagnosis("database", "fault", str(error), "set another workspace, or restore this one")
-    if damage:
-        return Diagnosis("database", "fault", damage, "restore the workspace from a copy")
-    return Diagnosis("database", "ok", "intact")
+        return Diagnosis("records", "fault", str(error), "set another workspace, or restore this one")
+    lost = [each for each in found if each.is_lost]
+    if lost:
+        more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
+        words = f"{lost[0].where}: {lost[0].what}{more}"
+        return Diagnosis("records", "fault", words, "restore the workspace from a copy; make what is lost again")
+    if found:
+        return Diagnosis("records", "note", f"{len(found)} folders belong to no record", "plannerforge workspace gc")
+    return Diagnosis("records", "ok", "intact, and their files are there")
 
 
 def _folders(settings: Settings) -> Iterator[Diagnosis]:

@@ -23,7 +23,7 @@ def settings(tmp_path: Path) -> Settings:
 def test_this_installation_is_sound(settings: Settings, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert doctor.run_doctor(settings, as_json=True, fix=True, home=tmp_path) == 0
     found = {each["name"]: each for each in json.loads(capsys.readouterr().out)}
-    assert {"SUMO", "planner cores", "text ranking", "text index", "workspace", "database"} <= set(found)
+    assert {"SUMO", "planner cores", "text ranking", "text index", "workspace", "records"} <= set(found)
     assert [each for each in found.values() if each["state"] == "fault"] == []
     assert "1.28" in found["SUMO"]["found"]
     assert "384" in found["text ranking"]["found"]
@@ -52,7 +52,7 @@ def test_a_damaged_database_is_a_fault(settings: Settings, tmp_path: Path, monke
     monkeypatch.setattr(doctor, "TRIALS", {})
     settings.workspace.mkdir()
     (settings.workspace / "workspace.sqlite").write_bytes(b"no database at all" * 500)
-    assert looked_at(settings, tmp_path)["database"].state == "fault"
+    assert looked_at(settings, tmp_path)["records"].state == "fault"
 
 
 def test_map_services_are_asked_only_where_they_may_be(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

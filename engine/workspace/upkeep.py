@@ -1,0 +1,149 @@
+"""Looking after a workspace: what takes how much room, whether files and records agree, and room made again.
+
+What can be made again (*caches*: pictures, recordings, the text index, answers of map services, temporary folders, and
+files that belong to no record) may go; what was made, its records and the journal never do.
+"""
+
+import shutil
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from .artifacts import ABANDONED_S, ARTIFACT_KINDS, Workspace, disk_failure
+
+_CACHES = ("recordings", "pictures", "reports", "index", "answers", "scratch")
+"""Folders whose files are made anew when they are missing, those first that are made again most quickly."""
+_MAIN_FILES = {"scenario": "scenario.xml", "run": "steps.json", "config": "config.yaml"}
+"""The file without which an artifact of the kind cannot be used."""
+
+
+@dataclass(frozen=True)
+class FolderUse:
+    """What a folder of the workspace, or its database, takes; ``is_cache``: it can be made again."""
+
+    name: str
+    files: int
+    size_bytes: int
+    is_cache: bool
+
+
+@dataclass(frozen=True)
+class Disagreement:
+    """Something that records and files disagree on; ``is_lost``: what was made cannot be used any more."""
+
+    where: str
+    what: str
+    is_lost: bool
+
+
+def room_used(workspace: Workspace) -> list[FolderUse]:
+    """What each part of the workspace takes, the largest first."""
+    uses: dict[str, list[int]] = {}
+    for path in _files(workspace.root):
+        relative = path.relative_to(workspace.root)
+        name = "database" if len(relative.parts) == 1 else relative.parts[0]
+        use = uses.setdefault(name, [0, 0])
+        use[0] += 1
+        use[1] += _size(path)
+    found = [FolderUse(name, files, size, name in _CACHES) for name, (files, size) in uses.items()]
+    return sorted(found, key=lambda use: (-use.size_bytes, use.name))
+
+
+def disagreements(workspace: Workspace) -> Iterator[Disagreement]:
+    """What does not fit together: the database itself, records without their file, files without a record."""
+    damage = workspace.database.damage()
+    if damage:
+        yield Disagreement("database", damage, is_lost=True)
+        return
+    rows = workspace.database.connection().execute("SELECT kind, artifact_id FROM artifacts ORDER BY sequence")
+    known: dict[str, set[str]] = {kind: set() for kind in ARTIFACT_KINDS}
+    for kind, artifact_id in rows:
+        known[kind].add(artifact_id)
+        main = _MAIN_FILES.get(kind)
+        if main is None:
+            continue
+        path = workspace.root / f"{kind}s" / artifact_id / main
+        if not path.is_file():
+            yield Disagreement(f"{kind} {artifact_id}", f"its file {main} is gone", is_lost=True)
+        elif not _size(path):
+            yield Disagreement(f"{kind} {artifact_id}", f"its file {main} is empty", is_lost=True)
+    for folder in _without_record(workspace, known):
+        yield Disagreement(str(folder.relative_to(workspace.root)), "belongs to no record", is_lost=False)
+
+
+def make_room(workspace: Workspace, *, quota_bytes: int | None = None) -> list[tuple[str, int]]:
+    """Remove what belongs to nothing and, above a quota for the whole workspace, caches, the least used first.
+
+    Without a quota all caches stay. Another server may use the workspace meanwhile: what is younger than an hour stays.
+
+    Args:
+        quota_bytes: what the workspace may take.
+
+    Returns:
+        What was removed, with its bytes.
+
+    Raises:
+        ResourceFailure: something cannot be removed.
+    """
+    known = {kind: {row[0] for row in _ids(workspace, kind)} for kind in ARTIFACT_KINDS}
+    scratch = workspace.root / "scratch"
+    left = [*_without_record(workspace, known), *(scratch.iterdir() if scratch.is_dir() else ())]
+    removed = [(str(path.relative_to(workspace.root)), _remove(path)) for path in left if _is_old(path)]
+    if quota_bytes is not None:
+        excess = sum(use.size_bytes for use in room_used(workspace)) - quota_bytes
+        removed += _emptied(workspace.root, excess)
+    return removed
+
+
+def _emptied(root: Path, excess_bytes: int) -> Iterator[tuple[str, int]]:
+    for name in _CACHES:
+        entries = [path for path in ((root / name).iterdir() if (root / name).is_dir() else ()) if _is_old(path)]
+        for path in sorted(entries, key=lambda entry: entry.stat().st_mtime):
+            if excess_bytes <= 0:
+                return
+            freed = _remove(path)
+            excess_bytes -= freed
+            yield str(path.relative_to(root)), freed
+
+
+def _without_record(workspace: Workspace, known: dict[str, set[str]]) -> Iterator[Path]:
+    for kind, ids in known.items():
+        folder = workspace.root / f"{kind}s"
+        if folder.is_dir():
+            yield from (path for path in sorted(folder.iterdir()) if path.name not in ids)
+
+
+def _ids(workspace: Workspace, kind: str) -> Sequence[Sequence[str]]:
+    query = "SELECT artifact_id FROM artifacts WHERE kind = ?"
+    return workspace.database.connection().execute(query, (kind,)).fetchall()
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    return (path for path in folder.rglob("*") if path.is_file() and not path.is_symlink())
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except FileNotFoundError:  # another server has just removed it
+        return 0
+
+
+def _is_old(path: Path) -> bool:
+    try:
+        return time.time() - path.stat().st_mtime > ABANDONED_S
+    except FileNotFoundError:
+        return False
+
+
+def _remove(path: Path) -> int:
+    freed = sum(map(_size, _files(path))) if path.is_dir() else _size(path)
+    try:
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise disk_failure(path, error) from error
+    return freed

@@ -1,0 +1,96 @@
+"""Looking after a workspace: what is lost or left over is found, and only what can be made again goes."""
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from plannerforge.engine.workspace import Recipe, Workspace, disagreements, make_room, room_used
+from plannerforge.schemas.base import Model
+from plannerforge.server.command_line import application
+
+MB = 1024**2
+
+
+class Note(Model):
+    text: str
+
+
+@pytest.fixture
+def workspace(tmp_path: Path) -> Workspace:
+    """Two runs with their files, caches of 1 MB each, and a folder without a record, all of yesterday."""
+    made = Workspace(tmp_path / "workspace")
+    for number in (1, 2):
+        file = tmp_path / f"steps-{number}.json"
+        file.write_text("{}")
+        recipe = Recipe(tool="run_planner", arguments={"number": number})
+        made.put("run", f"run_{number}", recipe=recipe, record=Note(text="x"), files={"steps.json": file})
+    for name in ("recordings", "pictures", "answers"):
+        (made.root / name).mkdir()
+        (made.root / name / "one").write_bytes(bytes(MB))
+    left = made.root / "runs" / "run_left"
+    left.mkdir()
+    (left / "steps.json").write_text("{}")
+    for path in made.root.rglob("*"):
+        os.utime(path, (time.time() - 86_400,) * 2)
+    return made
+
+
+def test_what_takes_room_is_told_by_part(workspace: Workspace) -> None:
+    uses = {use.name: use for use in room_used(workspace)}
+    assert (uses["pictures"].size_bytes, uses["pictures"].is_cache) == (MB, True)
+    assert (uses["runs"].files, uses["runs"].is_cache) == (3, False)
+    assert not uses["database"].is_cache
+
+
+def test_lost_and_left_over_files_are_found(workspace: Workspace) -> None:
+    assert [(each.where, each.is_lost) for each in disagreements(workspace)] == [("runs/run_left", False)]
+    (workspace.root / "runs" / "run_1" / "steps.json").unlink()
+    (workspace.root / "runs" / "run_2" / "steps.json").write_text("")
+    lost = [each for each in disagreements(workspace) if each.is_lost]
+    assert [(each.where, each.what.rpartition(" ")[2]) for each in lost] == [
+        ("run run_1", "gone"),
+        ("run run_2", "empty"),
+    ]
+
+
+def test_without_a_quota_only_what_belongs_to_nothing_goes(workspace: Workspace) -> None:
+    assert [name for name, _ in make_room(workspace)] == ["runs/run_left"]
+    assert list(disagreements(workspace)) == []
+    assert (workspace.root / "recordings" / "one").exists()
+
+
+def test_above_a_quota_caches_go_and_nothing_that_was_made(workspace: Workspace) -> None:
+    taken = sum(use.size_bytes for use in room_used(workspace))
+    removed = dict(make_room(workspace, quota_bytes=taken - MB - MB // 2))
+    assert set(removed) == {"runs/run_left", "recordings/one", "pictures/one"}
+    make_room(workspace, quota_bytes=0)
+    assert not (workspace.root / "answers" / "one").exists()
+    assert list(disagreements(workspace)) == []
+    assert workspace.file("run", "run_1", "steps.json").is_file()
+
+
+def test_what_another_server_has_just_made_stays(workspace: Workspace) -> None:
+    for path in workspace.root.rglob("*"):
+        os.utime(path)
+    assert make_room(workspace, quota_bytes=0) == []
+
+
+def test_the_commands_tell_it_with_exit_codes(workspace: Workspace) -> None:
+    def run(*arguments: str) -> tuple[int, str]:
+        told = CliRunner().invoke(application, ["workspace", *arguments, "--workspace", str(workspace.root)])
+        return told.exit_code, told.output
+
+    assert run("verify") == (
+        0,
+        "left over: runs/run_left: belongs to no record\n0 lost, 1 left over; gc removes these\n",
+    )
+    assert "pictures" in run("info")[1]
+    assert run("gc")[0] == 0
+    assert run("gc", "--quota-mb", "0")[0] == 1
+    (workspace.root / "runs" / "run_1" / "steps.json").unlink()
+    assert run("verify")[0] == 1
+    told = CliRunner().invoke(application, ["workspace", "info", "--workspace", str(workspace.root / "away")])
+    assert told.exit_code == 2
