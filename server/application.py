@@ -1,14 +1,16 @@
 """The MCP server: our tools, resources and prompts on the official SDK, in both protocol eras.
 
 Protocol 2026-07-28 is stateless and has no handshake; the revisions before it begin with ``initialize``. The SDK serves
-both; nothing here keeps state between the requests of one connection.
+both. What each client made last is remembered (``clients.py``); nothing else is kept between requests.
 """
 
 import asyncio
 import hashlib
+import logging
 import time
 from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any, Literal
 
@@ -17,6 +19,7 @@ from mcp import MCPError
 from mcp.server import MCPServer
 from mcp.server.context import ServerRequestContext
 from mcp.server.elicitation import AcceptedElicitation, render_elicitation_schema
+from mcp.server.lowlevel import Server
 from mcp.server.lowlevel.helper_types import ReadResourceContents
 from mcp.server.mcpserver.context import Context
 from mcp.server.stdio import stdio_server
@@ -31,6 +34,8 @@ from mcp.types import (
     ElicitResult,
     GetPromptResult,
     InputRequiredResult,
+    ListToolsResult,
+    PaginatedRequestParams,
     Prompt,
     PromptReference,
     ResourceTemplate,
@@ -43,15 +48,17 @@ from ..engine.execution import CallThreads, run_in
 from ..prompts.catalog import completions, listed_prompts, prompt_text, workspace_facts
 from ..resources.templates import TEMPLATES, read_resource
 from ..schemas.errors import PlannerForgeError, UnknownName, closest
-from ..schemas.text import one_line
+from ..schemas.text import one_line, quoted
 from ..tools.call import Question, Services, ToolCall
 from ..tools.maps import maps_seen
-from ..tools.registry import ToolSpec
+from ..tools.registry import ToolSpec, only_reading
+from .clients import ClientIdentity, ClientMemories, client_of
 from .journal import Journal
 from .messages import ReadableMessages, standard_input
 from .tool_calls import InputNeeded, answer
 from .tool_schema import described_tool
 
+logger = logging.getLogger(__name__)
 INSTRUCTIONS = """\
 PlannerForge tests motion planners on CommonRoad scenarios: find or generate a scenario, modify it, run planners, \
 compare, tune. Start with find_scenarios or generate_scenarios; both answer with scenario ids. describe_scenario shows \
@@ -82,11 +89,17 @@ class PlannerForgeServer(MCPServer[Services]):
         threads: CallThreads,
         journal: Journal | None,
     ) -> None:
+        self._opened: Services | None = None
+
         @asynccontextmanager
         async def lifespan(server: MCPServer[Services]) -> AsyncIterator[Services]:
             del server
             async with open_services() as services:
-                yield services
+                self._opened = services
+                try:
+                    yield services
+                finally:
+                    self._opened = None
 
         super().__init__(
             name="plannerforge",
@@ -96,9 +109,11 @@ class PlannerForgeServer(MCPServer[Services]):
             lifespan=lifespan,
             log_level="ERROR",
         )
+        self._lowlevel_server.add_request_handler("tools/list", PaginatedRequestParams, self._list_tools)
         self._lowlevel_server.add_request_handler("completion/complete", CompleteRequestParams, self._complete)
         self._specs = {spec.name: spec for spec in tools}
-        self._threads, self._journal = threads, journal
+        self._reading = {spec.name: spec for spec in only_reading(tools)}
+        self._threads, self._journal, self._memories = threads, journal, ClientMemories()
         self._at_once = anyio.Semaphore(_MOST_CALLS)
 
     async def run_stdio_async(self) -> None:
@@ -108,13 +123,50 @@ class PlannerForgeServer(MCPServer[Services]):
                 options = self._lowlevel_server.create_initialization_options()
                 await self._lowlevel_server.run(ReadableMessages(incoming, outgoing), outgoing, options)
 
+    @property
+    def protocol(self) -> Server[Services]:
+        """The protocol's side of the server, which a transport speaks to."""
+        return self._lowlevel_server
+
+    async def is_ready(self) -> bool:
+        """Whether the services run and the workspace can be read."""
+        services = self._opened
+        if services is None:
+            return False
+
+        async def read() -> None:
+            services.jobs.store.newest(1)
+
+        try:
+            await self._threads.run(read)
+        except PlannerForgeError as error:
+            logger.warning("not ready: %s", error.text)
+            return False
+        return True
+
     async def list_tools(self) -> list[Tool]:
         """All tools, in the order of the registry."""
+        return await self._described(self._specs)
 
+    async def _list_tools(
+        self, context: ServerRequestContext[Services], request: PaginatedRequestParams
+    ) -> ListToolsResult:
+        """The tools that the client may use."""
+        del request
+        return ListToolsResult(tools=await self._described(self._specs_for(client_of(context))))
+
+    async def _described(self, specs: Mapping[str, ToolSpec]) -> list[Tool]:
         async def read() -> list[Tool]:
-            return [described_tool(spec) for spec in self._specs.values()]
+            return [described_tool(spec) for spec in specs.values()]
 
         return await self._threads.run(read)
+
+    def _specs_for(self, client: ClientIdentity) -> Mapping[str, ToolSpec]:
+        return self._reading if client.reads_only else self._specs
+
+    def _services_for(self, client: ClientIdentity, services: Services) -> Services:
+        """The services with what this client made last, where it is not the only client."""
+        return replace(services, recent=self._memories.of(client.key)) if client.key else services
 
     async def call_tool(
         self, name: str, arguments: dict[str, Any], context: Context[Services, Any] | None = None
@@ -124,14 +176,17 @@ class PlannerForgeServer(MCPServer[Services]):
         Raises:
             MCPError: there is no such tool (-32602).
         """
-        spec = self._specs.get(name)
-        if spec is None:
-            error = UnknownName(f"there is no tool '{name}'", valid=closest(name, self._specs))
-            raise MCPError(INVALID_PARAMS, error.text)
         if context is None:
             raise MCPError(INVALID_PARAMS, "a tool needs the context of a request")
+        client = client_of(context.request_context)
+        specs = self._specs_for(client)
+        spec = specs.get(name)
+        if spec is None:
+            which = "for a token that is for reading only" if name in self._specs else ""
+            error = UnknownName(f"there is no tool {quoted(name)} {which}".rstrip(), valid=closest(name, specs))
+            raise MCPError(INVALID_PARAMS, error.text)
         started, clock = datetime.now(UTC), time.perf_counter()
-        services = context.request_context.lifespan_context
+        services = self._services_for(client, context.request_context.lifespan_context)
         call = ToolCall(services, _PacedProgress(context).send, _Asker(context).ask)
         try:
             async with self._at_once:
@@ -141,7 +196,7 @@ class PlannerForgeServer(MCPServer[Services]):
         if self._journal is not None:
             self._journal.add(
                 time=started.isoformat(timespec="milliseconds"),
-                client=_client_name(context),
+                client=client.name,
                 tool=name,
                 arguments=arguments,
                 duration_s=time.perf_counter() - clock,
@@ -297,8 +352,3 @@ def _form(question: Question) -> type[BaseModel]:
 def _chosen(content: Mapping[str, Any] | None, question: Question) -> str | None:
     choice = (content or {}).get("choice")
     return choice if isinstance(choice, str) and choice in question.choices else None
-
-
-def _client_name(context: Context[Services, Any]) -> str:
-    parameters = context.request_context.session.client_params
-    return "unknown" if parameters is None else f"{parameters.client_info.name} {parameters.client_info.version}"

@@ -98,6 +98,7 @@ async def start_job(arguments: EchoArguments, call: ToolCall) -> EchoResult:
             await anyio.sleep_forever()
 
     job = call.jobs.start("batch", Recipe(tool="start_job", arguments={"text": arguments.text}), work)
+    call.made("job", job.job_id)
     return EchoResult(said=EchoArguments(text=job.job_id))
 
 
