@@ -12,7 +12,7 @@ from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import anyio
 from mcp import MCPError
@@ -26,18 +26,15 @@ from mcp.server.stdio import stdio_server
 from mcp.types import (
     INVALID_PARAMS,
     CallToolResult,
-    CompleteRequestParams,
-    CompleteResult,
-    Completion,
     ElicitRequest,
     ElicitRequestFormParams,
     ElicitResult,
     GetPromptResult,
     InputRequiredResult,
+    ListPromptsResult,
     ListToolsResult,
     PaginatedRequestParams,
     Prompt,
-    PromptReference,
     ResourceTemplate,
     Tool,
 )
@@ -45,16 +42,17 @@ from pydantic import AnyUrl, BaseModel, Field, create_model
 
 from .. import __version__
 from ..engine.execution import CallThreads, run_in
-from ..prompts.catalog import completions, listed_prompts, prompt_text, workspace_facts
-from ..resources.templates import TEMPLATES, read_resource
+from ..prompts.catalog import listed_prompts, prompt_text, workspace_facts
 from ..schemas.errors import PlannerForgeError, UnknownName, closest
-from ..schemas.text import one_line, quoted
+from ..schemas.text import quoted
 from ..tools.call import Question, Services, ToolCall
 from ..tools.maps import maps_seen
 from ..tools.registry import ToolSpec, only_reading
 from .clients import ClientIdentity, ClientMemories, client_of
 from .journal import Journal
 from .messages import ReadableMessages, standard_input
+from .news import WorkspaceNews
+from .reading import PAGE, ResourceReading, page_of
 from .tool_calls import InputNeeded, answer
 from .tool_schema import described_tool
 
@@ -72,10 +70,9 @@ _PROGRESS_INTERVAL_S = 0.5
 """Reports of progress that follow each other faster are dropped; chosen."""
 _MOST_CALLS = 32
 """Calls that are carried out at once; others wait for their turn. Chosen: clients send a few, and each has a thread."""
-_MOST_COMPLETIONS = 100
-"""The protocol's bound on values of one completion."""
 _STATELESS_SINCE = "2026-07-28"
 """The first protocol revision without requests from the server to the client."""
+_Entry = TypeVar("_Entry")
 _ServicesFactory = Callable[[], AbstractAsyncContextManager[Services]]
 
 
@@ -97,23 +94,30 @@ class PlannerForgeServer(MCPServer[Services]):
             async with open_services() as services:
                 self._opened = services
                 try:
-                    yield services
+                    async with anyio.create_task_group() as tasks:
+                        tasks.start_soon(self._news.watch, services, threads)
+                        yield services
+                        tasks.cancel_scope.cancel()
                 finally:
                     self._opened = None
 
+        self._news = WorkspaceNews()
         super().__init__(
             name="plannerforge",
             title="PlannerForge",
             version=__version__,
             instructions=INSTRUCTIONS,
             lifespan=lifespan,
+            subscriptions=self._news,
             log_level="ERROR",
         )
         self._lowlevel_server.add_request_handler("tools/list", PaginatedRequestParams, self._list_tools)
-        self._lowlevel_server.add_request_handler("completion/complete", CompleteRequestParams, self._complete)
+        self._lowlevel_server.add_request_handler("prompts/list", PaginatedRequestParams, self._list_prompts)
         self._specs = {spec.name: spec for spec in tools}
         self._reading = {spec.name: spec for spec in only_reading(tools)}
         self._threads, self._journal, self._memories = threads, journal, ClientMemories()
+        self._resources = ResourceReading(tools, threads, self._news)
+        self._resources.serve_on(self._lowlevel_server)
         self._at_once = anyio.Semaphore(_MOST_CALLS)
 
     async def run_stdio_async(self) -> None:
@@ -152,8 +156,15 @@ class PlannerForgeServer(MCPServer[Services]):
         self, context: ServerRequestContext[Services], request: PaginatedRequestParams
     ) -> ListToolsResult:
         """The tools that the client may use."""
-        del request
-        return ListToolsResult(tools=await self._described(self._specs_for(client_of(context))))
+        page, following = _page(await self._described(self._specs_for(client_of(context))), request)
+        return ListToolsResult(tools=page, next_cursor=following)
+
+    async def _list_prompts(
+        self, context: ServerRequestContext[Services], request: PaginatedRequestParams
+    ) -> ListPromptsResult:
+        del context
+        page, following = _page(listed_prompts(), request)
+        return ListPromptsResult(prompts=page, next_cursor=following)
 
     async def _described(self, specs: Mapping[str, ToolSpec]) -> list[Tool]:
         async def read() -> list[Tool]:
@@ -205,28 +216,21 @@ class PlannerForgeServer(MCPServer[Services]):
         return result
 
     async def list_resource_templates(self) -> list[ResourceTemplate]:
-        """Where scenarios, pictures and reports can be read; artifacts themselves are found by tools, not listed."""
-        return list(TEMPLATES)
+        """Where everything can be read that tools link to."""
+        return self._resources.templates()
 
     async def read_resource(
         self, uri: AnyUrl | str, context: Context[Services, Any] | None = None
     ) -> Iterable[ReadResourceContents]:
-        """Read a file of an artifact.
+        """Read a resource.
 
         Raises:
             MCPError: nothing is there (-32602), with the templates that exist.
         """
         if context is None:
             raise MCPError(INVALID_PARAMS, "a resource needs the context of a request")
-        workspace = context.request_context.lifespan_context.workspace
-
-        async def read() -> tuple[str | bytes, str]:
-            return read_resource(str(uri), workspace)
-
-        try:
-            content, mime_type = await self._threads.run(read)
-        except PlannerForgeError as error:
-            raise MCPError(INVALID_PARAMS, error.text, data={"uri": one_line(str(uri))}) from error
+        services = context.request_context.lifespan_context
+        content, mime_type = await self._resources.read(str(uri), services)
         return [ReadResourceContents(content=content, mime_type=mime_type)]
 
     async def list_prompts(self) -> list[Prompt]:
@@ -254,23 +258,17 @@ class PlannerForgeServer(MCPServer[Services]):
         except PlannerForgeError as error:
             raise MCPError(INVALID_PARAMS, error.text) from error
 
-    async def _complete(
-        self, context: ServerRequestContext[Services], request: CompleteRequestParams
-    ) -> CompleteResult:
-        """Values of a prompt's argument that begin with what was typed; resources have none."""
-        if not isinstance(request.ref, PromptReference):
-            return CompleteResult(completion=Completion(values=[], total=0, has_more=False))
-        name, argument, workspace = request.ref.name, request.argument, context.lifespan_context.workspace
 
-        async def read() -> list[str]:
-            return completions(name, argument.name, argument.value, workspace)
+def _page(entries: list[_Entry], request: PaginatedRequestParams) -> tuple[list[_Entry], str | None]:
+    """The wanted page of a list, and the cursor of the next one.
 
-        try:
-            found = await self._threads.run(read)
-        except PlannerForgeError as error:
-            raise MCPError(INVALID_PARAMS, error.text) from error
-        more = len(found) > _MOST_COMPLETIONS
-        return CompleteResult(completion=Completion(values=found[:_MOST_COMPLETIONS], total=len(found), has_more=more))
+    Raises:
+        MCPError: the cursor is none (-32602).
+    """
+    try:
+        return page_of(entries, request.cursor, PAGE)
+    except PlannerForgeError as error:
+        raise MCPError(INVALID_PARAMS, error.text) from error
 
 
 class _PacedProgress:

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import pytest
 from pydantic import Field
 
+from plannerforge.resources.templates import picture_link
 from plannerforge.schemas.base import Answer, Arguments, Model, Result
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.server import assembly
@@ -65,7 +66,7 @@ async def draw(arguments: NoArguments, call: ToolCall) -> ImageAnswer:
     path: Path = call.workspace.root / "pictures" / "p.png"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(PNG)
-    return ImageAnswer("a pic\u200bture", (Image(path, "image/png"),), ("plannerforge://picture/p.png",))
+    return ImageAnswer("a pic\u200bture", (Image(path, "image/png"),), (picture_link(path, "image/png"),))
 
 
 async def say_much(arguments: EchoArguments, call: ToolCall) -> EchoResult:
@@ -76,7 +77,7 @@ async def draw_much(arguments: NoArguments, call: ToolCall) -> ImageAnswer:
     path: Path = call.workspace.root / "pictures" / "p.gif"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(bytes(MOST_IMAGE_BYTES // 2))
-    return ImageAnswer("pictures", (Image(path, "image/gif"),) * 3, ("plannerforge://picture/p.gif",))
+    return ImageAnswer("pictures", (Image(path, "image/gif"),) * 3, (picture_link(path, "image/gif"),))
 
 
 async def tell_progress(arguments: NoArguments, call: ToolCall) -> EchoResult:

@@ -16,7 +16,7 @@ import httpx
 import pytest
 from mcp import MCPError
 from pydantic import SecretStr
-from support.http import PATIENCE_S, Served, called, served
+from support.http_serving import PATIENCE_S, Served, called, served
 
 from plannerforge.schemas.errors import InvalidRequest, OutsideRoots
 from plannerforge.server.assembly import create_server

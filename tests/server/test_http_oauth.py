@@ -14,7 +14,7 @@ import pytest
 from cryptography.hazmat.primitives.asymmetric import rsa
 from jwt.algorithms import RSAAlgorithm
 from pydantic import SecretStr
-from support.http import PATIENCE_S, called, served
+from support.http_serving import PATIENCE_S, called, served
 
 from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.server.assembly import create_server
