@@ -4,21 +4,18 @@ Protocol 2026-07-28 is stateless and has no handshake; the revisions before it b
 both. What each client made last is remembered (``clients.py``); nothing else is kept between requests.
 """
 
-import asyncio
-import hashlib
 import logging
 import time
 from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import anyio
 from mcp import MCPError
 from mcp.server import MCPServer
 from mcp.server.context import ServerRequestContext
-from mcp.server.elicitation import AcceptedElicitation, render_elicitation_schema
 from mcp.server.lowlevel import Server
 from mcp.server.lowlevel.helper_types import ReadResourceContents
 from mcp.server.mcpserver.context import Context
@@ -26,9 +23,6 @@ from mcp.server.stdio import stdio_server
 from mcp.types import (
     INVALID_PARAMS,
     CallToolResult,
-    ElicitRequest,
-    ElicitRequestFormParams,
-    ElicitResult,
     GetPromptResult,
     InputRequiredResult,
     ListPromptsResult,
@@ -38,21 +32,23 @@ from mcp.types import (
     ResourceTemplate,
     Tool,
 )
-from pydantic import AnyUrl, BaseModel, Field, create_model
+from pydantic import AnyUrl
 
 from .. import __version__
-from ..engine.execution import CallThreads, run_in
+from ..engine.execution import CallThreads
 from ..prompts.catalog import listed_prompts, prompt_text, workspace_facts
 from ..schemas.errors import PlannerForgeError, UnknownName, closest
 from ..schemas.text import quoted
-from ..tools.call import Question, Services, ToolCall
+from ..tools.call import Services, ToolCall
 from ..tools.maps import maps_seen
 from ..tools.registry import ToolSpec, only_reading
+from .asking import Asker, PacedProgress, question_result
 from .clients import ClientIdentity, ClientMemories, client_of
 from .journal import Journal
 from .messages import ReadableMessages, standard_input
 from .news import WorkspaceNews
 from .reading import PAGE, ResourceReading, page_of
+from .tasks import Tasks
 from .tool_calls import InputNeeded, answer
 from .tool_schema import described_tool
 
@@ -66,12 +62,8 @@ answers with runs, or with a job for get_job when it takes long. analyze_results
 against B, render draws. Everything made is kept under its id; "latest" means the newest of its kind. Pass the user's \
 words and units on; a refusal names what is valid and the next call. Figures in answers are computed: quote them with \
 their ids, and never invent ids or numbers."""
-_PROGRESS_INTERVAL_S = 0.5
-"""Reports of progress that follow each other faster are dropped; chosen."""
 _MOST_CALLS = 32
 """Calls that are carried out at once; others wait for their turn. Chosen: clients send a few, and each has a thread."""
-_STATELESS_SINCE = "2026-07-28"
-"""The first protocol revision without requests from the server to the client."""
 _Entry = TypeVar("_Entry")
 _ServicesFactory = Callable[[], AbstractAsyncContextManager[Services]]
 
@@ -96,12 +88,14 @@ class PlannerForgeServer(MCPServer[Services]):
                 try:
                     async with anyio.create_task_group() as tasks:
                         tasks.start_soon(self._news.watch, services, threads)
+                        self._tasks.run_in(tasks)
                         yield services
                         tasks.cancel_scope.cancel()
                 finally:
                     self._opened = None
+                    self._tasks.run_in(None)
 
-        self._news = WorkspaceNews()
+        self._news, self._tasks = WorkspaceNews(), Tasks(self, threads)
         super().__init__(
             name="plannerforge",
             title="PlannerForge",
@@ -109,6 +103,7 @@ class PlannerForgeServer(MCPServer[Services]):
             instructions=INSTRUCTIONS,
             lifespan=lifespan,
             subscriptions=self._news,
+            extensions=[self._tasks],
             log_level="ERROR",
         )
         self._lowlevel_server.add_request_handler("tools/list", PaginatedRequestParams, self._list_tools)
@@ -172,10 +167,14 @@ class PlannerForgeServer(MCPServer[Services]):
 
         return await self._threads.run(read)
 
+    def spec_for(self, client: ClientIdentity, name: str) -> ToolSpec | None:
+        """The tool of this name, if the client may use it."""
+        return self._specs_for(client).get(name)
+
     def _specs_for(self, client: ClientIdentity) -> Mapping[str, ToolSpec]:
         return self._reading if client.reads_only else self._specs
 
-    def _services_for(self, client: ClientIdentity, services: Services) -> Services:
+    def services_for(self, client: ClientIdentity, services: Services) -> Services:
         """The services with what this client made last, where it is not the only client."""
         return replace(services, recent=self._memories.of(client.key)) if client.key else services
 
@@ -196,20 +195,38 @@ class PlannerForgeServer(MCPServer[Services]):
             which = "for a token that is for reading only" if name in self._specs else ""
             error = UnknownName(f"there is no tool {quoted(name)} {which}".rstrip(), valid=closest(name, specs))
             raise MCPError(INVALID_PARAMS, error.text)
-        started, clock = datetime.now(UTC), time.perf_counter()
-        services = self._services_for(client, context.request_context.lifespan_context)
-        call = ToolCall(services, _PacedProgress(context).send, _Asker(context).ask)
+        services = self.services_for(client, context.request_context.lifespan_context)
+        call = ToolCall(services, PacedProgress(context).send, Asker(context).ask)
         try:
-            async with self._at_once:
-                result = await self._threads.run(answer, spec, arguments, call)
+            return await self.carry_out(spec, arguments, call, client)
         except InputNeeded as needed:
-            return _question(needed)
+            return question_result(needed)
+
+    async def carry_out(
+        self,
+        spec: ToolSpec,
+        arguments: Mapping[str, Any],
+        call: ToolCall,
+        client: ClientIdentity,
+        turn: anyio.Semaphore | None = None,
+    ) -> CallToolResult:
+        """Make a call of a tool when it is its turn, and write it down.
+
+        Args:
+            turn: what it waits for, in place of the turn of ordinary calls.
+
+        Raises:
+            InputNeeded: the call has a question that only its next attempt can answer.
+        """
+        async with turn or self._at_once:
+            started, clock = datetime.now(UTC), time.perf_counter()
+            result = await self._threads.run(answer, spec, arguments, call)
         if self._journal is not None:
             self._journal.add(
                 time=started.isoformat(timespec="milliseconds"),
                 client=client.name,
-                tool=name,
-                arguments=arguments,
+                tool=spec.name,
+                arguments=dict(arguments),
                 duration_s=time.perf_counter() - clock,
                 result=result,
             )
@@ -247,7 +264,7 @@ class PlannerForgeServer(MCPServer[Services]):
         """
         if context is None:
             raise MCPError(INVALID_PARAMS, "a prompt needs the context of a request")
-        call = ToolCall(context.request_context.lifespan_context, _PacedProgress(context).send)
+        call = ToolCall(context.request_context.lifespan_context, PacedProgress(context).send)
 
         async def read() -> GetPromptResult:
             places = tuple(entry.facts.place for entry in maps_seen(call).entries)
@@ -269,84 +286,3 @@ def _page(entries: list[_Entry], request: PaginatedRequestParams) -> tuple[list[
         return page_of(entries, request.cursor, PAGE)
     except PlannerForgeError as error:
         raise MCPError(INVALID_PARAMS, error.text) from error
-
-
-class _PacedProgress:
-    """Sends progress to the client: strictly rising, at most twice a second."""
-
-    def __init__(self, context: Context[Services, Any]) -> None:
-        self._context, self._home = context, asyncio.get_running_loop()
-        self._share, self._sent_at = 0.0, -1.0
-
-    async def send(self, share: float, message: str) -> None:
-        """Report the share done in [0, 1], from whichever thread, if there is news and it is time."""
-        await run_in(self._home, self._send, share, message)
-
-    async def _send(self, share: float, message: str) -> None:
-        now = anyio.current_time()
-        if share <= self._share or (now - self._sent_at < _PROGRESS_INTERVAL_S and share < 1.0):
-            return
-        self._share, self._sent_at = share, now
-        await self._context.report_progress(round(share, 4), 1.0, message or None)
-
-
-class _Asker:
-    """Puts questions to the person at the client of one call, in both protocol eras.
-
-    Until 2025-11-25 a question is a request of the server's in the middle of the call. Since 2026-07-28 there are none:
-    the call ends with the question, and the client makes it again with the answer, known by the question's digest.
-    """
-
-    def __init__(self, context: Context[Services, Any]) -> None:
-        self._context, self._home = context, asyncio.get_running_loop()
-
-    async def ask(self, question: Question) -> str | None:
-        """The choice, from whichever thread; None where the client cannot ask, or nobody chooses.
-
-        Raises:
-            InputNeeded: the client has to make the call again with the answer.
-        """
-        key = f"choice-{hashlib.sha256(repr(question).encode()).hexdigest()[:16]}"
-        given = (self._context.input_responses or {}).get(key)
-        if given is not None:
-            if not isinstance(given, ElicitResult) or given.action != "accept":
-                return None
-            return _chosen(given.content, question)
-        if not self._can_ask():
-            return None
-        version = self._context.protocol_version
-        if version is not None and version >= _STATELESS_SINCE:
-            raise InputNeeded(key, question)
-        return await run_in(self._home, self._elicit, question)
-
-    def _can_ask(self) -> bool:
-        """Whether the client shows forms; one that only says that it asks, does."""
-        capabilities = self._context.client_capabilities
-        elicitation = capabilities.elicitation if capabilities is not None else None
-        return elicitation is not None and (elicitation.form is not None or elicitation.url is None)
-
-    async def _elicit(self, question: Question) -> str | None:
-        try:
-            outcome = await self._context.elicit(question.text, _form(question))
-        except (MCPError, ValueError):  # an answer that does not fit is none
-            return None
-        return _chosen(outcome.data.model_dump(), question) if isinstance(outcome, AcceptedElicitation) else None
-
-
-def _question(needed: InputNeeded) -> InputRequiredResult:
-    """What a call answers that cannot go on without an answer."""
-    form = render_elicitation_schema(_form(needed.question))
-    parameters = ElicitRequestFormParams(message=needed.question.text, requested_schema=form)
-    return InputRequiredResult(input_requests={needed.key: ElicitRequest(params=parameters)})
-
-
-def _form(question: Question) -> type[BaseModel]:
-    """A form with one field: one of the choices."""
-    choices: Any = Literal[question.choices]
-    form: type[BaseModel] = create_model("Choice", choice=(choices, Field(description="one of these")))
-    return form
-
-
-def _chosen(content: Mapping[str, Any] | None, question: Question) -> str | None:
-    choice = (content or {}).get("choice")
-    return choice if isinstance(choice, str) and choice in question.choices else None
