@@ -1,42 +1,70 @@
-"""Resource templates: scenario files, run files, pictures and reports by URI.
+"""Resources by URI: files and records of artifacts, jobs, pictures, reports, vocabularies, presets.
 
-Runs and scenarios are not enumerated (a workspace holds thousands); tools find them and answer with these links.
+Of artifacts only the newest are listed (a workspace holds thousands); tools find the others and answer with links.
 """
 
 import json
 import re
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any, Final
 
-from mcp.types import ResourceTemplate
+from mcp.types import Resource, ResourceTemplate
 
-from ..engine.workspace import ARTIFACT_KINDS, Workspace
+from ..engine.execution import JobStore
+from ..engine.planners import PLANNERS, planner_names
+from ..engine.tuning import preset_configuration, to_yaml, tuning_of
+from ..engine.workspace import ARTIFACT_KINDS, Artifact, ArtifactKind, Workspace
 from ..schemas.errors import NotPossible, UnknownName
-from ..schemas.text import quoted
+from ..schemas.modification import EDITS
+from ..schemas.text import printable, quoted
+from ..schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ORIGINS, ROAD_NET_KEYS, SIGNS, TAGS
 
 SCHEME = "plannerforge://"
 MOST_BYTES = 16 * 1024**2
 """Of a resource: its file stands in one message, several times over in memory. Chosen."""
-
-
+MOST_LISTED = 20
+"""Newest artifacts that are listed."""
+_MOST_IDS = 1_000
+"""Newest artifacts or jobs of a kind among which an id is completed; chosen."""
+_JSON, _XML, _YAML = "application/json", "application/xml", "application/yaml"
+_TEMPLATES: Final = (
+    ("scenario/{id}/xml", "scenario", "Scenario", "CommonRoad XML of a scenario", _XML),
+    ("scenario/{id}/net", "sumo_net", "SUMO net", "SUMO net of a scenario", _XML),
+    ("config/{id}/yaml", "configuration", "Configuration", "Cost weights of a planner as YAML", _YAML),
+    ("run/{id}/steps", "run_steps", "Steps of a run", "Trajectory and cost terms of a run", _JSON),
+    ("{kind}/{id}/record", "record", "Record", "Record and recipe of any artifact", _JSON),
+    ("job/{id}", "job", "Job", "State of long work; it can be subscribed to", _JSON),
+    ("picture/{name}.png", "picture", "Picture", "A picture that render made", "image/png"),
+    ("picture/{name}.gif", "animation", "Animation", "An animation that render made", "image/gif"),
+    ("report/{name}.html", "report", "Report", "A report as one HTML page", "text/html"),
+    ("vocabulary/{name}", "vocabulary", "Vocabulary", "Words that an argument takes, with their meaning", _JSON),
+    ("preset/{planner}/{name}", "preset", "Preset", "Cost weights of a planner's preset as YAML", _YAML),
+)
 TEMPLATES: tuple[ResourceTemplate, ...] = tuple(
-    ResourceTemplate(uri_template=SCHEME + path, name=name, description=description, mime_type=mime_type)
-    for path, name, description, mime_type in (
-        ("scenario/{id}/xml", "scenario", "CommonRoad XML of a scenario", "application/xml"),
-        ("scenario/{id}/net", "sumo_net", "SUMO net of a scenario", "application/xml"),
-        ("config/{id}/yaml", "configuration", "Cost weights of a planner as YAML", "application/yaml"),
-        ("run/{id}/steps", "run_steps", "Trajectory and cost terms of a run", "application/json"),
-        ("{kind}/{id}/record", "record", "Record and recipe of any artifact", "application/json"),
-        ("picture/{name}", "picture", "A picture or animation that render made", "image/png"),
-        ("report/{name}", "report", "A report as one HTML page", "text/html"),
-    )
+    ResourceTemplate(uri_template=SCHEME + path, name=name, title=title, description=told, mime_type=mime_type)
+    for path, name, title, told, mime_type in _TEMPLATES
 )
 _FILES = {
-    ("scenario", "xml"): ("scenario.xml", "application/xml"),
-    ("scenario", "net"): ("scenario.net.xml", "application/xml"),
-    ("config", "yaml"): ("config.yaml", "application/yaml"),
-    ("run", "steps"): ("steps.json", "application/json"),
+    ("scenario", "xml"): ("scenario.xml", _XML),
+    ("scenario", "net"): ("scenario.net.xml", _XML),
+    ("config", "yaml"): ("config.yaml", _YAML),
+    ("run", "steps"): ("steps.json", _JSON),
 }
+_MAIN_PARTS = {"scenario": "xml", "config": "yaml"}
+"""What of an artifact a link leads to, where it is not the record."""
 _MADE = {"png": "image/png", "gif": "image/gif", "html": "text/html"}
+_VOCABULARIES: Final[dict[str, tuple[str, Callable[[], dict[str, str]]]]] = {
+    "tags": ("Tags of scenarios", lambda: TAGS),
+    "features": ("Features that are computed of scenarios", lambda: FEATURES),
+    "measures": ("Numbers that are computed of scenarios", lambda: MEASURES),
+    "signs": ("Traffic signs", lambda: SIGNS),
+    "road_net": ("Keys of road networks", lambda: ROAD_NET_KEYS),
+    "obstacles": ("Types of obstacles", lambda: dict.fromkeys(OBSTACLE_TYPES, "")),
+    "origins": ("Where scenarios come from", lambda: {str(name): told for name, told in ORIGINS.items()}),
+    "edits": ("Edits of modify_scenario, with their arguments", lambda: _edits()),
+    "behaviours": ("Presets of set_behaviour, with their values", lambda: _behaviours()),
+}
 
 
 def read_resource(uri: str, workspace: Workspace) -> tuple[str | bytes, str]:
@@ -46,29 +74,155 @@ def read_resource(uri: str, workspace: Workspace) -> tuple[str | bytes, str]:
         UnknownName: nothing is there; the valid forms are named.
         NotPossible: the file has more than 16 MiB.
     """
-    match = re.fullmatch(rf"{re.escape(SCHEME)}([a-z]+)/([\w.\-]+)(?:/([a-z]+))?", uri)
+    match = re.fullmatch(rf"{re.escape(SCHEME)}([a-z]+)/([\w.\-]+)(?:/([\w.\-]+))?", uri)
     if match is None:
-        raise _unknown(uri)
+        raise unknown_resource(uri)
     kind, identifier, part = match[1], match[2], match[3]
     if kind in ("picture", "report") and part is None:
         return _made_file(uri, workspace, kind, identifier)
+    if kind == "job" and part is None:
+        return _as_json(JobStore(workspace.database).get(identifier).model_dump(mode="json")), _JSON
+    if kind == "vocabulary" and part is None and identifier in _VOCABULARIES:
+        return _as_json(_VOCABULARIES[identifier][1]()), _JSON
+    if kind == "preset" and part is not None:
+        return to_yaml(preset_configuration(identifier, part)), _YAML
     if kind not in ARTIFACT_KINDS:
-        raise _unknown(uri)
+        raise unknown_resource(uri)
     if part == "record":
         artifact = workspace.get(identifier, kind)  # type: ignore[arg-type]
-        return json.dumps(artifact.model_dump(mode="json"), indent=1, ensure_ascii=False), "application/json"
-    if (kind, part) not in _FILES:
-        raise _unknown(uri)
+        return _record(artifact), _JSON
+    if part is None or (kind, part) not in _FILES:
+        raise unknown_resource(uri)
     name, mime_type = _FILES[kind, part]
     artifact = workspace.get(identifier, kind)  # type: ignore[arg-type]
     return _content(workspace.file(artifact.kind, artifact.artifact_id, name)).decode(), mime_type
+
+
+def listed_resources(workspace: Workspace) -> list[Resource]:
+    """What a client is shown without asking for anything: vocabularies, then the newest artifacts."""
+    words = [
+        Resource(
+            uri=f"{SCHEME}vocabulary/{name}",
+            name=name,
+            title=title,
+            description="words with their meaning",
+            mime_type=_JSON,
+            size=len(_as_json(read()).encode()),
+        )
+        for name, (title, read) in _VOCABULARIES.items()
+    ]
+    return [*words, *(artifact_link(artifact, workspace) for artifact in workspace.newest(limit=MOST_LISTED))]
+
+
+def artifact_link(artifact: Artifact, workspace: Workspace) -> Resource:
+    """Where an artifact can be read: its file where it has one that says it all, otherwise its record."""
+    part = _MAIN_PARTS.get(artifact.kind, "record")
+    if part == "record":
+        size, mime_type = len(_record(artifact).encode()), _JSON
+    else:
+        name, mime_type = _FILES[artifact.kind, part]
+        size = workspace.file(artifact.kind, artifact.artifact_id, name).stat().st_size
+    return Resource(
+        uri=f"{SCHEME}{artifact.kind}/{artifact.artifact_id}/{part}",
+        name=artifact.artifact_id,
+        title=printable(artifact.name) or None,
+        description=f"{artifact.kind}, made by {artifact.recipe.tool}",
+        mime_type=mime_type,
+        size=size,
+    )
+
+
+def job_link(job_id: str) -> Resource:
+    """Where the state of a job can be read and subscribed to."""
+    return Resource(
+        uri=f"{SCHEME}job/{job_id}",
+        name=job_id,
+        title="Job",
+        description="state of long work; subscribe to it, or call get_job",
+        mime_type=_JSON,
+    )
+
+
+def picture_link(path: Path, mime_type: str) -> Resource:
+    """Where a picture or animation can be read."""
+    return Resource(
+        uri=f"{SCHEME}picture/{path.name}",
+        name=path.name,
+        title="Animation" if mime_type == "image/gif" else "Picture",
+        mime_type=mime_type,
+        size=path.stat().st_size,
+    )
+
+
+def resource_completions(
+    template: str, argument: str, typed: str, given: dict[str, str], workspace: Workspace
+) -> list[str]:
+    """The values of a template's argument that begin with what was typed, in any case, newest first.
+
+    Args:
+        given: the template's other arguments, as far as they are known.
+
+    Raises:
+        UnknownName: there is no such template, or it has no such argument.
+    """
+    if template not in {known.uri_template for known in TEMPLATES}:
+        raise unknown_resource(template)
+    if f"{{{argument}}}" not in template:
+        raise UnknownName(f"{template} has no argument {quoted(argument)}", valid=re.findall(r"{(\w+)}", template))
+    kind = template.removeprefix(SCHEME).partition("/")[0]
+    values = _values(kind if kind != "{kind}" else given.get("kind", ""), argument, template, given, workspace)
+    return [value for value in values if value.casefold().startswith(typed.casefold())]
+
+
+def _values(kind: str, argument: str, template: str, given: dict[str, str], workspace: Workspace) -> Iterable[str]:
+    """All values of an argument."""
+    if argument == "kind":
+        return ARTIFACT_KINDS
+    if argument == "planner":
+        return planner_names()
+    if kind == "vocabulary":
+        return _VOCABULARIES
+    if kind == "preset":
+        return dict.fromkeys(preset for name in _planners(given) for preset in tuning_of(name).presets)
+    if kind == "job":
+        return [job.job_id for job in JobStore(workspace.database).newest(_MOST_IDS)]
+    if argument == "name":
+        ending = template.rpartition(".")[2]
+        files = [path for path in (workspace.root / f"{kind}s").glob(f"*.{ending}") if not path.name.startswith(".")]
+        newest = sorted(files, key=lambda path: (-path.stat().st_mtime, path.name))
+        return [path.stem for path in newest[:_MOST_IDS]]
+    wanted: ArtifactKind | None = kind if kind in ARTIFACT_KINDS else None  # type: ignore[assignment]
+    return [found.artifact_id for found in workspace.newest(kind=wanted, limit=_MOST_IDS)]
+
+
+def _planners(given: dict[str, str]) -> Iterable[str]:
+    named = given.get("planner", "")
+    return [named] if named in PLANNERS else PLANNERS
+
+
+def _edits() -> dict[str, str]:
+    return {name: ", ".join(kind.arguments) for name, kind in EDITS.items()}
+
+
+def _behaviours() -> dict[str, str]:
+    from ..engine.cosimulation import presets  # read when asked for: not needed before the first answers
+
+    return {name: ", ".join(f"{key}={value:g}" for key, value in one.items()) for name, one in presets().items()}
+
+
+def _record(artifact: Artifact) -> str:
+    return _as_json(artifact.model_dump(mode="json"))
+
+
+def _as_json(value: Any) -> str:
+    return json.dumps(value, indent=1, ensure_ascii=False)
 
 
 def _made_file(uri: str, workspace: Workspace, kind: str, name: str) -> tuple[str | bytes, str]:
     path = workspace.root / f"{kind}s" / name
     mime_type = _MADE.get(path.suffix.removeprefix("."))
     if mime_type is None or name.startswith(".") or path.is_symlink() or not path.is_file():
-        raise _unknown(uri)
+        raise unknown_resource(uri)
     content = _content(path)
     return (content.decode() if mime_type == "text/html" else content), mime_type
 
@@ -84,5 +238,6 @@ def _content(path: Path) -> bytes:
     return content
 
 
-def _unknown(uri: str) -> UnknownName:
+def unknown_resource(uri: str) -> UnknownName:
+    """The refusal of a URI behind which nothing is."""
     return UnknownName(f"there is no resource {quoted(uri)}", valid=[template.uri_template for template in TEMPLATES])

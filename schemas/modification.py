@@ -31,6 +31,10 @@ EditDetail = Literal["brief", "checks"]
 """``checks``: touched motions are judged by the drivability checker too, which takes up to a second each."""
 
 
+AMBIGUOUS_VEHICLE: Final = "which_vehicle"
+"""The first word of the reason of a refusal of a selector that several vehicles fit; the selector follows it."""
+
+
 class EditKind(NamedTuple):
     """What the tool knows of an operation: the paper's letter, and the arguments that belong to it."""
 

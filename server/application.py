@@ -1,57 +1,58 @@
 """The MCP server: our tools, resources and prompts on the official SDK, in both protocol eras.
 
 Protocol 2026-07-28 is stateless and has no handshake; the revisions before it begin with ``initialize``. The SDK serves
-both; nothing here keeps state between the requests of one connection.
+both. What each client made last is remembered (``clients.py``); nothing else is kept between requests.
 """
 
-import asyncio
-import hashlib
+import logging
 import time
 from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
-from typing import Any, Literal
+from typing import Any, TypeVar
 
 import anyio
 from mcp import MCPError
 from mcp.server import MCPServer
 from mcp.server.context import ServerRequestContext
-from mcp.server.elicitation import AcceptedElicitation, render_elicitation_schema
+from mcp.server.lowlevel import Server
 from mcp.server.lowlevel.helper_types import ReadResourceContents
 from mcp.server.mcpserver.context import Context
 from mcp.server.stdio import stdio_server
 from mcp.types import (
     INVALID_PARAMS,
     CallToolResult,
-    CompleteRequestParams,
-    CompleteResult,
-    Completion,
-    ElicitRequest,
-    ElicitRequestFormParams,
-    ElicitResult,
     GetPromptResult,
     InputRequiredResult,
+    ListPromptsResult,
+    ListToolsResult,
+    PaginatedRequestParams,
     Prompt,
-    PromptReference,
     ResourceTemplate,
     Tool,
 )
-from pydantic import AnyUrl, BaseModel, Field, create_model
+from pydantic import AnyUrl
 
 from .. import __version__
-from ..engine.execution import CallThreads, run_in
-from ..prompts.catalog import completions, listed_prompts, prompt_text, workspace_facts
-from ..resources.templates import TEMPLATES, read_resource
+from ..engine.execution import CallThreads
+from ..prompts.catalog import listed_prompts, prompt_text, workspace_facts
 from ..schemas.errors import PlannerForgeError, UnknownName, closest
-from ..schemas.text import one_line
-from ..tools.call import Question, Services, ToolCall
+from ..schemas.text import quoted
+from ..tools.call import Services, ToolCall
 from ..tools.maps import maps_seen
-from ..tools.registry import ToolSpec
+from ..tools.registry import ToolSpec, only_reading
+from .asking import Asker, PacedProgress, question_result
+from .clients import ClientIdentity, ClientMemories, client_of
 from .journal import Journal
 from .messages import ReadableMessages, standard_input
+from .news import WorkspaceNews
+from .reading import PAGE, ResourceReading, page_of
+from .tasks import Tasks
 from .tool_calls import InputNeeded, answer
 from .tool_schema import described_tool
 
+logger = logging.getLogger(__name__)
 INSTRUCTIONS = """\
 PlannerForge tests motion planners on CommonRoad scenarios: find or generate a scenario, modify it, run planners, \
 compare, tune. Start with find_scenarios or generate_scenarios; both answer with scenario ids. describe_scenario shows \
@@ -61,14 +62,9 @@ answers with runs, or with a job for get_job when it takes long. analyze_results
 against B, render draws. Everything made is kept under its id; "latest" means the newest of its kind. Pass the user's \
 words and units on; a refusal names what is valid and the next call. Figures in answers are computed: quote them with \
 their ids, and never invent ids or numbers."""
-_PROGRESS_INTERVAL_S = 0.5
-"""Reports of progress that follow each other faster are dropped; chosen."""
 _MOST_CALLS = 32
 """Calls that are carried out at once; others wait for their turn. Chosen: clients send a few, and each has a thread."""
-_MOST_COMPLETIONS = 100
-"""The protocol's bound on values of one completion."""
-_STATELESS_SINCE = "2026-07-28"
-"""The first protocol revision without requests from the server to the client."""
+_Entry = TypeVar("_Entry")
 _ServicesFactory = Callable[[], AbstractAsyncContextManager[Services]]
 
 
@@ -82,23 +78,41 @@ class PlannerForgeServer(MCPServer[Services]):
         threads: CallThreads,
         journal: Journal | None,
     ) -> None:
+        self._opened: Services | None = None
+
         @asynccontextmanager
         async def lifespan(server: MCPServer[Services]) -> AsyncIterator[Services]:
             del server
             async with open_services() as services:
-                yield services
+                self._opened = services
+                try:
+                    async with anyio.create_task_group() as tasks:
+                        tasks.start_soon(self._news.watch, services, threads)
+                        self._tasks.run_in(tasks)
+                        yield services
+                        tasks.cancel_scope.cancel()
+                finally:
+                    self._opened = None
+                    self._tasks.run_in(None)
 
+        self._news, self._tasks = WorkspaceNews(), Tasks(self, threads)
         super().__init__(
             name="plannerforge",
             title="PlannerForge",
             version=__version__,
             instructions=INSTRUCTIONS,
             lifespan=lifespan,
+            subscriptions=self._news,
+            extensions=[self._tasks],
             log_level="ERROR",
         )
-        self._lowlevel_server.add_request_handler("completion/complete", CompleteRequestParams, self._complete)
+        self._lowlevel_server.add_request_handler("tools/list", PaginatedRequestParams, self._list_tools)
+        self._lowlevel_server.add_request_handler("prompts/list", PaginatedRequestParams, self._list_prompts)
         self._specs = {spec.name: spec for spec in tools}
-        self._threads, self._journal = threads, journal
+        self._reading = {spec.name: spec for spec in only_reading(tools)}
+        self._threads, self._journal, self._memories = threads, journal, ClientMemories()
+        self._resources = ResourceReading(tools, threads, self._news)
+        self._resources.serve_on(self._lowlevel_server)
         self._at_once = anyio.Semaphore(_MOST_CALLS)
 
     async def run_stdio_async(self) -> None:
@@ -108,13 +122,61 @@ class PlannerForgeServer(MCPServer[Services]):
                 options = self._lowlevel_server.create_initialization_options()
                 await self._lowlevel_server.run(ReadableMessages(incoming, outgoing), outgoing, options)
 
+    @property
+    def protocol(self) -> Server[Services]:
+        """The protocol's side of the server, which a transport speaks to."""
+        return self._lowlevel_server
+
+    async def is_ready(self) -> bool:
+        """Whether the services run and the workspace can be read."""
+        services = self._opened
+        if services is None:
+            return False
+
+        async def read() -> None:
+            services.jobs.store.newest(1)
+
+        try:
+            await self._threads.run(read)
+        except PlannerForgeError as error:
+            logger.warning("not ready: %s", error.text)
+            return False
+        return True
+
     async def list_tools(self) -> list[Tool]:
         """All tools, in the order of the registry."""
+        return await self._described(self._specs)
 
+    async def _list_tools(
+        self, context: ServerRequestContext[Services], request: PaginatedRequestParams
+    ) -> ListToolsResult:
+        """The tools that the client may use."""
+        page, following = _page(await self._described(self._specs_for(client_of(context))), request)
+        return ListToolsResult(tools=page, next_cursor=following)
+
+    async def _list_prompts(
+        self, context: ServerRequestContext[Services], request: PaginatedRequestParams
+    ) -> ListPromptsResult:
+        del context
+        page, following = _page(listed_prompts(), request)
+        return ListPromptsResult(prompts=page, next_cursor=following)
+
+    async def _described(self, specs: Mapping[str, ToolSpec]) -> list[Tool]:
         async def read() -> list[Tool]:
-            return [described_tool(spec) for spec in self._specs.values()]
+            return [described_tool(spec) for spec in specs.values()]
 
         return await self._threads.run(read)
+
+    def spec_for(self, client: ClientIdentity, name: str) -> ToolSpec | None:
+        """The tool of this name, if the client may use it."""
+        return self._specs_for(client).get(name)
+
+    def _specs_for(self, client: ClientIdentity) -> Mapping[str, ToolSpec]:
+        return self._reading if client.reads_only else self._specs
+
+    def services_for(self, client: ClientIdentity, services: Services) -> Services:
+        """The services with what this client made last, where it is not the only client."""
+        return replace(services, recent=self._memories.of(client.key)) if client.key else services
 
     async def call_tool(
         self, name: str, arguments: dict[str, Any], context: Context[Services, Any] | None = None
@@ -124,54 +186,68 @@ class PlannerForgeServer(MCPServer[Services]):
         Raises:
             MCPError: there is no such tool (-32602).
         """
-        spec = self._specs.get(name)
-        if spec is None:
-            error = UnknownName(f"there is no tool '{name}'", valid=closest(name, self._specs))
-            raise MCPError(INVALID_PARAMS, error.text)
         if context is None:
             raise MCPError(INVALID_PARAMS, "a tool needs the context of a request")
-        started, clock = datetime.now(UTC), time.perf_counter()
-        services = context.request_context.lifespan_context
-        call = ToolCall(services, _PacedProgress(context).send, _Asker(context).ask)
+        client = client_of(context.request_context)
+        specs = self._specs_for(client)
+        spec = specs.get(name)
+        if spec is None:
+            which = "for a token that is for reading only" if name in self._specs else ""
+            error = UnknownName(f"there is no tool {quoted(name)} {which}".rstrip(), valid=closest(name, specs))
+            raise MCPError(INVALID_PARAMS, error.text)
+        services = self.services_for(client, context.request_context.lifespan_context)
+        call = ToolCall(services, PacedProgress(context).send, Asker(context).ask)
         try:
-            async with self._at_once:
-                result = await self._threads.run(answer, spec, arguments, call)
+            return await self.carry_out(spec, arguments, call, client)
         except InputNeeded as needed:
-            return _question(needed)
+            return question_result(needed)
+
+    async def carry_out(
+        self,
+        spec: ToolSpec,
+        arguments: Mapping[str, Any],
+        call: ToolCall,
+        client: ClientIdentity,
+        turn: anyio.Semaphore | None = None,
+    ) -> CallToolResult:
+        """Make a call of a tool when it is its turn, and write it down.
+
+        Args:
+            turn: what it waits for, in place of the turn of ordinary calls.
+
+        Raises:
+            InputNeeded: the call has a question that only its next attempt can answer.
+        """
+        async with turn or self._at_once:
+            started, clock = datetime.now(UTC), time.perf_counter()
+            result = await self._threads.run(answer, spec, arguments, call)
         if self._journal is not None:
             self._journal.add(
                 time=started.isoformat(timespec="milliseconds"),
-                client=_client_name(context),
-                tool=name,
-                arguments=arguments,
+                client=client.name,
+                tool=spec.name,
+                arguments=dict(arguments),
                 duration_s=time.perf_counter() - clock,
                 result=result,
             )
         return result
 
     async def list_resource_templates(self) -> list[ResourceTemplate]:
-        """Where scenarios, pictures and reports can be read; artifacts themselves are found by tools, not listed."""
-        return list(TEMPLATES)
+        """Where everything can be read that tools link to."""
+        return self._resources.templates()
 
     async def read_resource(
         self, uri: AnyUrl | str, context: Context[Services, Any] | None = None
     ) -> Iterable[ReadResourceContents]:
-        """Read a file of an artifact.
+        """Read a resource.
 
         Raises:
             MCPError: nothing is there (-32602), with the templates that exist.
         """
         if context is None:
             raise MCPError(INVALID_PARAMS, "a resource needs the context of a request")
-        workspace = context.request_context.lifespan_context.workspace
-
-        async def read() -> tuple[str | bytes, str]:
-            return read_resource(str(uri), workspace)
-
-        try:
-            content, mime_type = await self._threads.run(read)
-        except PlannerForgeError as error:
-            raise MCPError(INVALID_PARAMS, error.text, data={"uri": one_line(str(uri))}) from error
+        services = context.request_context.lifespan_context
+        content, mime_type = await self._resources.read(str(uri), services)
         return [ReadResourceContents(content=content, mime_type=mime_type)]
 
     async def list_prompts(self) -> list[Prompt]:
@@ -188,7 +264,7 @@ class PlannerForgeServer(MCPServer[Services]):
         """
         if context is None:
             raise MCPError(INVALID_PARAMS, "a prompt needs the context of a request")
-        call = ToolCall(context.request_context.lifespan_context, _PacedProgress(context).send)
+        call = ToolCall(context.request_context.lifespan_context, PacedProgress(context).send)
 
         async def read() -> GetPromptResult:
             places = tuple(entry.facts.place for entry in maps_seen(call).entries)
@@ -199,106 +275,14 @@ class PlannerForgeServer(MCPServer[Services]):
         except PlannerForgeError as error:
             raise MCPError(INVALID_PARAMS, error.text) from error
 
-    async def _complete(
-        self, context: ServerRequestContext[Services], request: CompleteRequestParams
-    ) -> CompleteResult:
-        """Values of a prompt's argument that begin with what was typed; resources have none."""
-        if not isinstance(request.ref, PromptReference):
-            return CompleteResult(completion=Completion(values=[], total=0, has_more=False))
-        name, argument, workspace = request.ref.name, request.argument, context.lifespan_context.workspace
 
-        async def read() -> list[str]:
-            return completions(name, argument.name, argument.value, workspace)
+def _page(entries: list[_Entry], request: PaginatedRequestParams) -> tuple[list[_Entry], str | None]:
+    """The wanted page of a list, and the cursor of the next one.
 
-        try:
-            found = await self._threads.run(read)
-        except PlannerForgeError as error:
-            raise MCPError(INVALID_PARAMS, error.text) from error
-        more = len(found) > _MOST_COMPLETIONS
-        return CompleteResult(completion=Completion(values=found[:_MOST_COMPLETIONS], total=len(found), has_more=more))
-
-
-class _PacedProgress:
-    """Sends progress to the client: strictly rising, at most twice a second."""
-
-    def __init__(self, context: Context[Services, Any]) -> None:
-        self._context, self._home = context, asyncio.get_running_loop()
-        self._share, self._sent_at = 0.0, -1.0
-
-    async def send(self, share: float, message: str) -> None:
-        """Report the share done in [0, 1], from whichever thread, if there is news and it is time."""
-        await run_in(self._home, self._send, share, message)
-
-    async def _send(self, share: float, message: str) -> None:
-        now = anyio.current_time()
-        if share <= self._share or (now - self._sent_at < _PROGRESS_INTERVAL_S and share < 1.0):
-            return
-        self._share, self._sent_at = share, now
-        await self._context.report_progress(round(share, 4), 1.0, message or None)
-
-
-class _Asker:
-    """Puts questions to the person at the client of one call, in both protocol eras.
-
-    Until 2025-11-25 a question is a request of the server's in the middle of the call. Since 2026-07-28 there are none:
-    the call ends with the question, and the client makes it again with the answer, known by the question's digest.
+    Raises:
+        MCPError: the cursor is none (-32602).
     """
-
-    def __init__(self, context: Context[Services, Any]) -> None:
-        self._context, self._home = context, asyncio.get_running_loop()
-
-    async def ask(self, question: Question) -> str | None:
-        """The choice, from whichever thread; None where the client cannot ask, or nobody chooses.
-
-        Raises:
-            InputNeeded: the client has to make the call again with the answer.
-        """
-        key = f"choice-{hashlib.sha256(repr(question).encode()).hexdigest()[:16]}"
-        given = (self._context.input_responses or {}).get(key)
-        if given is not None:
-            if not isinstance(given, ElicitResult) or given.action != "accept":
-                return None
-            return _chosen(given.content, question)
-        if not self._can_ask():
-            return None
-        version = self._context.protocol_version
-        if version is not None and version >= _STATELESS_SINCE:
-            raise InputNeeded(key, question)
-        return await run_in(self._home, self._elicit, question)
-
-    def _can_ask(self) -> bool:
-        """Whether the client shows forms; one that only says that it asks, does."""
-        capabilities = self._context.client_capabilities
-        elicitation = capabilities.elicitation if capabilities is not None else None
-        return elicitation is not None and (elicitation.form is not None or elicitation.url is None)
-
-    async def _elicit(self, question: Question) -> str | None:
-        try:
-            outcome = await self._context.elicit(question.text, _form(question))
-        except (MCPError, ValueError):  # an answer that does not fit is none
-            return None
-        return _chosen(outcome.data.model_dump(), question) if isinstance(outcome, AcceptedElicitation) else None
-
-
-def _question(needed: InputNeeded) -> InputRequiredResult:
-    """What a call answers that cannot go on without an answer."""
-    form = render_elicitation_schema(_form(needed.question))
-    parameters = ElicitRequestFormParams(message=needed.question.text, requested_schema=form)
-    return InputRequiredResult(input_requests={needed.key: ElicitRequest(params=parameters)})
-
-
-def _form(question: Question) -> type[BaseModel]:
-    """A form with one field: one of the choices."""
-    choices: Any = Literal[question.choices]
-    form: type[BaseModel] = create_model("Choice", choice=(choices, Field(description="one of these")))
-    return form
-
-
-def _chosen(content: Mapping[str, Any] | None, question: Question) -> str | None:
-    choice = (content or {}).get("choice")
-    return choice if isinstance(choice, str) and choice in question.choices else None
-
-
-def _client_name(context: Context[Services, Any]) -> str:
-    parameters = context.request_context.session.client_params
-    return "unknown" if parameters is None else f"{parameters.client_info.name} {parameters.client_info.version}"
+    try:
+        return page_of(entries, request.cursor, PAGE)
+    except PlannerForgeError as error:
+        raise MCPError(INVALID_PARAMS, error.text) from error

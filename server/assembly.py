@@ -15,7 +15,7 @@ from ..engine.workspace import Workspace, make_private
 from ..schemas.catalog import BuildIndexRequest
 from ..schemas.errors import NotPossible, PlannerForgeError
 from ..tools.call import INDEX_FOLDER, Services
-from ..tools.registry import TOOLS, ToolSpec
+from ..tools.registry import TOOLS, ToolSpec, only_reading
 from .application import PlannerForgeServer
 from .journal import Journal
 from .settings import Settings
@@ -119,9 +119,7 @@ def offered_tools(settings: Settings) -> tuple[ToolSpec, ...]:
     offered = [spec for spec in TOOLS if settings.tools == "all" or spec.essential]
     if settings.tools != "all":
         offered = [replace(spec, unlisted=spec.seldom) for spec in offered]
-    if settings.read_only:
-        offered = [spec.only_reading() for spec in offered if spec.read_only]
-    return tuple(offered)
+    return only_reading(offered) if settings.read_only else tuple(offered)
 
 
 async def warm_up(

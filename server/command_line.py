@@ -74,8 +74,12 @@ def serve(
     read_only: Annotated[bool | None, typer.Option("--read-only", help="Offer only tools that make nothing.")] = None,
     no_journal: Annotated[bool, typer.Option("--no-journal", help="Do not write down calls.")] = False,
     log_level: Annotated[str | None, typer.Option(help="DEBUG, INFO, WARNING or ERROR; goes to stderr.")] = None,
+    http: Annotated[bool, typer.Option("--http", help="Serve over HTTP instead, for several clients.")] = False,
+    host: Annotated[str | None, typer.Option(help="Address to listen at by HTTP [default: 127.0.0.1].")] = None,
+    port: Annotated[int | None, typer.Option(help="Port to listen at by HTTP; 0: a free one [default: 8765].")] = None,
+    token_file: Annotated[Path | None, typer.Option(help="Bearer tokens, one a line; `plannerforge token`.")] = None,
 ) -> None:
-    """Serve MCP over standard input and output."""
+    """Serve MCP over standard input and output, or over HTTP."""
     from ..engine.execution import limit_memory
     from .assembly import create_server
 
@@ -88,7 +92,16 @@ def serve(
         read_only=read_only,
         journal=False if no_journal else None,
         log_level=log_level,
+        http_host=host,
+        http_port=port,
+        http_token_file=token_file,
     )
+    if http:
+        from .http.serving import serve_http
+
+        limit_memory(settings.server_memory_mb * 1024**2)
+        serve_http(create_server(settings), settings)
+        return
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # the SDK reads standard input in a thread that nothing can interrupt
     limit_memory(settings.server_memory_mb * 1024**2)
     create_server(settings).run("stdio")
@@ -109,6 +122,20 @@ def call(
 
     settings = settings_from(workspace=workspace, roots=roots, map_folders=map_folders, workers=workers, warm_up=False)
     raise typer.Exit(make_call(settings, tool, arguments, as_json=as_json))
+
+
+@application.command()
+def token(
+    name: Annotated[str, typer.Argument(help="What the token is called, in the journal for instance.")],
+    read_only: Annotated[bool, typer.Option("--read-only", help="It sees only tools that make nothing.")] = False,
+) -> None:
+    """Make a bearer token for `serve --http`; it is shown once, its digest is kept."""
+    from .http.access import new_token
+
+    text, line = new_token(name, reads_only=read_only)
+    typer.echo(f"The client sends: Authorization: Bearer {text}", err=True)
+    typer.echo("The file of --token-file holds this line:", err=True)
+    typer.echo(line)
 
 
 @application.command(name="tools")

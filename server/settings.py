@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from platformdirs import user_config_path, user_data_path
-from pydantic import Field, field_validator
+from pydantic import Field, SecretStr, field_validator
 from pydantic_settings import (
     BaseSettings,
     NoDecode,
@@ -31,6 +31,8 @@ ANSWERS_FOLDER = "answers"
 """Where, in the workspace, the answers of map services are kept; it may be deleted at any time."""
 Addresses = Annotated[tuple[str, ...], NoDecode]
 """In a variable, addresses are separated by commas or spaces, or a JSON list."""
+Secrets = Annotated[tuple[SecretStr, ...], NoDecode]
+"""In a variable, they are separated by commas or line breaks, or a JSON list."""
 Folders = Annotated[tuple[Path, ...], NoDecode]
 """In a variable, folders are separated as in PATH, or a JSON list."""
 
@@ -84,6 +86,20 @@ class Settings(BaseSettings):
     journal_redact: tuple[str, ...] = Field(
         (), description="regular expressions of what the journal leaves out, beside keys, tokens and passwords"
     )
+    http_host: str = Field("127.0.0.1", description="address that serve --http listens at; another one needs a token")
+    http_port: int = Field(8765, ge=0, le=65535, description="port that serve --http listens at; 0: a free one")
+    http_url: str = Field("", description="address that clients use, such as https://forge.example.org/mcp")
+    http_hosts: Addresses = Field((), description="Host headers that are let in, beside this machine's own names")
+    http_origins: Addresses = Field((), description="Origin headers of web pages that are let in")
+    http_tokens: Secrets = Field((), description="bearer tokens, separated by commas: NAME TOKEN [read-only]")
+    http_token_file: Path | None = Field(None, description="file of bearer tokens, one a line: NAME TOKEN [read-only]")
+    http_proxies: Addresses = Field((), description="addresses of proxies whose X-Forwarded-For is believed")
+    http_body_mb: int = Field(4, ge=1, le=64, description="largest request by HTTP")
+    http_calls: int = Field(16, ge=1, le=256, description="requests that one client may have under way by HTTP")
+    http_rate: float = Field(100.0, ge=1, description="requests that one client may make in a second by HTTP")
+    http_stop_s: float = Field(10.0, ge=0, le=600, description="time that calls under way have to end at a stop")
+    oauth_issuer: str = Field("", description="OAuth authorization server whose tokens are let in; needs http_url")
+    oauth_keys_url: str = Field("", description="where its public keys are; default: where its metadata say")
     server_memory_mb: int = Field(1024, ge=256, description="data memory of the server's own process")
     log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = Field("WARNING", description="what goes to stderr")
 
@@ -99,7 +115,7 @@ class Settings(BaseSettings):
         except json.JSONDecodeError as error:
             raise ValueError(f"'{value}' begins like a JSON list of folders and is none: {error}") from error
 
-    @field_validator("overpass_urls", mode="before")
+    @field_validator("overpass_urls", "http_hosts", "http_origins", "http_proxies", mode="before")
     @classmethod
     def _listed(cls, value: Any) -> Any:
         return _listed_texts(value) if isinstance(value, str) else value
@@ -111,6 +127,20 @@ class Settings(BaseSettings):
         wrong = next((address for address in every if not _ADDRESS.fullmatch(address)), None)
         if wrong is not None or not every:
             raise ValueError(f"'{wrong or ''}' is no address such as {NOMINATIM_URL}")
+        return value
+
+    @field_validator("http_tokens", mode="before")
+    @classmethod
+    def _secrets(cls, value: Any) -> Any:
+        if not isinstance(value, str) or value.lstrip().startswith("["):
+            return _listed_texts(value) if isinstance(value, str) else value
+        return [part.strip() for part in re.split(r"[,\n]", value) if part.strip()]
+
+    @field_validator("http_url", "oauth_issuer", "oauth_keys_url")
+    @classmethod
+    def _one_address(cls, value: str) -> str:
+        if value and not _ADDRESS.fullmatch(value):
+            raise ValueError(f"'{value}' is no address such as https://forge.example.org/mcp")
         return value
 
     @field_validator("journal_redact")

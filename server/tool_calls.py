@@ -6,8 +6,9 @@ import logging
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from mcp.types import CallToolResult, ContentBlock, ImageContent, ResourceLink, TextContent
+from mcp.types import CallToolResult, ContentBlock, ImageContent, Resource, ResourceLink, TextContent
 
+from ..resources.templates import artifact_link, job_link
 from ..schemas.base import Result
 from ..schemas.errors import NotPossible, PlannerForgeError, UnexpectedFailure, as_told
 from ..schemas.text import printable
@@ -18,6 +19,8 @@ from .argument_errors import read_arguments
 logger = logging.getLogger(__name__)
 LONGEST_ANSWER = 400_000
 """Characters of an answer's text, and of its structure as JSON; chosen: ten times what a model reads with profit."""
+MOST_LINKS = 4
+"""Of an answer, beside its text and structure, which name all ids; chosen: hosts hand them to the model."""
 MOST_IMAGE_BYTES = 12 * 1024**2
 """Of all pictures of an answer; more are only linked. Chosen: clients refuse messages of tens of megabytes."""
 
@@ -40,7 +43,8 @@ async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> Ca
         arguments = read_arguments(spec.arguments_type, given, call.remarks)
         if made := [name for name in spec.refused if getattr(arguments, name)]:
             raise NotPossible(f"this server makes nothing, and {made[0]} does", next_step=f"leave {made[0]} out")
-        return _shaped(await spec.load_function()(arguments, call), call.remarks)
+        result = await spec.load_function()(arguments, call)
+        return _shaped(result, call.remarks, linked_by(call))
     except InputNeeded:
         raise
     except Exception as raised:  # noqa: BLE001 - the boundary of a call: it becomes the error of this one call
@@ -55,21 +59,36 @@ def answer_text(result: CallToolResult) -> str:
     return "\n".join(block.text for block in result.content if isinstance(block, TextContent))
 
 
-def _shaped(result: Result | ImageAnswer, remarks: Sequence[str]) -> CallToolResult:
+def linked_by(call: ToolCall) -> list[ResourceLink]:
+    """Links to what a call made, the last ones where it made many; with type, title and size."""
+    links: list[ResourceLink] = []
+    for kind, made_id in list(call.links)[-MOST_LINKS:]:
+        if kind == "job":
+            resource = job_link(made_id)
+        elif (artifact := call.workspace.find(kind, made_id)) is not None:
+            resource = artifact_link(artifact, call.workspace)
+        else:
+            continue
+        links.append(_as_link(resource))
+    return links
+
+
+def _as_link(resource: Resource) -> ResourceLink:
+    return ResourceLink(type="resource_link", **resource.model_dump(exclude_none=True, exclude={"meta"}))
+
+
+def _shaped(result: Result | ImageAnswer, remarks: Sequence[str], links: Sequence[ResourceLink]) -> CallToolResult:
     """The answer as content blocks and structured content, each of which says the whole; remarks come last."""
     if isinstance(result, ImageAnswer):
         shown, left_out = _shown_images(result)
         notes = [f"Note: too large for this answer, to be opened by their links: {left_out}"] if left_out else []
         text = _bounded(printable("\n".join([result.text, *notes, *remarks])))
         blocks: list[ContentBlock] = [TextContent(type="text", text=text), *shown]
-        blocks.extend(
-            ResourceLink(type="resource_link", name=link.rpartition("/")[2], uri=link) for link in result.links
-        )
-        return CallToolResult(content=blocks)
+        return CallToolResult(content=[*blocks, *map(_as_link, result.links)])
     text = _bounded(printable("\n".join([result.to_text(), *remarks])))
     structured = _printable_parts(result.model_dump(mode="json"))
     _bounded(json.dumps(structured, ensure_ascii=False))
-    return CallToolResult(content=[TextContent(type="text", text=text)], structured_content=structured)
+    return CallToolResult(content=[TextContent(type="text", text=text), *links], structured_content=structured)
 
 
 def _bounded(text: str) -> str:

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -91,9 +92,9 @@ def connect(warm_workers: None, settings: Settings, era: str, tmp_path: Path) ->
     """A real client session with a server of these settings, in memory."""
 
     @asynccontextmanager
-    async def session(other: Settings | None = None) -> AsyncIterator[Client]:
+    async def session(other: Settings | None = None, **options: Any) -> AsyncIterator[Client]:
         server = create_server(other or settings, start_folder=tmp_path)
-        async with Client(server, mode=era) as client:  # type: ignore[arg-type]
+        async with Client(server, mode=era, **options) as client:  # type: ignore[arg-type]
             yield client
 
     return session

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from mcp.types import Resource
+
 from ..engine.execution import (
     Claims,
     Executor,
@@ -109,6 +111,8 @@ class ToolCall:
         self.services, self.ask = services, ask
         self.remarks: list[str] = []
         """Sentences that the answer tells besides."""
+        self.links: dict[tuple[MadeKind, str], None] = {}
+        """What the answer links: what was made or asked for again, in this order."""
         self._send_progress = send_progress
 
     @property
@@ -130,6 +134,7 @@ class ToolCall:
         """Take note of what the client made, or asked for again, in this order."""
         for made_id in made_ids:
             self.services.recent.note(kind, made_id)
+            self.links[kind, made_id] = None
 
     def newest(self, *kinds: ArtifactKind, count: int = 1) -> list[Artifact]:
         """What the client made or chose last of some kinds, newest first; then what others made, which is told once."""
@@ -216,9 +221,9 @@ class Image:
 class ImageAnswer:
     """The answer of a tool that shows pictures: such a tool has no output schema, or hosts drop the pictures.
 
-    ``links`` are resource URIs where the same can be fetched.
+    ``links`` are resources where the same can be fetched.
     """
 
     text: str
     images: tuple[Image, ...]
-    links: tuple[str, ...] = ()
+    links: tuple[Resource, ...] = ()

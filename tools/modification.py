@@ -5,8 +5,10 @@ from pathlib import Path
 from ..engine.catalog import open_catalogue
 from ..engine.commonroad import derived_benchmark_id
 from ..engine.workspace import Artifact, Recipe, versions_of
-from ..schemas.errors import NotPossible
+from ..schemas.errors import InvalidRequest, NotPossible
+from ..schemas.grammar import parse_selector
 from ..schemas.modification import (
+    AMBIGUOUS_VEHICLE,
     Edit,
     ModificationRequest,
     ModifyScenarioArguments,
@@ -14,16 +16,62 @@ from ..schemas.modification import (
     TrafficAfterEdits,
 )
 from ..schemas.scenarios import ScenarioRecord
-from .call import ToolCall
+from .call import Question, ToolCall
 from .operations import APPLY_EDITS
 from .scenario_storage import store_scenario
 from .scenarios import one_scenario
 
 _TOOL = "modify_scenario"
+_MOST_QUESTIONS = 5
+"""Questions of one call; chosen: whoever names more vehicles by unclear words better looks at the scenario first."""
 
 
 async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) -> ModifyScenarioResult:
-    """Edit a scenario; one that was edited before is made anew from its base with all edits, old and new."""
+    """Edit a scenario; where words fit several vehicles, the person at the client may say which one is meant."""
+    for _ in range(_MOST_QUESTIONS):
+        try:
+            return await _modified(arguments, call)
+        except NotPossible as refusal:
+            meant = await _with_vehicle_meant(refusal, arguments, call)
+            if meant is None:
+                raise
+            arguments = meant
+    return await _modified(arguments, call)
+
+
+async def _with_vehicle_meant(
+    refusal: NotPossible, arguments: ModifyScenarioArguments, call: ToolCall
+) -> ModifyScenarioArguments | None:
+    """The arguments with the id of the vehicle that the person chooses; None where nothing was chosen or asked."""
+    kind, _, selector = refusal.reason.partition(" ")
+    fitting = [edit for edit in arguments.edits if any(_reads_as(text, selector) for text in edit.vehicles)]
+    if kind != AMBIGUOUS_VEHICLE or not fitting:
+        return None
+    choices = refusal.valid[: refusal.shown_values]
+    chosen = await call.ask(Question(f"Which vehicle does '{selector}' mean in {arguments.scenario_id}?", choices))
+    if chosen is None:
+        return None
+    vehicle_id = chosen.partition(" ")[0]
+    edits = [
+        edit.model_copy(
+            update={"vehicles": [vehicle_id if _reads_as(text, selector) else text for text in edit.vehicles]}
+        )
+        for edit in arguments.edits
+    ]
+    call.remarks.append(f"'{selector}' was taken as vehicle {vehicle_id}, as chosen.")
+    return arguments.model_copy(update={"edits": edits})
+
+
+def _reads_as(text: str, selector: str) -> bool:
+    """Whether a text is written differently at most."""
+    try:
+        return str(parse_selector(text)) == selector
+    except InvalidRequest:
+        return False
+
+
+async def _modified(arguments: ModifyScenarioArguments, call: ToolCall) -> ModifyScenarioResult:
+    """The edited scenario; one that was edited before is made anew from its base with all edits, old and new."""
     open_catalogue(call.workspace, with_starter=call.services.with_starter)
     given, named_problem = one_scenario(arguments.scenario_id, call)
     base_id, earlier = _base_and_edits(given)

@@ -5,7 +5,7 @@ in ``operations.py``.
 """
 
 import importlib
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any, get_type_hints
 
@@ -91,3 +91,8 @@ TOOLS: tuple[ToolSpec, ...] = (
     ToolSpec("list_artifacts", "List artifacts", "artifacts", read_only=True, essential=False),
     ToolSpec("export_artifacts", "Export artifacts", "exporting", essential=False),
 )
+
+
+def only_reading(tools: Iterable[ToolSpec]) -> tuple[ToolSpec, ...]:
+    """Those of some tools that make nothing, as whoever must not make anything is offered them."""
+    return tuple(spec.only_reading() for spec in tools if spec.read_only)

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from ..engine.workspace import Artifact, versions_of, write_whole
-from ..resources.templates import SCHEME
+from ..resources.templates import picture_link
 from ..schemas.analysis.optimization import StudyRecord
 from ..schemas.errors import Faults, InvalidRequest, UnknownName
 from ..schemas.rendering import PictureKind, RenderArguments, Rendered, RenderedImage, RenderRequest
@@ -27,9 +27,11 @@ async def render(arguments: RenderArguments, call: ToolCall) -> ImageAnswer:
     made = await draw(
         call, arguments.kind, scenario_ids=scenario_ids, run_ids=run_ids, time_s=arguments.time_s, study=study
     )
-    links = tuple(f"{SCHEME}picture/{Path(image.path).name}" for image in made.images)
+    links = tuple(picture_link(Path(image.path), image.mime_type) for image in made.images)
     lines = [f"{made.kind}: {image.alt_text}" for image in made.images]
-    lines += [f"{link} ({image.width_px}×{image.height_px})" for link, image in zip(links, made.images, strict=True)]
+    lines += [
+        f"{link.uri} ({image.width_px}×{image.height_px})" for link, image in zip(links, made.images, strict=True)
+    ]
     lines += [f"Note: {note}" for note in made.notes]
     return ImageAnswer("\n".join(lines), tuple(Image(Path(i.path), i.mime_type) for i in made.images), links)
 

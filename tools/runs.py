@@ -15,7 +15,7 @@ import anyio
 from ..engine.execution import JobProgress
 from ..engine.planners import planner_version
 from ..engine.workspace import Recipe, versions_of, write_text
-from ..schemas.errors import PlannerForgeError, UnexpectedFailure
+from ..schemas.errors import NotPossible, PlannerForgeError, UnexpectedFailure
 from ..schemas.jobs import JobState
 from ..schemas.planning import (
     LISTED_FAILURES,
@@ -28,12 +28,15 @@ from ..schemas.planning import (
 )
 from ..schemas.runs import BatchRecord, LostCell, Prediction, ReviewRequest, RunRecord, RunReview, Traffic
 from ..schemas.text import counted
-from .call import ToolCall
+from .call import Question, ToolCall
 from .operations import REVIEW_RUNS, RUN_PLANNER
 from .results import run_sources, scenario_sources
 
 _CLAIM_POLL_S = 0.1
 """How often a run that another call or server makes is looked at; chosen."""
+MANY_RUNS = 200
+"""More runs than these are asked about first; chosen: at some seconds a run on two workers, a quarter of an hour."""
+GO_ON, DO_NOT = "go on", "do not"
 logger = logging.getLogger(__name__)
 
 
@@ -195,6 +198,9 @@ async def run_many(call: ToolCall, cells: Sequence[Cell], wait_s: float, notes: 
     finished: list[CellResult] = []
     known = sum(call.workspace.find_by_recipe("run", cell.recipe()) is not None for cell in cells)
 
+    if call.jobs.store.running(recipe) is None:
+        await _confirm(call, len(cells) - known)
+
     async def work(progress: JobProgress) -> None:
         def on_done(result: CellResult) -> None:
             finished.append(result)
@@ -221,6 +227,22 @@ async def run_many(call: ToolCall, cells: Sequence[Cell], wait_s: float, notes: 
     results = [_stored(call, key, reused=False) for key in job.results if key.startswith("run_")]
     problem = [job.error] if job.error else []
     return answer(cells, results, job_id=job.job_id, state=job.state, notes=[*notes, *problem])
+
+
+async def _confirm(call: ToolCall, runs: int) -> None:
+    """Ask before very many runs; they are made where nobody can be asked, or nobody answers.
+
+    Raises:
+        NotPossible: the person at the client does not want them.
+    """
+    if runs <= MANY_RUNS:
+        return
+    question = f"{runs:,} runs are to be made, which may take long. Go on?"
+    if await call.ask(Question(question, (GO_ON, DO_NOT))) == DO_NOT:
+        raise NotPossible(
+            f"{runs:,} runs were not wanted by the person at the client",
+            next_step="name fewer scenarios or configurations, for instance scenarios ['preset:10']",
+        )
 
 
 def own_share(finished: Sequence[CellResult], known: int, total: int) -> float:

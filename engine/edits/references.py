@@ -12,6 +12,7 @@ import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 from ...schemas.grammar import SELECTORS, Selector, parse_selector
+from ...schemas.modification import AMBIGUOUS_VEHICLE
 from ...schemas.text import counted
 from ...schemas.vocabulary import vehicle_class_of
 from ..commonroad import Track
@@ -72,7 +73,7 @@ def _resolve_without(selector: Selector, scene: Scene, excluded: set[int], chang
         return _resolve(selector, scene, changes)
     if selector.kind in ("one", "only"):
         left = tuple(key for key in _of_class(selector.argument, scene) if key not in excluded)
-        return _the_only(selector.argument, left, scene) if left else ()
+        return _the_only(selector.argument, left, scene, selector) if left else ()
     others = {key: track for key, track in scene.tracks.items() if key not in excluded}
     return _resolve(selector, replace(scene, tracks=others), changes)
 
@@ -136,10 +137,10 @@ def _resolve(selector: Selector, scene: Scene, changes: Changes) -> tuple[int, .
         case "class":
             return _of_class(word, scene)
         case "one" | "only":
-            return _the_only(word, _of_class(word, scene), scene)
+            return _the_only(word, _of_class(word, scene), scene, selector)
         case "leftmost" | "rightmost" | "lane":
             side = word if selector.kind == "lane" else selector.kind
-            return _the_only("vehicle", _outermost(side, scene), scene, f" in the {side} lane")
+            return _the_only("vehicle", _outermost(side, scene), scene, selector, f" in the {side} lane")
         case _:
             return _described(selector, scene)
 
@@ -189,12 +190,15 @@ def _of_class(word: str, scene: Scene) -> tuple[int, ...]:
     return vehicles
 
 
-def _the_only(what: str, vehicles: tuple[int, ...], scene: Scene, where: str = "") -> tuple[int, ...]:
+def _the_only(
+    what: str, vehicles: tuple[int, ...], scene: Scene, selector: Selector, where: str = ""
+) -> tuple[int, ...]:
     if len(vehicles) != 1:
         raise NotPossible(
             f"there {'is no' if not vehicles else 'are'} {counted(len(vehicles), what) if vehicles else what}{where}",
             valid=[_name(scene.tracks[key]) for key in vehicles] or _listed(scene),
             next_step="name one by its id",
+            reason=f"{AMBIGUOUS_VEHICLE} {selector}" if vehicles else "",
         )
     return vehicles
 
@@ -274,6 +278,7 @@ def _first(selector: Selector, tracks: dict[int, Track], count: int, rank: Calla
             f"'{selector}' is ambiguous: {len(alike)} vehicles are alike",
             valid=[_name(tracks[key]) for key in alike],
             next_step="name one by its id",
+            reason=f"{AMBIGUOUS_VEHICLE} {selector}" if count == 1 else "",
         )
     return tuple(chosen)
 

@@ -16,6 +16,8 @@
 ``JobRunner``: Starts, waits for and cancels jobs.
 ``JobStore``: Reads and writes job records.
 ``JobWork``: What a job does, given the means to report its progress.
+``Task``: A call that is carried out apart, whose answer is asked for later.
+``TaskStore``: Reads and writes tasks.
 ``Limits``: The folders, processes, memory in bytes and time in seconds that a call may use.
 ``end_with_parent``: Have the operating system kill this process when the one that started it is gone.
 ``limit_memory``: Bound the data memory of this process, in bytes.
@@ -48,6 +50,7 @@ if TYPE_CHECKING:
     from .jobs import Job, JobProgress, JobRunner, JobStore, JobWork
     from .limits import Limits, end_with_parent, limit_memory
     from .pool import PRELOAD, WorkerPool
+    from .tasks import Task, TaskStore
     from .threads import CallThreads, ReachableExecutor, run_in
     from .worker import warm_up
 

@@ -118,6 +118,11 @@ class JobStore:
         query = "SELECT * FROM jobs ORDER BY sequence DESC LIMIT ? OFFSET ?"
         return [_job(row) for row in self._database.connection().execute(query, (limit, offset)).fetchall()]
 
+    def lately(self, within_s: float = 60.0) -> list[Job]:
+        """Jobs that run, or whose record changed in the last seconds, newest first."""
+        query = "SELECT * FROM jobs WHERE state = 'running' OR updated_at > ? ORDER BY sequence DESC"
+        return [_job(row) for row in self._database.connection().execute(query, (time.time() - within_s,)).fetchall()]
+
     def _set(self, job_id: str, assignments: str, values: tuple[object, ...]) -> None:
         with self._database.writing() as connection:
             connection.execute(

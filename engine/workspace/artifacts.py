@@ -216,6 +216,11 @@ class Workspace:
         rows = self.database.connection().execute(query, (*values, limit, offset)).fetchall()
         return [_artifact(row) for row in rows]
 
+    def newest_sequence(self) -> int:
+        """The number of the newest artifact; 0 where there is none."""
+        row = self.database.connection().execute("SELECT max(sequence) FROM artifacts").fetchone()
+        return int(row[0] or 0)
+
     def kind_of(self, artifact_id: str) -> ArtifactKind:
         """The kind of an artifact.
 

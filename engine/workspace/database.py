@@ -17,7 +17,7 @@ from ...schemas.errors import ResourceFailure
 
 Kept = TypeVar("Kept")
 logger = logging.getLogger(__name__)
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 _PRIVATE = 0o700
 """Others on the machine need not read what somebody works on."""
 _BUSY_TIMEOUT_S = 10.0
@@ -61,6 +61,22 @@ CREATE TABLE IF NOT EXISTS jobs (
     updated_at REAL NOT NULL
 );
 CREATE INDEX IF NOT EXISTS jobs_by_digest ON jobs (digest);
+CREATE TABLE IF NOT EXISTS tasks (
+    task_id TEXT PRIMARY KEY,
+    owner TEXT NOT NULL,
+    tool TEXT NOT NULL,
+    arguments TEXT NOT NULL,
+    job_id TEXT NOT NULL,
+    state TEXT NOT NULL,
+    message TEXT NOT NULL,
+    questions TEXT NOT NULL,
+    answers TEXT NOT NULL,
+    result TEXT NOT NULL,
+    owner_pid INTEGER NOT NULL,
+    created_at REAL NOT NULL,
+    updated_at REAL NOT NULL,
+    lifetime_s REAL NOT NULL
+) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS claims (
     digest TEXT PRIMARY KEY,
     owner_pid INTEGER NOT NULL,

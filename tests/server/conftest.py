@@ -8,11 +8,12 @@ from typing import Any, Literal
 import pytest
 from pydantic import Field
 
+from plannerforge.resources.templates import picture_link
 from plannerforge.schemas.base import Answer, Arguments, Model, Result
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.server import assembly
 from plannerforge.server.tool_calls import MOST_IMAGE_BYTES
-from plannerforge.tools.call import Image, ImageAnswer, ToolCall
+from plannerforge.tools.call import Image, ImageAnswer, Question, ToolCall
 from plannerforge.tools.registry import TOOLS, ToolSpec
 
 REAL = ("get_job", "cancel_job", "list_artifacts", "export_artifacts")
@@ -65,7 +66,7 @@ async def draw(arguments: NoArguments, call: ToolCall) -> ImageAnswer:
     path: Path = call.workspace.root / "pictures" / "p.png"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(PNG)
-    return ImageAnswer("a pic\u200bture", (Image(path, "image/png"),), ("plannerforge://picture/p.png",))
+    return ImageAnswer("a pic\u200bture", (Image(path, "image/png"),), (picture_link(path, "image/png"),))
 
 
 async def say_much(arguments: EchoArguments, call: ToolCall) -> EchoResult:
@@ -76,7 +77,7 @@ async def draw_much(arguments: NoArguments, call: ToolCall) -> ImageAnswer:
     path: Path = call.workspace.root / "pictures" / "p.gif"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(bytes(MOST_IMAGE_BYTES // 2))
-    return ImageAnswer("pictures", (Image(path, "image/gif"),) * 3, ("plannerforge://picture/p.gif",))
+    return ImageAnswer("pictures", (Image(path, "image/gif"),) * 3, (picture_link(path, "image/gif"),))
 
 
 async def tell_progress(arguments: NoArguments, call: ToolCall) -> EchoResult:
@@ -98,7 +99,37 @@ async def start_job(arguments: EchoArguments, call: ToolCall) -> EchoResult:
             await anyio.sleep_forever()
 
     job = call.jobs.start("batch", Recipe(tool="start_job", arguments={"text": arguments.text}), work)
+    call.made("job", job.job_id)
     return EchoResult(said=EchoArguments(text=job.job_id))
+
+
+async def make_long(arguments: EchoArguments, call: ToolCall) -> EchoResult:
+    """Work of a job for as many tenths of a second, or for ever; says the state of the job and its id."""
+    import anyio
+
+    from plannerforge.engine.execution.jobs import JobProgress
+    from plannerforge.engine.workspace.recipe import Recipe
+
+    async def work(progress: JobProgress) -> None:
+        tenths = int(arguments.text) if arguments.text.isdigit() else 10_000
+        for step in range(tenths):
+            progress.report(step / tenths, f"step {step}")
+            await anyio.sleep(0.1)
+
+    recipe = Recipe(tool="make_long", arguments={"text": arguments.text})
+    job = call.jobs.start("batch", recipe, work)
+    call.made("job", job.job_id)
+    job = await call.wait_for(job.job_id, 0.1)
+    return EchoResult(said=EchoArguments(text=job.state), note=job.job_id)
+
+
+async def ask_late(arguments: EchoArguments, call: ToolCall) -> EchoResult:
+    """Ask after as many tenths of a second."""
+    import anyio
+
+    await anyio.sleep(int(arguments.text) / 10)
+    chosen = await call.ask(Question("Which?", ("left", "right")))
+    return EchoResult(said=EchoArguments(text=chosen or "nothing chosen"))
 
 
 @dataclass(frozen=True)
@@ -114,7 +145,7 @@ class ProbeSpec(ToolSpec):
 PROBES: tuple[ToolSpec, ...] = tuple(
     ProbeSpec(function.__name__, "Probe", "", read_only=True, call=function)
     for function in (echo, refuse, break_down, draw, say_much, draw_much, tell_progress, start_job)
-)
+) + tuple(ProbeSpec(function.__name__, "Probe", "", call=function) for function in (make_long, ask_late))
 
 
 @pytest.fixture

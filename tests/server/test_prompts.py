@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 from mcp import MCPError
-from mcp.types import INVALID_PARAMS, PromptReference, ResourceTemplateReference, TextContent
+from mcp.types import INVALID_PARAMS, PromptReference, TextContent
 
 from plannerforge.prompts.composition import CONDITIONS, TASKS
 
@@ -103,11 +103,9 @@ async def test_ids_of_scenarios_are_completed(connect: Any) -> None:
     assert all(value.startswith("ZAM_Fahrhausen") for value in completion.values)
 
 
-async def test_completion_of_an_unknown_argument_is_refused_and_resources_have_none(connect: Any) -> None:
+async def test_completion_of_an_unknown_argument_is_refused(connect: Any) -> None:
     async with connect() as client:
         with pytest.raises(MCPError, match="has no argument 'condition'"):
             await client.complete(
                 PromptReference(type="ref/prompt", name="compare_presets"), {"name": "condition", "value": ""}
             )
-        reference = ResourceTemplateReference(type="ref/resource", uri="plannerforge://scenario/{id}")
-        assert (await client.complete(reference, {"name": "id", "value": ""})).completion.values == []

@@ -1,22 +1,30 @@
 """Resources by URI: what each template gives, and that nothing else can be read."""
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import anyio
 import pytest
 from mcp import MCPError
-from mcp.types import INVALID_PARAMS
+from mcp.client.subscriptions import ResourcesListChanged, ResourceUpdated
+from mcp.types import INVALID_PARAMS, PromptReference, ResourceTemplate, ResourceTemplateReference
 
+from plannerforge.engine.execution import JobStore
 from plannerforge.engine.workspace.artifacts import ArtifactKind, Workspace
 from plannerforge.engine.workspace.recipe import Recipe
-from plannerforge.resources.templates import SCHEME, TEMPLATES, read_resource
+from plannerforge.resources.templates import SCHEME, TEMPLATES, listed_resources, read_resource
 from plannerforge.schemas.base import Model
-from plannerforge.schemas.errors import UnknownName
+from plannerforge.schemas.errors import InvalidRequest, UnknownName
+from plannerforge.server.reading import page_of
 from plannerforge.server.settings import Settings
 
 SCENARIO = "DEU_A-1_1_T-1"
+RECIPE = Recipe(tool="test", arguments={"of": "resources"})
+JOB = SimpleNamespace(job_id=f"job_{RECIPE.digest}", recipe=RECIPE)
 URIS = {
     f"{SCHEME}scenario/{SCENARIO}/xml": ("<scenario/>", "application/xml"),
     f"{SCHEME}scenario/latest/xml": ("<scenario/>", "application/xml"),
@@ -27,6 +35,14 @@ URIS = {
     f"{SCHEME}picture/p.gif": (b"GIF89a", "image/gif"),
     f"{SCHEME}report/r.html": ("<html/>", "text/html"),
 }
+COMPUTED = {
+    f"{SCHEME}job/{JOB.job_id}": (JOB.job_id, "application/json"),
+    f"{SCHEME}vocabulary/tags": ("roundabout", "application/json"),
+    f"{SCHEME}vocabulary/edits": ("reroute", "application/json"),
+    f"{SCHEME}vocabulary/behaviours": ("accel=", "application/json"),
+    f"{SCHEME}preset/frenetix/Comfort": ("jerk", "application/yaml"),
+}
+"""What is made when it is read, and a word of it."""
 NOTHING = [
     "scenario/DEU_B-1_1_T-1/xml",
     "scenario/DEU_A-1_1_T-1/yaml",
@@ -36,6 +52,13 @@ NOTHING = [
     "job/job_1/record",
     "picture/missing.png",
     "picture/secret.txt",
+    "vocabulary/nothing",
+    "vocabulary/tags/record",
+    "preset/frenetix",
+    "preset/frenetix/Nothing",
+    "preset/nothing/Default",
+    "job/job_2",
+    "schema/nothing",
     "picture/.hidden.png",
     "scenario/../../etc/passwd",
     "scenario/../record",
@@ -74,6 +97,7 @@ def workspace(settings: Settings) -> Iterator[Workspace]:
         path = opened.root / name
         path.parent.mkdir(exist_ok=True)
         path.write_bytes(content)
+    JobStore(opened.database).start("batch", JOB.recipe)
     yield opened
     opened.close()
 
@@ -91,12 +115,20 @@ def test_record_of_any_artifact_holds_its_recipe(workspace: Workspace, kind: str
     assert (record["artifact_id"], record["record"], record["recipe"]["tool"]) == (artifact_id, {"text": "é"}, "test")
 
 
-def test_every_template_is_tried_here() -> None:
-    tried = {(uri.removeprefix(SCHEME).split("/")[0], uri.rpartition("/")[2]) for uri in URIS}
-    for template in TEMPLATES:
-        kind, _, rest = template.uri_template.removeprefix(SCHEME).partition("/")
-        part = rest.rpartition("/")[2]
-        assert part == "record" or any(kind == k and (part in (p, "{name}")) for k, p in tried), template
+@pytest.mark.parametrize("uri", COMPUTED)
+def test_uri_gives_what_is_computed(workspace: Workspace, uri: str) -> None:
+    word, mime_type = COMPUTED[uri]
+    content, stated = read_resource(uri, workspace)
+    assert stated == mime_type
+    assert word in str(content)
+
+
+@pytest.mark.parametrize("template", TEMPLATES, ids=lambda template: template.name)
+def test_every_template_states_the_type_of_what_it_serves(workspace: Workspace, template: ResourceTemplate) -> None:
+    form = re.sub(r"\\{\w+\\}", "[^/]+", re.escape(template.uri_template))
+    fitting = [uri for uri in (*URIS, *COMPUTED, f"{SCHEME}run/run_1/record") if re.fullmatch(form, uri)]
+    assert fitting
+    assert {read_resource(uri, workspace)[1] for uri in fitting} == {template.mime_type}
 
 
 @pytest.mark.parametrize("uri", [*(SCHEME + rest for rest in NOTHING), "file:///etc/passwd", "scenario/x/xml", ""])
@@ -120,7 +152,8 @@ async def test_client_lists_templates_and_reads_text_and_pictures(connect: Any) 
         templates = (await client.list_resource_templates()).resource_templates
         (text,) = (await client.read_resource(f"{SCHEME}scenario/{SCENARIO}/xml")).contents
         (picture,) = (await client.read_resource(f"{SCHEME}picture/p.png")).contents
-    assert [template.uri_template for template in templates] == [template.uri_template for template in TEMPLATES]
+    known = [template.uri_template for template in TEMPLATES]
+    assert [template.uri_template for template in templates] == [*known, f"{SCHEME}schema/{{tool}}"]
     assert (text.text, text.mime_type) == ("<scenario/>", "application/xml")
     assert (picture.blob, picture.mime_type) == ("iVBORw==", "image/png")
 
@@ -133,3 +166,144 @@ async def test_client_is_refused_with_invalid_params(connect: Any, rest: str) ->
         with pytest.raises(MCPError, match=r"\[unknown_name\]") as caught:
             await client.read_resource(SCHEME + rest)
     assert caught.value.error.code == INVALID_PARAMS
+
+
+def test_what_is_listed_can_be_read_with_the_stated_type_and_size(workspace: Workspace) -> None:
+    listed = listed_resources(workspace)
+    assert {f"{SCHEME}scenario/{SCENARIO}/xml", f"{SCHEME}config/cfg_1/yaml"} <= {one.uri for one in listed}
+    for resource in listed:
+        content, mime_type = read_resource(resource.uri, workspace)
+        size = len(content.encode() if isinstance(content, str) else content)
+        assert (resource.mime_type, resource.size) == (mime_type, size), resource
+
+
+def test_only_the_newest_twenty_artifacts_are_listed(workspace: Workspace) -> None:
+    for number in range(30):
+        workspace.put("search", f"search_{number}", recipe=Recipe(tool="test"), record=Note())
+    listed = [one.name for one in listed_resources(workspace) if "vocabulary" not in one.uri]
+    assert listed == [f"search_{number}" for number in range(29, 9, -1)]
+
+
+def test_pages_follow_each_other_and_no_other_cursor_is_taken() -> None:
+    entries, pages, cursor = list(range(7)), [], None
+    while True:
+        page, cursor = page_of(entries, cursor, 3)
+        pages.append(page)
+        if cursor is None:
+            break
+    assert pages == [[0, 1, 2], [3, 4, 5], [6]]
+    assert page_of([], None, 3) == ([], None)
+    for wrong in ("from-7", "from--1", "3", "from-", "from-٣" * 3):
+        with pytest.raises(InvalidRequest, match="is no cursor"):
+            page_of(entries, wrong, 3)
+
+
+@pytest.mark.anyio
+@pytest.mark.usefixtures("workspace")
+async def test_client_lists_a_handful_and_is_refused_a_wrong_cursor(connect: Any) -> None:
+    async with connect() as client:
+        listed = await client.list_resources()
+        for ask in (client.list_resources, client.list_resource_templates, client.list_tools, client.list_prompts):
+            with pytest.raises(MCPError, match="is no cursor") as caught:
+                await ask(cursor="nonsense")
+            assert caught.value.error.code == INVALID_PARAMS
+    uris = [resource.uri for resource in listed.resources]
+    assert uris[:3] == [SCHEME + name for name in ("catalog", "maps", "planners")]
+    assert len(uris) <= 50
+
+
+@pytest.mark.anyio
+@pytest.mark.usefixtures("starter_ready")
+async def test_resource_says_what_its_tool_says(connect: Any) -> None:
+    calls = {"catalog": ("describe_catalog", {}), "planners": ("list_planners", {})}
+    async with connect() as client:
+        for name, (tool, arguments) in calls.items():
+            (content,) = (await client.read_resource(SCHEME + name)).contents
+            answer = await client.call_tool(tool, arguments)
+            assert json.loads(content.text) == answer.structured_content
+        (schema,) = (await client.read_resource(f"{SCHEME}schema/run_planner")).contents
+        tool = next(tool for tool in (await client.list_tools()).tools if tool.name == "run_planner")
+    assert json.loads(schema.text)["arguments"] == tool.input_schema
+
+
+@pytest.mark.anyio
+@pytest.mark.usefixtures("workspace")
+@pytest.mark.parametrize(
+    ("template", "argument", "typed", "given", "expected"),
+    [
+        ("scenario/{id}/xml", "id", "deu", {}, [SCENARIO]),
+        ("config/{id}/yaml", "id", "", {}, ["cfg_1"]),
+        ("job/{id}", "id", "job_", {}, [JOB.job_id]),
+        ("{kind}/{id}/record", "kind", "sc", {}, ["scenario"]),
+        ("{kind}/{id}/record", "id", "", {"kind": "run"}, ["run_1"]),
+        ("{kind}/{id}/record", "id", "r", {}, ["run_1"]),
+        ("picture/{name}.gif", "name", "", {}, ["p"]),
+        ("picture/{name}.png", "name", "p", {}, ["p"]),
+        ("vocabulary/{name}", "name", "ta", {}, ["tags"]),
+        ("preset/{planner}/{name}", "planner", "fren", {}, ["frenetix"]),
+        ("preset/{planner}/{name}", "name", "comf", {"planner": "frenetix"}, ["Comfort"]),
+        ("schema/{tool}", "tool", "modify", {}, ["modify_scenario"]),
+    ],
+)
+async def test_arguments_of_templates_are_completed(
+    connect: Any, template: str, argument: str, typed: str, given: dict[str, str], expected: list[str]
+) -> None:
+    async with connect() as client:
+        reference = ResourceTemplateReference(uri=SCHEME + template)
+        found = await client.complete(reference, {"name": argument, "value": typed}, context_arguments=given)
+    assert found.completion.values == expected
+
+
+@pytest.mark.anyio
+@pytest.mark.usefixtures("workspace")
+async def test_completion_of_what_is_not_there_is_refused(connect: Any) -> None:
+    async with connect() as client:
+        for reference in (ResourceTemplateReference(uri=f"{SCHEME}nothing/{{id}}"), PromptReference(name="nothing")):
+            with pytest.raises(MCPError) as caught:
+                await client.complete(reference, {"name": "id", "value": ""})
+            assert caught.value.error.code == INVALID_PARAMS
+
+
+@pytest.mark.anyio
+@pytest.mark.filterwarnings("ignore::mcp.shared.exceptions.MCPDeprecationWarning")
+async def test_subscriber_is_told_that_a_job_got_on(connect: Any, era: str, workspace: Workspace) -> None:
+    """By another server on the workspace, too: the news are those of the workspace."""
+    uri, told = f"{SCHEME}job/{JOB.job_id}", anyio.Event()
+    store = JobStore(workspace.database)
+
+    async def note(message: Any) -> None:
+        if getattr(getattr(message, "params", None), "uri", None) == uri:
+            told.set()
+
+    async with connect(message_handler=note) as client, anyio.create_task_group() as tasks:
+
+        async def work() -> None:
+            for step in range(1, 1_000):
+                store.update(JOB.job_id, share=step / 1_000, message=f"step {step}", results=())
+                await anyio.sleep(0.1)
+
+        tasks.start_soon(work)
+        with anyio.fail_after(60):
+            if era == "legacy":
+                await client.session.subscribe_resource(uri)
+                await told.wait()
+                await client.session.unsubscribe_resource(uri)
+            else:
+                async with client.listen(resource_subscriptions=[uri], resources_list_changed=True) as news:
+                    assert await anext(aiter(news)) == ResourceUpdated(uri=uri)
+                    workspace.put("search", "search_1", recipe=Recipe(tool="test"), record=Note())
+                    async for event in news:
+                        if event == ResourcesListChanged():
+                            break
+        tasks.cancel_scope.cancel()
+
+
+@pytest.mark.anyio
+@pytest.mark.usefixtures("workspace")
+@pytest.mark.filterwarnings("ignore::mcp.shared.exceptions.MCPDeprecationWarning")
+async def test_nothing_is_subscribed_to_that_is_not_there(connect: Any, era: str) -> None:
+    if era != "legacy":
+        pytest.skip("subscriptions to what is not there are kept, and never told anything")
+    async with connect() as client:
+        with pytest.raises(MCPError, match=r"\[unknown_name\]"):
+            await client.session.subscribe_resource(f"{SCHEME}job/job_missing")

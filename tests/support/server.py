@@ -76,9 +76,9 @@ class StdioServer:
 
 
 class Connect(Protocol):
-    """Opens a client session with a server."""
+    """Opens a client session with a server; options are those of the client."""
 
-    def __call__(self, settings: Settings | None = None) -> AbstractAsyncContextManager[Client]: ...
+    def __call__(self, settings: Settings | None = None, **options: Any) -> AbstractAsyncContextManager[Client]: ...
 
 
 def worker_processes() -> set[psutil.Process]:

@@ -1,0 +1,300 @@
+"""Who may come in by HTTP: bearer tokens of this server's own, and those of an OAuth authorization server.
+
+An own token has a name, which stands in the journal, and may be for reading only. Of each its SHA-256 alone is kept in
+memory. Since a token has at least 24 characters that nobody chose by hand, a plain digest is enough: there is no
+dictionary to try.
+"""
+
+import hashlib
+import hmac
+import logging
+import re
+import secrets
+import stat
+import threading
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import anyio
+import httpx
+import jwt
+from mcp.server.auth.provider import AccessToken, TokenVerifier
+from pydantic import SecretStr
+
+from ...schemas.errors import InvalidRequest, OutsideRoots
+from ...schemas.text import quoted
+from ..clients import READ_SCOPE, WRITE_SCOPE
+
+logger = logging.getLogger(__name__)
+FEWEST_CHARACTERS = 24
+"""Of a token; chosen: 24 random characters of 64 are 144 bits."""
+_DIGEST = re.compile(r"sha256:([0-9a-f]{64})")
+_NAME = re.compile(r"[A-Za-z0-9][\w.\-]{0,63}")
+_READ_ONLY = "read-only"
+_FORM = "NAME TOKEN, or NAME TOKEN read-only"
+_ALGORITHMS = ("RS256", "RS384", "RS512", "PS256", "PS384", "PS512", "ES256", "ES384", "ES512", "EdDSA")
+"""Signatures by a key pair; one by a shared secret would let whoever can check a token make one."""
+_LEEWAY_S = 30.0
+_FETCH_TIMEOUT_S = 10.0
+_KEYS_KEPT_S = 300.0
+_LEAST_BETWEEN_FETCHES_S = 10.0
+"""Clocks that differ, the time for a request to the authorization server, how long its keys are kept, and how soon an
+unknown key may make them be asked for anew; chosen."""
+_MOST_BYTES = 1_000_000
+_MOST_ISSUED = 20_000
+"""Bytes of a document of the authorization server, and characters of a token; chosen: real ones have a tenth."""
+
+
+@dataclass(frozen=True)
+class OwnToken:
+    """A token of this server's own: what it is called, the SHA-256 of its text, and whether it is for reading only."""
+
+    name: str
+    digest: str
+    reads_only: bool
+
+    @property
+    def scopes(self) -> list[str]:
+        """What it allows."""
+        return [READ_SCOPE] if self.reads_only else [READ_SCOPE, WRITE_SCOPE]
+
+
+def new_token(name: str, *, reads_only: bool) -> tuple[str, str]:
+    """A token that nobody can guess, and the line that lets it in.
+
+    Raises:
+        InvalidRequest: the name is none.
+    """
+    text = secrets.token_urlsafe(32)
+    line = f"{name} sha256:{_digest(text)}{' ' + _READ_ONLY if reads_only else ''}"
+    read_tokens([line], "the name")
+    return text, line
+
+
+def tokens_of(listed: Sequence[SecretStr], file: Path | None) -> tuple[OwnToken, ...]:
+    """The tokens of settings and of a file, each name once.
+
+    Raises:
+        InvalidRequest: an entry is none, or two have one name.
+        OutsideRoots: the file cannot be read, or others may read the plain tokens in it.
+    """
+    tokens = read_tokens([entry.get_secret_value() for entry in listed], "http_tokens")
+    if file is not None:
+        tokens += _tokens_in(file.expanduser())
+    names = [token.name for token in tokens]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InvalidRequest(f"two tokens are called {twice[0]}", next_step="give each a name of its own")
+    return tuple(tokens)
+
+
+def read_tokens(lines: Iterable[str], where: str) -> list[OwnToken]:
+    """Tokens, one a line; empty lines and those that begin with ``#`` are left out.
+
+    Raises:
+        InvalidRequest: a line is none; it is not repeated, since it may hold a secret.
+    """
+    tokens = []
+    for number, line in enumerate(lines, start=1):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        valid = [_FORM, f"a token has at least {FEWEST_CHARACTERS} characters, or is its digest: sha256:…"]
+        is_form = len(words) == 2 or (len(words) == 3 and words[2] == _READ_ONLY)
+        if not is_form or not _NAME.fullmatch(words[0]):
+            raise InvalidRequest(f"entry {number} of {where} is no token", valid=valid, next_step=_MAKE_ONE)
+        digest = _DIGEST.fullmatch(words[1])
+        if digest is None and len(words[1]) < FEWEST_CHARACTERS:
+            raise InvalidRequest(f"entry {number} of {where} can be guessed", valid=valid, next_step=_MAKE_ONE)
+        tokens.append(OwnToken(words[0], digest[1] if digest else _digest(words[1]), len(words) == 3))
+    return tokens
+
+
+_MAKE_ONE = "`plannerforge token NAME` makes one"
+
+
+def _tokens_in(file: Path) -> list[OwnToken]:
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+        others = file.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO)
+    except (OSError, UnicodeDecodeError) as error:
+        raise OutsideRoots(
+            f"the file of tokens {quoted(str(file))} cannot be read: {error}", next_step="name one that can"
+        ) from error
+    tokens = read_tokens(lines, f"the file {file.name}")
+    if others and any(not _DIGEST.search(line) for line in lines if line.split() and not line.startswith("#")):
+        raise OutsideRoots(
+            f"others on this machine may read the plain tokens in {quoted(str(file))}",
+            next_step=f"chmod 600 it, or keep digests there: {_MAKE_ONE}",
+        )
+    return tokens
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+class OwnTokens(TokenVerifier):
+    """Lets in who has a token of this server's own.
+
+    Args:
+        resource: the address of this server, where it is the resource of an OAuth authorization server as well.
+    """
+
+    def __init__(self, tokens: Sequence[OwnToken], resource: str | None = None) -> None:
+        self._tokens, self._resource = tuple(tokens), resource
+
+    async def verify_token(self, token: str) -> AccessToken | None:
+        """What a token allows; None for one that is not known. Each is compared, however soon one fits."""
+        digest = _digest(token)
+        fitting = [own for own in self._tokens if hmac.compare_digest(own.digest, digest)]
+        if not fitting:
+            return None
+        own = fitting[0]
+        return AccessToken(token="", client_id=own.name, scopes=own.scopes, resource=self._resource)
+
+
+class IssuedTokens(TokenVerifier):
+    """Lets in who has a signed token (JWT, RFC 9068) of an OAuth authorization server, made for this server.
+
+    That it was made for this server, and not for another that the same person uses, is checked by the SDK: it compares
+    the token's audience with this server's address (``validate_token_resource``).
+
+    Args:
+        issuer: address of the authorization server, as its tokens name it.
+        resource: address of this server, as the audience of tokens names it.
+        keys_url: where its public keys are; found in its metadata (RFC 8414, or OpenID) where empty.
+    """
+
+    def __init__(self, issuer: str, resource: str, keys_url: str = "") -> None:
+        self._issuer, self._resource = issuer, resource
+        self._keys = _IssuerKeys(issuer, keys_url)
+
+    async def verify_token(self, token: str) -> AccessToken | None:
+        """What a token allows; None for one that is not valid here, with the reason in the log."""
+        if len(token) > _MOST_ISSUED:
+            return None
+        try:
+            claims = await anyio.to_thread.run_sync(self._claims, token)
+        except (jwt.PyJWTError, httpx.HTTPError, ValueError) as error:
+            logger.warning("a token of %s was refused: %s", self._issuer, error)
+            return None
+        audiences = claims["aud"] if isinstance(claims["aud"], list) else [claims["aud"]]
+        return AccessToken(
+            token="",
+            client_id=str(claims.get("client_id") or claims.get("azp") or claims.get("sub") or self._issuer),
+            scopes=_scopes(claims),
+            expires_at=int(claims["exp"]),
+            resource=self._resource if self._resource in audiences else str(next(iter(audiences), "")),
+            subject=None if claims.get("sub") is None else str(claims["sub"]),
+            claims={"iss": claims["iss"]},
+        )
+
+    def _claims(self, token: str) -> dict[str, Any]:
+        """The claims of a token whose signature, issuer and time hold.
+
+        Raises:
+            jwt.PyJWTError: they do not.
+            httpx.HTTPError: the issuer's keys cannot be had.
+            ValueError: its metadata are none.
+        """
+        header = jwt.get_unverified_header(token)
+        claims: dict[str, Any] = jwt.decode(
+            token,
+            self._keys.key(str(header.get("kid", ""))),
+            algorithms=list(_ALGORITHMS),
+            issuer=self._issuer,
+            leeway=_LEEWAY_S,
+            options={"require": ["exp", "iss", "aud"], "verify_aud": False},
+        )
+        return claims
+
+
+class _IssuerKeys:
+    """The public keys of an authorization server, fetched when they are needed and kept for a while."""
+
+    def __init__(self, issuer: str, keys_url: str) -> None:
+        self._issuer, self._keys_url = issuer.rstrip("/"), keys_url
+        self._lock = threading.Lock()
+        self._keys: dict[str, jwt.PyJWK] = {}
+        self._fetched_at = float("-inf")
+
+    def key(self, key_id: str) -> jwt.PyJWK:
+        """The key with this id, or the only one where a token names none.
+
+        Raises:
+            jwt.PyJWTError: there is none, or they are no keys.
+            httpx.HTTPError: they cannot be fetched.
+            ValueError: what came is no JSON.
+        """
+        with self._lock:
+            now = time.monotonic()
+            age_s = now - self._fetched_at
+            is_known = key_id in self._keys or (not key_id and len(self._keys) == 1)
+            if age_s > _KEYS_KEPT_S or (not is_known and age_s > _LEAST_BETWEEN_FETCHES_S):
+                self._fetched_at = now  # also of a fetch that fails
+                self._keys = self._fetched()
+            if not key_id and len(self._keys) == 1:
+                return next(iter(self._keys.values()))
+            if key_id not in self._keys:
+                raise jwt.InvalidKeyError(f"{self._issuer} has no key {quoted(key_id)}")
+            return self._keys[key_id]
+
+    def _fetched(self) -> dict[str, jwt.PyJWK]:
+        with httpx.Client(timeout=_FETCH_TIMEOUT_S, follow_redirects=False) as client:
+            address = self._keys_url or self._found_address(client)
+            keys = jwt.PyJWKSet.from_dict(_document(client, address)).keys
+        return {key.key_id or "": key for key in keys}
+
+    def _found_address(self, client: httpx.Client) -> str:
+        """Where the metadata of the authorization server say that its keys are."""
+        parts = urlsplit(self._issuer)
+        places = (
+            f"{parts.scheme}://{parts.netloc}/.well-known/oauth-authorization-server{parts.path}",
+            f"{self._issuer}/.well-known/openid-configuration",
+        )
+        for place in places:
+            try:
+                metadata = _document(client, place)
+            except (httpx.HTTPStatusError, ValueError):
+                continue
+            if str(metadata.get("issuer", "")).rstrip("/") == self._issuer and "jwks_uri" in metadata:
+                return str(metadata["jwks_uri"])
+        raise ValueError(f"{self._issuer} does not say where its keys are; set oauth_keys_url")
+
+
+def _document(client: httpx.Client, address: str) -> dict[str, Any]:
+    """A JSON object that stands at an address.
+
+    Raises:
+        httpx.HTTPError: it cannot be had.
+        ValueError: it is none, or too large.
+    """
+    response = client.get(address)
+    response.raise_for_status()
+    if len(response.content) > _MOST_BYTES:
+        raise ValueError(f"{address} answers with more than {_MOST_BYTES:,} bytes")
+    document = response.json()
+    if not isinstance(document, dict):
+        raise ValueError(f"{address} answers with no JSON object")  # noqa: TRY004 - it is a value that came from there
+    return document
+
+
+def _scopes(claims: dict[str, Any]) -> list[str]:
+    """The scopes of a token: words in ``scope`` (RFC 9068), or a list in ``scp``, as some servers have it."""
+    given = claims.get("scope", claims.get("scp", ""))
+    return given.split() if isinstance(given, str) else [str(word) for word in given]
+
+
+class EitherTokens(TokenVerifier):
+    """Lets in who has a token of either kind."""
+
+    def __init__(self, own: OwnTokens, issued: IssuedTokens) -> None:
+        self._own, self._issued = own, issued
+
+    async def verify_token(self, token: str) -> AccessToken | None:
+        """What a token allows; None for one that is not known."""
+        return await self._own.verify_token(token) or await self._issued.verify_token(token)

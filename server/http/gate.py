@@ -1,0 +1,230 @@
+"""The gate before MCP over HTTP: how large a request may be, how many a client may have under way, and how fast.
+
+A client is a token here, or an address where no token is asked for. Each bound has an answer of its own that says what
+the bound is and which setting moves it; nothing is dropped silently.
+"""
+
+import json
+import math
+import time
+from collections import OrderedDict
+from dataclasses import dataclass, field
+
+import anyio
+from mcp.types import INTERNAL_ERROR, INVALID_REQUEST
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from ..clients import principal_of
+
+_MOST_CLIENTS = 10_000
+"""Clients whose pace is remembered; chosen."""
+_MOST_STREAMS = 16
+"""Streams of news that a client may keep open; chosen: a host needs one or two."""
+_BODY_TIMEOUT_S = 30.0
+"""Time in which a body has to arrive; chosen: a slower client would keep its place for ever."""
+_SHORT_BYTES, _MORE_SHORT = 1_000, 4
+"""Size of a body that may be a cancellation, and how many such are let in beyond the bound: a client with all of its
+calls under way can cancel one. Chosen."""
+_LISTENING = {"subscriptions/listen"}
+"""Requests that stay open and wait for news, as a GET does in the revisions before."""
+_UNDECLARED = math.inf
+_TOLD = {
+    403: "this Origin is not let in: name it in http_origins, if it is yours",
+    421: "this Host is not let in: name it in http_hosts, if it is yours",
+}
+"""What the SDK's refusals by header say in its place, which names no setting."""
+
+
+@dataclass(frozen=True)
+class HttpLimits:
+    """How much comes in.
+
+    Args:
+        body_bytes: largest request.
+        calls: requests that one client has under way.
+        per_s: requests of one client in a second; twice as many at once.
+    """
+
+    body_bytes: int
+    calls: int
+    per_s: float
+
+
+@dataclass
+class _Client:
+    """What one client has under way, and what it has left of its pace."""
+
+    tokens: float
+    filled_at: float
+    calls: int = 0
+    streams: int = 0
+
+
+class Gate:
+    """Lets requests through to an ASGI application within limits; counts those under way.
+
+    Args:
+        application: who answers what is let through.
+        limits: the bounds.
+    """
+
+    def __init__(self, application: ASGIApp, limits: HttpLimits) -> None:
+        self._application, self._limits = application, limits
+        self._clients: OrderedDict[str, _Client] = OrderedDict()
+        self._is_closing = False
+        self._streams: set[anyio.CancelScope] = set()
+        self._calls: set[anyio.CancelScope] = set()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether new requests are let in."""
+        return not self._is_closing
+
+    async def close(self, patience_s: float) -> None:
+        """Let nobody in any more, wait for the calls under way, then end them and the streams of news."""
+        self._is_closing = True
+        with anyio.move_on_after(patience_s):
+            while self._calls:
+                await anyio.sleep(0.05)
+        for scope in (*self._calls, *self._streams):
+            scope.cancel()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, or pass it on."""
+        if scope["type"] != "http":
+            await self._application(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+        is_stream = scope["method"] == "GET" or headers.get("mcp-method") in _LISTENING
+        client = self._client(scope)
+        refusal = self._refusal(client, is_stream=is_stream, is_short=_declared_bytes(headers) < _SHORT_BYTES)
+        if refusal is not None:
+            await refusal.send(send)
+            return
+        under_way, own = self._streams if is_stream else self._calls, anyio.CancelScope()
+        under_way.add(own)
+        self._count(client, 1, is_stream=is_stream)
+        answer = _Answer(send)
+        try:
+            with own:
+                body = await self._body(headers, receive)
+                if isinstance(body, _Refusal):
+                    await body.send(send)
+                    return
+                await self._application(scope, _replayed(body, receive), answer.send)
+            if own.cancelled_caught and not answer.has_begun:
+                await _STOPPING.send(send)
+        finally:
+            under_way.discard(own)
+            self._count(client, -1, is_stream=is_stream)
+
+    def _client(self, scope: Scope) -> _Client:
+        address = scope.get("client")
+        key = principal_of(scope) or f"address {address[0] if address else ''}"
+        now = time.monotonic()
+        client = self._clients.setdefault(key, _Client(2 * self._limits.per_s, now))
+        self._clients.move_to_end(key)
+        if len(self._clients) > _MOST_CLIENTS:
+            self._clients.popitem(last=False)
+        client.tokens = min(2 * self._limits.per_s, client.tokens + (now - client.filled_at) * self._limits.per_s)
+        client.filled_at = now
+        return client
+
+    def _refusal(self, client: _Client, *, is_stream: bool, is_short: bool) -> "_Refusal | None":
+        if not self.is_open:
+            return _STOPPING
+        if client.tokens < 1.0:
+            wait_s = max(1, round((1.0 - client.tokens) / self._limits.per_s))
+            told = f"more than {self._limits.per_s:g} requests a second; the setting http_rate moves the bound"
+            return _Refusal(429, told, wait_s)
+        if is_stream and client.streams >= _MOST_STREAMS:
+            return _Refusal(429, f"{_MOST_STREAMS} streams of news are open already; close one first", 1)
+        if not is_stream and client.calls >= self._limits.calls + (_MORE_SHORT if is_short else 0):
+            told = f"{self._limits.calls} requests are under way already; the setting http_calls moves the bound"
+            return _Refusal(429, told, 1)
+        client.tokens -= 1.0
+        return None
+
+    def _count(self, client: _Client, change: int, *, is_stream: bool) -> None:
+        if is_stream:
+            client.streams += change
+        else:
+            client.calls += change
+
+    async def _body(self, headers: Headers, receive: Receive) -> "bytes | _Refusal":
+        """The whole body, or why it is not taken."""
+        most = self._limits.body_bytes
+        told = f"the request has more than {most:,} bytes; send it in parts, or raise the setting http_body_mb"
+        if _UNDECLARED > _declared_bytes(headers) > most:
+            return _Refusal(413, told)
+        body = bytearray()
+        with anyio.move_on_after(_BODY_TIMEOUT_S):
+            while True:
+                message = await receive()
+                body += message.get("body", b"")
+                if len(body) > most:
+                    return _Refusal(413, told)
+                if message["type"] != "http.request" or not message.get("more_body", False):
+                    return bytes(body)
+        return _Refusal(408, f"the body did not arrive within {_BODY_TIMEOUT_S:g} s; send it whole")
+
+
+@dataclass(frozen=True)
+class _Refusal:
+    """A request that is not let through: as JSON-RPC, so that a client shows it as any other error."""
+
+    status: int
+    told: str
+    wait_s: int | None = None
+
+    async def send(self, send: Send) -> None:
+        code = INVALID_REQUEST if self.status < 500 else INTERNAL_ERROR
+        error = {"code": code, "message": f"[http_{self.status}] {self.told}."}
+        body = json.dumps({"jsonrpc": "2.0", "id": None, "error": error}).encode()
+        headers = [(b"content-type", b"application/json"), (b"content-length", str(len(body)).encode())]
+        if self.wait_s is not None:
+            headers.append((b"retry-after", str(self.wait_s).encode()))
+        await send({"type": "http.response.start", "status": self.status, "headers": headers})
+        await send({"type": "http.response.body", "body": body})
+
+
+_STOPPING = _Refusal(503, "the server is stopping; jobs are kept, and go on when the same is asked for again", 5)
+
+
+@dataclass
+class _Answer:
+    """What an application answers, on its way to the client."""
+
+    to_client: Send
+    has_begun: bool = False
+    _replaced: bool = field(default=False, init=False)
+
+    async def send(self, message: Message) -> None:
+        """Pass a message on; a refusal by header is put into words that name the setting."""
+        if message["type"] == "http.response.start":
+            self.has_begun = True
+            is_json = any(name == b"content-type" and b"json" in value for name, value in message["headers"])
+            if message["status"] in _TOLD and not is_json:
+                self._replaced = True
+                await _Refusal(message["status"], _TOLD[message["status"]]).send(self.to_client)
+        if not self._replaced:
+            await self.to_client(message)
+
+
+def _declared_bytes(headers: Headers) -> float:
+    """How long a body says that it is; infinite where it does not say."""
+    declared = headers.get("content-length", "")
+    return int(declared[:18]) if declared.isdecimal() else _UNDECLARED
+
+
+def _replayed(body: bytes, receive: Receive) -> Receive:
+    """A channel that gives the body that has arrived, and then what comes after it."""
+    waiting = [body]
+
+    async def receive_again() -> Message:
+        if waiting:
+            return {"type": "http.request", "body": waiting.pop(), "more_body": False}
+        return await receive()
+
+    return receive_again

@@ -1,0 +1,255 @@
+"""``plannerforge serve --http``: MCP at ``/mcp``, ``/health`` and ``/ready`` beside it, a stop that loses nothing."""
+
+import ipaddress
+import logging
+import socket
+import sys
+from dataclasses import dataclass
+from types import FrameType
+
+import anyio
+import uvicorn
+from mcp.server.auth.middleware.auth_context import AuthContextMiddleware
+from mcp.server.auth.middleware.bearer_auth import BearerAuthBackend, RequireAuthMiddleware
+from mcp.server.auth.provider import TokenVerifier
+from mcp.server.auth.routes import build_resource_metadata_url, create_protected_resource_routes
+from mcp.server.auth.settings import AuthSettings
+from mcp.server.streamable_http_manager import StreamableHTTPASGIApp, StreamableHTTPSessionManager
+from mcp.server.transport_security import TransportSecuritySettings
+from pydantic import AnyHttpUrl
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.middleware.authentication import AuthenticationMiddleware
+from starlette.requests import Request
+from starlette.responses import JSONResponse
+from starlette.routing import Route
+from starlette.types import ASGIApp
+
+from ...schemas.errors import InvalidRequest
+from ..application import PlannerForgeServer
+from ..clients import READ_SCOPE, WRITE_SCOPE
+from ..settings import Settings
+from .access import EitherTokens, IssuedTokens, OwnTokens, tokens_of
+from .gate import Gate, HttpLimits
+
+logger = logging.getLogger(__name__)
+PATH = "/mcp"
+_LOOPBACK_NAMES = ("127.0.0.1", "localhost", "[::1]")
+_ANY_ADDRESS = {"0.0.0.0", "::"}  # noqa: S104 - what is looked for, not what is bound
+_MOST_SESSIONS = 256
+_SESSION_IDLE_S = 1800.0
+"""Sessions at once, and seconds until one that asks nothing is forgotten; chosen: a client simply begins another."""
+_CONNECTIONS_END_S = 2.0
+"""How long connections have to close once nothing is under way; chosen."""
+
+
+class HttpServer:
+    """MCP over HTTP for these settings, with the checks of who may come in, from where, and how much.
+
+    Raises:
+        InvalidRequest: it would be open to others, or settings contradict each other.
+        OutsideRoots: the file of tokens cannot be read.
+    """
+
+    def __init__(self, server: PlannerForgeServer, settings: Settings) -> None:
+        authentication = _Authentication.of(settings)
+        if authentication is None and not _is_loopback(settings.http_host):
+            raise InvalidRequest(
+                f"http_host {settings.http_host} lets other machines in, and no token is asked for",
+                valid=["127.0.0.1, where no token is needed"],
+                next_step="`plannerforge token NAME` makes one, for a file that http_token_file names; "
+                "or set oauth_issuer",
+            )
+        most_bytes = settings.http_body_mb * 1024**2
+        self._server = server
+        self._sessions = StreamableHTTPSessionManager(
+            app=server.protocol,
+            security_settings=_let_in(settings),
+            max_request_body_size=most_bytes + 1,  # the gate says more of a larger one
+            session_idle_timeout=_SESSION_IDLE_S,
+            max_sessions=_MOST_SESSIONS,
+        )
+        endpoint: ASGIApp = StreamableHTTPASGIApp(self._sessions)
+        if authentication is not None:
+            endpoint = RequireAuthMiddleware(endpoint, [READ_SCOPE], authentication.metadata_url)
+        self._gate = Gate(endpoint, HttpLimits(most_bytes, settings.http_calls, settings.http_rate))
+        routes = [
+            Route(PATH, endpoint=self._gate),
+            Route("/health", endpoint=_health, methods=["GET"]),
+            Route("/ready", endpoint=self._ready, methods=["GET"]),
+            *(authentication.routes() if authentication is not None else ()),
+        ]
+        middleware = authentication.middleware() if authentication is not None else []
+        proxies = list(settings.http_proxies)
+        config = uvicorn.Config(
+            Starlette(routes=routes, middleware=middleware),
+            lifespan="off",
+            ws="none",
+            log_config=None,
+            access_log=False,
+            server_header=False,
+            proxy_headers=bool(proxies),
+            forwarded_allow_ips=proxies,
+            timeout_graceful_shutdown=round(_CONNECTIONS_END_S),
+        )
+        self._uvicorn = _Uvicorn(config, self._gate, settings.http_stop_s)
+
+    async def serve(self, listener: socket.socket) -> None:
+        """Serve until ``stop`` or a signal; the address is told on standard error.
+
+        Raises:
+            PlannerForgeError: the services of the tools cannot be opened.
+        """
+        async with self._sessions.run():
+            host, port = listener.getsockname()[:2]
+            name = f"[{host}]" if ":" in host else host
+            sys.stderr.write(f"PlannerForge: MCP at http://{name}:{port}{PATH}\n")
+            sys.stderr.flush()
+            await self._uvicorn.serve(sockets=[listener])
+
+    def stop(self) -> None:
+        """Let calls under way end, then end."""
+        self._uvicorn.should_exit = True
+
+    async def _ready(self, request: Request) -> JSONResponse:
+        del request
+        is_ready = self._gate.is_open and await self._server.is_ready()
+        return JSONResponse({"status": "ready" if is_ready else "not ready"}, 200 if is_ready else 503)
+
+
+async def _health(request: Request) -> JSONResponse:
+    """That the process answers at all."""
+    del request
+    return JSONResponse({"status": "ok"})
+
+
+@dataclass(frozen=True)
+class _Authentication:
+    """How tokens are checked; with an OAuth authorization server, where clients find it."""
+
+    verifier: TokenVerifier
+    settings: AuthSettings | None
+
+    @classmethod
+    def of(cls, settings: Settings) -> "_Authentication | None":
+        """What the settings ask for; None where everybody on this machine may come in."""
+        tokens = tokens_of(settings.http_tokens, settings.http_token_file)
+        if not settings.oauth_issuer:
+            return cls(OwnTokens(tokens), None) if tokens else None
+        if not settings.http_url:
+            raise InvalidRequest(
+                "oauth_issuer is set and http_url is not, which tokens have to name as their audience",
+                next_step="set http_url to the address that clients use, such as https://forge.example.org/mcp",
+            )
+        oauth = AuthSettings(
+            issuer_url=AnyHttpUrl(settings.oauth_issuer),
+            resource_server_url=AnyHttpUrl(settings.http_url),
+            required_scopes=[READ_SCOPE],
+            validate_token_resource=True,
+        )
+        issued = IssuedTokens(settings.oauth_issuer, settings.http_url, settings.oauth_keys_url)
+        return cls(EitherTokens(OwnTokens(tokens, settings.http_url), issued), oauth)
+
+    @property
+    def metadata_url(self) -> AnyHttpUrl | None:
+        """Where a client that is refused finds whose tokens are taken (RFC 9728)."""
+        if self.settings is None or self.settings.resource_server_url is None:
+            return None
+        return build_resource_metadata_url(self.settings.resource_server_url)
+
+    def middleware(self) -> list[Middleware]:
+        """What reads the token of each request, and checks its audience."""
+        audience = self.settings.resource_server_url if self.settings is not None else None
+        backend = BearerAuthBackend(self.verifier, resource_server_url=audience)
+        return [Middleware(AuthenticationMiddleware, backend=backend), Middleware(AuthContextMiddleware)]
+
+    def routes(self) -> list[Route]:
+        """The metadata of this server as a resource."""
+        if self.settings is None or self.settings.resource_server_url is None:
+            return []
+        return create_protected_resource_routes(
+            resource_url=self.settings.resource_server_url,
+            authorization_servers=[self.settings.issuer_url],
+            scopes_supported=[READ_SCOPE, WRITE_SCOPE],
+            resource_name="PlannerForge",
+        )
+
+
+def _let_in(settings: Settings) -> TransportSecuritySettings:
+    """The Host and Origin headers that are taken: of this machine, of the address that is bound, and those named.
+
+    Raises:
+        InvalidRequest: every address of the machine is bound, and no name is given by which it is called.
+    """
+    hosts = [*_LOOPBACK_NAMES, *settings.http_hosts]
+    origins = [f"http://{name}" for name in _LOOPBACK_NAMES]
+    if settings.http_url:
+        url = AnyHttpUrl(settings.http_url)
+        hosts.append(str(url.host))
+        origins.append(f"{url.scheme}://{url.host}")
+    if settings.http_host not in _ANY_ADDRESS:
+        bound = settings.http_host
+        hosts.append(f"[{bound}]" if ":" in bound else bound)
+    elif not settings.http_hosts and not settings.http_url:
+        raise InvalidRequest(
+            f"http_host {settings.http_host} is every address of this machine, and no name is given that clients call",
+            next_step="name it in http_hosts, or set http_url; requests with another Host are refused",
+        )
+    return TransportSecuritySettings(
+        enable_dns_rebinding_protection=True,
+        allowed_hosts=[form for host in dict.fromkeys(hosts) for form in (host, f"{host}:*")],
+        allowed_origins=[form for one in (*origins, *settings.http_origins) for form in (one, f"{one}:*")],
+    )
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+class _Uvicorn(uvicorn.Server):
+    """Uvicorn, with a stop that waits for calls under way; a second signal does not wait."""
+
+    def __init__(self, config: uvicorn.Config, gate: Gate, patience_s: float) -> None:
+        super().__init__(config)
+        self._gate, self._patience_s = gate, patience_s
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Stop at a signal, with exit code 0; uvicorn's own would raise the signal again at the end."""
+        del sig, frame
+        self.force_exit = self.should_exit
+        self.should_exit = True
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Close the gate, then the connections, then the server with its jobs and workers."""
+        await self._gate.close(0.0 if self.force_exit else self._patience_s)
+        await super().shutdown(sockets)
+
+
+def serve_http(server: PlannerForgeServer, settings: Settings) -> None:
+    """Serve until a signal ends it.
+
+    Raises:
+        PlannerForgeError: the settings do not allow it, the port is taken, or the services cannot be opened.
+    """
+    made = HttpServer(server, settings)
+    with bound(settings.http_host, settings.http_port) as listener:
+        anyio.run(made.serve, listener)
+
+
+def bound(host: str, port: int) -> socket.socket:
+    """A socket that listens.
+
+    Raises:
+        InvalidRequest: the address is none of this machine, or the port is taken.
+    """
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        return socket.create_server((host, port), family=family)
+    except OSError as error:
+        raise InvalidRequest(
+            f"http_host {host} and http_port {port} cannot be bound: {error.strerror or error}",
+            next_step="choose another http_port; 0 takes a free one",
+        ) from error

@@ -1,0 +1,227 @@
+"""The protocol's side of resources: lists in pages, reading, completion and subscription.
+
+What a tool answers already (the catalogue, maps, planners) is read through that tool, so that a resource never says
+something else than it.
+"""
+
+import json
+import re
+from collections.abc import Awaitable, Callable
+from typing import Any, TypeVar
+
+from mcp import MCPError
+from mcp.server.context import ServerRequestContext
+from mcp.server.lowlevel import Server
+from mcp.types import (
+    INTERNAL_ERROR,
+    INVALID_PARAMS,
+    CompleteRequestParams,
+    CompleteResult,
+    Completion,
+    EmptyResult,
+    ListResourcesResult,
+    ListResourceTemplatesResult,
+    PaginatedRequestParams,
+    PromptReference,
+    Resource,
+    ResourceTemplate,
+    SubscribeRequestParams,
+    UnsubscribeRequestParams,
+)
+
+from ..engine.execution import CallThreads
+from ..engine.workspace import Workspace
+from ..prompts.catalog import completions
+from ..resources.templates import (
+    SCHEME,
+    TEMPLATES,
+    listed_resources,
+    read_resource,
+    resource_completions,
+    unknown_resource,
+)
+from ..schemas.errors import InvalidRequest, PlannerForgeError
+from ..schemas.text import quoted
+from ..tools.call import Services, ToolCall
+from ..tools.registry import TOOLS, ToolSpec
+from .clients import client_of
+from .news import WorkspaceNews
+from .tool_calls import answer, answer_text
+from .tool_schema import described_tool
+
+PAGE = 50
+"""Entries of a page of any list; chosen: hosts that do not turn pages see what matters."""
+_MOST_COMPLETIONS = 100
+"""The protocol's bound on values of one completion."""
+_JSON = "application/json"
+_BY_TOOLS: dict[str, tuple[str, dict[str, Any], str, str]] = {
+    "catalog": ("describe_catalog", {}, "Catalogue", "what scenarios there are, with counts"),
+    "maps": (
+        "describe_catalog",
+        {"facet": "maps"},
+        "Maps",
+        "the maps at hand, with the sites that can be cut from them",
+    ),
+    "planners": ("list_planners", {}, "Planners", "planners with their weights, settings and presets"),
+}
+_Found = TypeVar("_Found")
+_SCHEMA = f"{SCHEME}schema/"
+_SCHEMA_TEMPLATE = ResourceTemplate(
+    uri_template=f"{_SCHEMA}{{tool}}",
+    name="schema",
+    title="Schema",
+    description="Arguments and answer of a tool as JSON Schema",
+    mime_type=_JSON,
+)
+
+
+class ResourceReading:
+    """Answers the protocol's requests about resources, in the threads of calls.
+
+    Args:
+        tools: those that the server offers, for their schemas.
+        threads: where files and the database are read.
+        news: tells whoever subscribed what has changed.
+    """
+
+    def __init__(self, tools: tuple[ToolSpec, ...], threads: CallThreads, news: WorkspaceNews) -> None:
+        self._tools = {spec.name: spec for spec in tools}
+        self._threads, self._news = threads, news
+
+    def serve_on(self, protocol: Server[Services]) -> None:
+        """Take over the requests that the SDK answers otherwise, or not at all."""
+        protocol.add_request_handler("resources/list", PaginatedRequestParams, self._list)
+        protocol.add_request_handler("resources/templates/list", PaginatedRequestParams, self._list_templates)
+        protocol.add_request_handler("resources/subscribe", SubscribeRequestParams, self._subscribe)
+        protocol.add_request_handler("resources/unsubscribe", UnsubscribeRequestParams, self._unsubscribe)
+        protocol.add_request_handler("completion/complete", CompleteRequestParams, self._complete)
+
+    def templates(self) -> list[ResourceTemplate]:
+        """Where everything can be read that tools link to."""
+        return [*TEMPLATES, _SCHEMA_TEMPLATE]
+
+    async def read(self, uri: str, services: Services) -> tuple[str | bytes, str]:
+        """Content and media type behind a URI.
+
+        Raises:
+            MCPError: nothing is there (-32602), with the templates that exist.
+        """
+
+        async def look() -> tuple[str | bytes, str]:
+            if (name := uri.removeprefix(SCHEME)) in _BY_TOOLS and uri.startswith(SCHEME):
+                return await _told_by_tool(name, services), _JSON
+            if uri.startswith(_SCHEMA):
+                return self._schema(uri), _JSON
+            return read_resource(uri, services.workspace)
+
+        return await self._done(look)
+
+    async def _list(
+        self, context: ServerRequestContext[Services], request: PaginatedRequestParams
+    ) -> ListResourcesResult:
+        workspace = context.lifespan_context.workspace
+
+        async def look() -> ListResourcesResult:
+            by_tools = [
+                Resource(uri=SCHEME + name, name=name, title=title, description=told, mime_type=_JSON)
+                for name, (_, _, title, told) in _BY_TOOLS.items()
+            ]
+            page, following = page_of([*by_tools, *listed_resources(workspace)], request.cursor, PAGE)
+            return ListResourcesResult(resources=page, next_cursor=following)
+
+        return await self._done(look)
+
+    async def _list_templates(
+        self, context: ServerRequestContext[Services], request: PaginatedRequestParams
+    ) -> ListResourceTemplatesResult:
+        del context
+
+        async def look() -> ListResourceTemplatesResult:
+            page, following = page_of(self.templates(), request.cursor, PAGE)
+            return ListResourceTemplatesResult(resource_templates=page, next_cursor=following)
+
+        return await self._done(look)
+
+    async def _subscribe(self, context: ServerRequestContext[Services], request: SubscribeRequestParams) -> EmptyResult:
+        """Tell this session when a resource changes, in the revisions that have sessions."""
+        await self.read(request.uri, context.lifespan_context)
+        self._news.follow(client_of(context).key, request.uri, context.session)
+        return EmptyResult()
+
+    async def _unsubscribe(
+        self, context: ServerRequestContext[Services], request: UnsubscribeRequestParams
+    ) -> EmptyResult:
+        self._news.forget(client_of(context).key, request.uri)
+        return EmptyResult()
+
+    async def _complete(
+        self, context: ServerRequestContext[Services], request: CompleteRequestParams
+    ) -> CompleteResult:
+        """Values of an argument of a prompt or a resource's template that begin with what was typed."""
+        reference, argument = request.ref, request.argument
+        given = (request.context.arguments if request.context is not None else None) or {}
+        workspace = context.lifespan_context.workspace
+
+        async def look() -> list[str]:
+            if isinstance(reference, PromptReference):
+                return completions(reference.name, argument.name, argument.value, workspace)
+            return self._completed(reference.uri, argument.name, argument.value, given, workspace)
+
+        found = await self._done(look)
+        more = len(found) > _MOST_COMPLETIONS
+        return CompleteResult(completion=Completion(values=found[:_MOST_COMPLETIONS], total=len(found), has_more=more))
+
+    def _completed(
+        self, template: str, argument: str, typed: str, given: dict[str, str], workspace: Workspace
+    ) -> list[str]:
+        if (template, argument) == (_SCHEMA_TEMPLATE.uri_template, "tool"):
+            return [name for name in self._tools if name.startswith(typed.casefold())]
+        return resource_completions(template, argument, typed, given, workspace)
+
+    def _schema(self, uri: str) -> str:
+        spec = self._tools.get(uri.removeprefix(_SCHEMA))
+        if spec is None:
+            raise unknown_resource(uri)
+        tool = described_tool(spec)
+        shown = {
+            "name": tool.name,
+            "description": tool.description,
+            "arguments": tool.input_schema,
+            "answer": tool.output_schema,
+        }
+        return json.dumps(shown, indent=1, ensure_ascii=False)
+
+    async def _done(self, look: Callable[[], Awaitable[_Found]]) -> _Found:
+        """What a look at the workspace gives, in a thread of its own.
+
+        Raises:
+            MCPError: with the text of the refusal (-32602).
+        """
+        try:
+            return await self._threads.run(look)
+        except PlannerForgeError as error:
+            raise MCPError(INVALID_PARAMS, error.text) from error
+
+
+def page_of(entries: list[_Found], cursor: str | None, size: int) -> tuple[list[_Found], str | None]:
+    """One page of a list, and the cursor of the next one; None after the last.
+
+    Raises:
+        InvalidRequest: the cursor is none that was given out.
+    """
+    match = re.fullmatch(r"from-(\d{1,9})", cursor) if cursor else None
+    if cursor and (match is None or int(match[1]) >= max(len(entries), 1)):
+        raise InvalidRequest(f"{quoted(cursor)} is no cursor of this list", next_step="begin without a cursor")
+    start = int(match[1]) if match else 0
+    more = start + size < len(entries)
+    return entries[start : start + size], f"from-{start + size}" if more else None
+
+
+async def _told_by_tool(name: str, services: Services) -> str:
+    """The structured answer of a tool, as JSON."""
+    tool, arguments, _, _ = _BY_TOOLS[name]
+    spec = next(spec for spec in TOOLS if spec.name == tool)
+    result = await answer(spec, arguments, ToolCall(services))
+    if result.is_error:
+        raise MCPError(INTERNAL_ERROR, answer_text(result))
+    return json.dumps(result.structured_content, indent=1, ensure_ascii=False)

@@ -1,0 +1,90 @@
+"""A server over HTTP on a free port of this machine, in the test's own event loop, and clients of it."""
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import anyio
+import httpx
+import httpx2
+from mcp import Client
+from mcp.client.streamable_http import streamable_http_client
+
+from plannerforge.server.assembly import create_server
+from plannerforge.server.http.serving import HttpServer, bound
+from plannerforge.server.settings import Settings
+
+PATIENCE_S = 60.0
+
+
+@dataclass(frozen=True)
+class Served:
+    """A server that runs, and its address."""
+
+    server: HttpServer
+    address: str
+
+    @property
+    def url(self) -> str:
+        """Where MCP is."""
+        return f"{self.address}/mcp"
+
+    @asynccontextmanager
+    async def client(self, mode: str, token: str = "", **options: object) -> AsyncIterator[Client]:
+        """A client of the protocol."""
+        headers = {"Authorization": f"Bearer {token}"} if token else {}
+        async with httpx2.AsyncClient(headers=headers, timeout=httpx2.Timeout(PATIENCE_S)) as http:
+            transport = streamable_http_client(self.url, http_client=http)
+            async with Client(transport, mode=mode, **options) as client:  # type: ignore[arg-type]
+                yield client
+
+
+@asynccontextmanager
+async def served(settings: Settings, folder: Path) -> AsyncIterator[Served]:
+    """A server until the block is left."""
+    http = HttpServer(create_server(settings, start_folder=folder), settings)
+    with bound("127.0.0.1", 0) as listener:
+        async with anyio.create_task_group() as tasks:
+            tasks.start_soon(http.serve, listener)
+            address = f"http://127.0.0.1:{listener.getsockname()[1]}"
+            await _until_it_answers(address)
+            try:
+                yield Served(http, address)
+            finally:
+                http.stop()
+
+
+async def _until_it_answers(address: str) -> None:
+    with anyio.fail_after(PATIENCE_S):
+        async with httpx.AsyncClient() as client:
+            while True:
+                try:
+                    await client.get(f"{address}/health")
+                except httpx.HTTPError:
+                    await anyio.sleep(0.02)
+                else:
+                    return
+
+
+def called(tool: str, **arguments: object) -> tuple[dict[str, object], dict[str, str]]:
+    """A call of a tool in the stateless revision: its body and its headers."""
+    meta = {
+        "io.modelcontextprotocol/protocolVersion": "2026-07-28",
+        "io.modelcontextprotocol/clientInfo": {"name": "raw", "version": "1"},
+        "io.modelcontextprotocol/clientCapabilities": {},
+    }
+    body: dict[str, object] = {
+        "jsonrpc": "2.0",
+        "id": 1,
+        "method": "tools/call",
+        "params": {"name": tool, "arguments": arguments, "_meta": meta},
+    }
+    headers = {
+        "Content-Type": "application/json",
+        "Accept": "application/json, text/event-stream",
+        "MCP-Protocol-Version": "2026-07-28",
+        "Mcp-Method": "tools/call",
+        "Mcp-Name": tool,
+    }
+    return body, headers
