@@ -19,6 +19,8 @@
 ``TooFewFoundRoom``: What is raised where too few vehicles are there at step 0.
 ``simulate_traffic``: Fill a site with the wanted vehicles, let them drive for the warm-up and record what follows.
 ``DrivingStyle``: How all drivers of a traffic drive: a factor on free speeds, parameters of SUMO's vehicle types.
+``Calibration``: A published calibration of drivers: what it sets, by whom it is.
+``published_calibrations``: All published calibrations of drivers by name.
 ``SPEED_FACTORS``: Free speeds in bad weather over those in good weather.
 ``SPEED_FACTORS_SOURCE``: Whose figures they are.
 ``SHARES_OF_DAY_SOURCE``: Whose figures the hours' shares of a day are.
@@ -41,6 +43,7 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
+    from .calibrations import Calibration, published_calibrations
     from .conditions import (
         SHARES_OF_DAY_SOURCE,
         SPEED_FACTORS,
