@@ -25,6 +25,8 @@
 ``SPEED_FACTORS_SOURCE``: Whose figures they are.
 ``SHARES_OF_DAY_SOURCE``: Whose figures the hours' shares of a day are.
 ``heavy_factor``: The share of goods vehicles in an hour's traffic over that in the whole day's.
+``NIGHT_HOURS``: Hours that are night.
+``words_of_hour``: What a catalogue calls an hour: night, rush hour or nothing.
 ``vehicles_per_lane_km``: How dense traffic is in an hour of a working day.
 ``WALKING_SOURCE``: Whose figures of walking speeds are used.
 ``WalkedPerson``: A person who was simulated, and whether he is on a crossing during the recording.
@@ -45,11 +47,13 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .calibrations import Calibration, published_calibrations
     from .conditions import (
+        NIGHT_HOURS,
         SHARES_OF_DAY_SOURCE,
         SPEED_FACTORS,
         SPEED_FACTORS_SOURCE,
         heavy_factor,
         vehicles_per_lane_km,
+        words_of_hour,
     )
     from .demand import OpenEdges, TripMaker, lane_km_of
     from .motions import DECIMALS, GeneratedVehicle, drop_infeasible, generated_vehicles

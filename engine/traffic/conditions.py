@@ -30,6 +30,17 @@ SPEED_FACTORS: Mapping[Weather, float] = MappingProxyType({"heavy_rain": 0.945, 
 """Free speeds in bad weather over those in good weather; of light rain and hail no figure is known here."""
 SPEED_FACTORS_SOURCE = "freeways of the Twin Cities, Iowa State University"
 _NOON = 12
+NIGHT_HOURS = frozenset({22, 23, 0, 1, 2, 3, 4, 5})
+"""Hours that are night (chosen)."""
+_RUSH_PERCENT = 7.0
+"""From this share of a day's cars on an hour is rush hour (chosen): 7, 16, 17 and 18."""
+
+
+def words_of_hour(hour: int) -> tuple[str, ...]:
+    """What a catalogue calls an hour: night, rush hour or nothing."""
+    if hour in NIGHT_HOURS:
+        return ("night",)
+    return ("rush_hour",) if CAR_SHARES[hour] >= _RUSH_PERCENT else ()
 
 
 def vehicles_per_lane_km(hour: int) -> float:

@@ -20,7 +20,12 @@ from plannerforge.schemas.generation import (
     VehicleDemand,
 )
 from plannerforge.tools.call import Services, ToolCall
-from plannerforge.tools.generation.conditions import read_conditions, with_natural_mix, with_tables_read
+from plannerforge.tools.generation.conditions import (
+    circumstances_of,
+    read_conditions,
+    with_natural_mix,
+    with_tables_read,
+)
 
 
 @pytest.fixture
@@ -125,6 +130,20 @@ def test_published_calibrations_are_told_with_what_they_set_and_their_source() -
     assert [
         word for word in ("Department for Transport", "0.99 ± 0.11", "Al-Obaedi", "1.1 ± 0.42 s") if word not in note
     ] == []
+
+
+@pytest.mark.parametrize(
+    ("conditions", "words"),
+    [
+        (["time=rush_hour", "weather=snow"], {"rush_hour", "snow"}),
+        (["time=night"], {"night"}),
+        (["time=noon"], set()),
+        (["drivers=cautious"], set()),
+        ([], set()),
+    ],
+)
+def test_what_a_catalogue_calls_the_conditions(conditions: list[str], words: set[str]) -> None:
+    assert set(circumstances_of(read_conditions(arguments(*conditions)).conditions)) == words
 
 
 COUNTS_CASES = [

@@ -15,6 +15,7 @@ from ...engine.traffic import (
     heavy_factor,
     published_calibrations,
     vehicles_per_lane_km,
+    words_of_hour,
 )
 from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest
 from ...schemas.generation import (
@@ -116,6 +117,14 @@ def with_natural_mix(
         else demand
         for demand in demands
     )
+
+
+def circumstances_of(conditions: TrafficConditions | None) -> tuple[str, ...]:
+    """What a catalogue calls the time and the weather of conditions."""
+    if conditions is None:
+        return ()
+    weather = () if conditions.weather is None else (conditions.weather,)
+    return (*weather, *(words_of_hour(_hour(conditions.time)) if conditions.time else ()))
 
 
 def _hour(time: str) -> int:
