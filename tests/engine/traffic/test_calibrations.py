@@ -38,7 +38,7 @@ def test_time_gaps_have_the_mean_and_nearly_the_deviation_of_the_source() -> Non
     assert statistics.pstdev(gaps_s) == pytest.approx(0.42, abs=0.04), "the ends of the tails are missing"
 
 
-def test_every_calibration_names_who_measured_and_when_and_sets_something() -> None:
+def test_every_calibration_names_its_source_with_the_year_and_sets_something() -> None:
     for name, calibration in published_calibrations().items():
         assert calibration.parameter_names, name
         assert calibration.classes <= set(vehicle_classes()), name
