@@ -47,7 +47,7 @@ def test_a_car_alone_is_free_and_the_one_behind_follows(tmp_path: Path) -> None:
     [car(11, 61.5, 28.0), car(11, 0.0, 27.0), car(11, 61.5, 27.0, gain_mps=1.0)],
     ids=["nears", "far", "gains"],
 )
-def test_who_nears_is_far_or_changes_speed_does_not_follow(tmp_path: Path, second: str) -> None:
+def test_a_car_that_nears_is_far_or_changes_speed_does_not_follow(tmp_path: Path, second: str) -> None:
     assert judged(tmp_path, car(10, 100.0, 27.0), second)[1] == []
 
 
