@@ -45,13 +45,14 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .calibrations import Calibration, published_calibrations
     from .conditions import (
         NIGHT_HOURS,
         SHARES_OF_DAY_SOURCE,
         SPEED_FACTORS,
         SPEED_FACTORS_SOURCE,
+        Calibration,
         heavy_factor,
+        published_calibrations,
         vehicles_per_lane_km,
         words_of_hour,
     )

@@ -13,7 +13,7 @@ from ...schemas.errors import NotPossible
 from ..execution import ProgressReporter
 from ..geometry import Points, Values
 from ..vehicles import VehicleClass, vehicle_classes
-from .calibrations import SPEED_CUT, Calibration, time_gaps_s
+from .conditions import SPEED_CUT, Calibration, time_gaps_s
 from .demand import TripMaker
 from .sumo import Sumo, heading_of_angle_rad, sumo_running, vehicle_type, vehicle_type_distribution
 from .vehicle_counts import Demand

@@ -6,7 +6,7 @@ from statistics import NormalDist
 import pytest
 from lxml import etree
 
-from plannerforge.engine.traffic.calibrations import Spread, published_calibrations, time_gaps_s
+from plannerforge.engine.traffic.conditions import Spread, published_calibrations, time_gaps_s
 from plannerforge.engine.traffic.simulation import DrivingStyle, _vehicle_type
 from plannerforge.engine.vehicles import vehicle_classes
 
