@@ -317,7 +317,8 @@ class RoadFlow(Model):
 class TrafficConditions(Model):
     """Under which conditions traffic drives.
 
-    ``time``: of day, ``HH:MM``, empty where it is not given; ``drivers``: the preset that all drivers have;
+    ``time``: of day, ``HH:MM``, empty where it is not given; ``drivers``: the preset that all drivers have, or the
+    published calibrations that hold for them, joined by ``+``;
     ``natural_mix``: all classes at their natural shares. ``per_lane_km``: vehicles per kilometre of lane at the start
     that stand in the place of the density's, None where the density counts. ``flows``: counted traffic that stands in
     the place of both; ``trips``: on which roads more trips begin.
@@ -330,6 +331,11 @@ class TrafficConditions(Model):
     per_lane_km: float | None = None
     flows: tuple[RoadFlow, ...] = Field((), exclude_if=lambda flows: not flows)
     trips: TripKind = Field("usual", exclude_if=lambda kind: kind == "usual")
+
+    @property
+    def calibrations(self) -> tuple[str, ...]:
+        """The names in ``drivers``, none where it is empty; where it is a preset, that is the only one."""
+        return tuple(self.drivers.split("+")) if self.drivers else ()
 
 
 class GenerationRequest(Model):

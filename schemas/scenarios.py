@@ -137,6 +137,9 @@ class ScenarioFacts(Model):
     egos: tuple[EgoFacts, ...] = Field(description="one per planning problem, by ascending id")
     density_per_km: float = Field(0.0, description="recorded vehicles per kilometre of lanelets, mean over the time")
     source: str = Field("", description="where the file says that its data come from; '' where it was not read")
+    circumstances: tuple[str, ...] = Field(
+        (), exclude_if=lambda words: not words, description="weather and time of day, in words of the vocabulary"
+    )
 
     @property
     def ego(self) -> EgoFacts | None:

@@ -89,6 +89,19 @@ FEATURES: Final[dict[str, str]] = {
     "lead_vehicle": "a vehicle is ahead of the ego in its lane within 50 m at the start",
     "ego_stands_at_start": "the ego's initial speed is below 0.5 m/s",
 }
+CIRCUMSTANCES: Final[dict[str, str]] = {
+    "night": "the time is between 22 and 6, or the file calls it night",
+    "rush_hour": "the time is in an hour with 7 % of a working day's cars or more: 7 to 8, 16 to 19",
+    "light_rain": "the file's weather",
+    "heavy_rain": "the file's weather",
+    "fog": "the file's weather",
+    "snow": "the file's weather",
+    "hail": "the file's weather",
+}
+"""When and in what weather a scenario is, as its file or the request that it was made for says.
+
+CommonRoad's schema has no tags for them; they are found where ``tags`` name them, in a catalogue that holds some.
+"""
 MEASURES: Final[dict[str, str]] = {
     "ttc": "seconds until an ego that keeps path and initial speed meets the recorded traffic",
     "horizon": "seconds to the last time step of any recording or goal",

@@ -9,8 +9,10 @@ import pytest
 from plannerforge.agent.settings import AgentSettings
 from plannerforge.engine.cosimulation.driver import PARAMETERS, presets
 from plannerforge.engine.network.rules.check import all_rules
+from plannerforge.engine.traffic import published_calibrations
 from plannerforge.schemas.errors import error_classes
 from plannerforge.schemas.modification import EDITS
+from plannerforge.schemas.vocabulary import CIRCUMSTANCES, MEASURES
 from plannerforge.server.settings import Settings
 from plannerforge.tools.registry import TOOLS
 
@@ -30,8 +32,10 @@ def names_in(page: str) -> set[str]:
         ("docs/agent.md", list(AgentSettings.model_fields)),
         ("docs/rules.md", [rule.rule_id for rule in all_rules()]),
         ("docs/edits.md", [*EDITS, *presets(), *PARAMETERS]),
+        ("docs/demand.md", list(published_calibrations())),
+        ("docs/selection.md", [*MEASURES, *CIRCUMSTANCES]),
     ],
-    ids=["tools", "settings", "errors", "agent", "rules", "edits"],
+    ids=["tools", "settings", "errors", "agent", "rules", "edits", "calibrations", "circumstances"],
 )
 def test_every_name_has_its_entry(page: str, names: list[str]) -> None:
     assert set(names) - names_in(page) == set()

@@ -106,7 +106,14 @@ async def _modified(arguments: ModifyScenarioArguments, call: ToolCall) -> Modif
         )
         outcome = await call.run(APPLY_EDITS, request, share=(0.0, 0.8))
         if outcome.xml is not None:
-            await store_scenario(call, xml=Path(outcome.xml), net=outcome.net, recipe=recipe, origin="modified")
+            await store_scenario(
+                call,
+                xml=Path(outcome.xml),
+                net=outcome.net,
+                recipe=recipe,
+                origin="modified",
+                circumstances=given.read(ScenarioRecord).facts.circumstances,
+            )
             call.made("scenario", new_id)
     return ModifyScenarioResult(
         scenario_id=None if arguments.dry_run else new_id,

@@ -4,7 +4,7 @@ A scenario that a tool made is stored by itself. Files of the user's are read by
 batches, in the order of their names.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import anyio
@@ -15,6 +15,7 @@ from ..engine.workspace import Artifact, Recipe, content_digest
 from ..schemas.errors import PlannerForgeError, WorkerFailure, WorkerTimeout, as_told
 from ..schemas.importing import ImportedItem
 from ..schemas.scenarios import Origin, ReadFactsRequest, ScenarioFacts
+from ..schemas.vocabulary import CIRCUMSTANCES
 from .call import ToolCall
 from .operations import READ_FACTS
 
@@ -32,17 +33,21 @@ async def store_scenario(
     recipe: Recipe,
     origin: Origin,
     beside: Mapping[str, Path] | None = None,
+    circumstances: Iterable[str] = (),
 ) -> Artifact:
     """Store a CommonRoad file, with the SUMO network that it came from where there is one.
 
     Args:
         beside: further files of the artifact by name, such as the report of how it was made.
+        circumstances: weather and time of day that the file does not state.
 
     Raises:
         UnsafeInput: the file is broken or hostile.
         NotPossible: another scenario has this id already.
     """
     facts = await call.run(READ_FACTS, ReadFactsRequest(path=xml))
+    held = {*facts.circumstances, *circumstances}
+    facts = facts.model_copy(update={"circumstances": tuple(word for word in CIRCUMSTANCES if word in held)})
     return put_scenario(call.workspace, facts, xml=xml, net=net, recipe=recipe, origin=origin, beside=beside)
 
 

@@ -6,10 +6,20 @@ from dataclasses import dataclass
 from itertools import islice
 
 from ...schemas.errors import closest
-from ...schemas.vocabulary import FEATURES, ORIGINS, ROAD_NET_KEYS, TAGS
+from ...schemas.vocabulary import CIRCUMSTANCES, FEATURES, ORIGINS, ROAD_NET_KEYS, TAGS
 from ..maps import place_keys
 from .bm25 import words_of
-from .constraints import ARTIFICIAL, MEASURE_COLUMNS, PARTICIPANTS, Constraint, is_place, known_places, obstacle_type_of
+from .constraints import (
+    ARTIFICIAL,
+    CIRCUMSTANCE,
+    CIRCUMSTANCE_WORDS,
+    MEASURE_COLUMNS,
+    PARTICIPANTS,
+    Constraint,
+    is_place,
+    known_places,
+    obstacle_type_of,
+)
 from .entry_sets import EntrySet, column_of
 from .funnel import EmptiedBy, Funnel
 from .tables import NEVER_S
@@ -19,6 +29,7 @@ SHOWN = 8
 _KINDS = {
     "tag": ("tags", TAGS),
     "feature": ("features", FEATURES),
+    CIRCUMSTANCE: (CIRCUMSTANCE_WORDS, CIRCUMSTANCES),
     "sign@ego": ("signs on the ego's lane", ROAD_NET_KEYS),
     "sign@map": ("signs on the map", ROAD_NET_KEYS),
 }
@@ -108,6 +119,9 @@ def _places_of(connection: sqlite3.Connection, word: str) -> tuple[str, list[str
                 meant = spelling
                 if count := _carriers(connection, kind, spelling):
                     carried.append(f"{kind.replace('sign@map', 'sign')} of {count}")
+        if count := _carriers(connection, CIRCUMSTANCE, spelling):
+            meant = spelling
+            carried.append(f"{CIRCUMSTANCE} of {count}")
         if meant:
             break
     obstacle = obstacle_type_of(word)

@@ -15,7 +15,15 @@ from ...schemas.catalog import FindScenariosArguments, Stage
 from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest
 from ...schemas.grammar import Condition, Interval, parse_condition, parse_interval
 from ...schemas.text import one_line
-from ...schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS, vehicle_class_of
+from ...schemas.vocabulary import (
+    CIRCUMSTANCES,
+    FEATURES,
+    MEASURES,
+    OBSTACLE_TYPES,
+    ROAD_NET_KEYS,
+    TAGS,
+    vehicle_class_of,
+)
 from ..maps import country_code, place_keys
 from .bm25 import words_of
 from .entry_sets import column_of
@@ -36,6 +44,10 @@ PARTICIPANTS = "participants"
 """What obstacles of all types together are called."""
 EITHER = "tag or feature"
 """The subject of a condition on a name that may be a tag or a computed feature."""
+CIRCUMSTANCE, CIRCUMSTANCE_WORDS = "circumstance", "weather and times of day"
+"""The subject of a condition on weather or time of day, and what these words are called."""
+_CIRCUMSTANCE_WORDS = {"mist": "fog", "foggy": "fog", "snowy": "snow", "snowfall": "snow", "peakhour": "rush_hour"}
+_RAINS = "light_rain|heavy_rain"
 _TOTALS = ("participants", "participant", "roadusers", "vehicles", "obstacles", "total")
 _TYPE_OF_CLASS = {
     "trailer": "truck",
@@ -96,18 +108,22 @@ class Constraint:
         return column_of(connection, f"{self.query} AND number IN ({holes})", (*self.values, *among))
 
 
-def constraints_of(arguments: FindScenariosArguments, location: Sequence[Constraint]) -> tuple[Constraint, ...]:
+def constraints_of(
+    arguments: FindScenariosArguments, location: Sequence[Constraint], *, with_circumstances: bool = False
+) -> tuple[Constraint, ...]:
     """All conditions in the paper's order of stages; ``location`` comes from :func:`location_constraints`.
+
+    Weather and times of day are words of the vocabulary where ``with_circumstances``: the catalogue holds some.
 
     Raises:
         UnknownName: a tag, feature, key or obstacle outside the vocabulary; all wrong names at once.
         InvalidRequest: a malformed condition, or a speed without a unit; all faults at once.
     """
     makers: list[tuple[Callable[[str], Constraint], str]] = [
-        *((partial(_taken, "tags"), text) for text in arguments.tags),
-        *((partial(_taken, "features"), text) for text in arguments.features),
-        *((partial(_taken, "road_net"), text) for text in arguments.road_net),
-        *((partial(_taken, "obstacles"), text) for text in arguments.obstacles),
+        *((partial(_taken, "tags", with_circumstances), text) for text in arguments.tags),
+        *((partial(_taken, "features", with_circumstances), text) for text in arguments.features),
+        *((partial(_taken, "road_net", with_circumstances), text) for text in arguments.road_net),
+        *((partial(_taken, "obstacles", with_circumstances), text) for text in arguments.obstacles),
     ]
     constraints, faults = list(location), Faults()
     for make, text in makers:
@@ -123,7 +139,7 @@ def constraints_of(arguments: FindScenariosArguments, location: Sequence[Constra
     return tuple(constraints)
 
 
-def _taken(argument: str, text: str) -> Constraint:
+def _taken(argument: str, with_circumstances: bool, text: str) -> Constraint:
     """The condition of an argument; a word of another argument's vocabulary is looked for there, and a note says so.
 
     Raises:
@@ -133,6 +149,8 @@ def _taken(argument: str, text: str) -> Constraint:
         return _MAKERS[argument](text)
     except UnknownName:
         for other in _OTHERS[argument]:
+            if other == CIRCUMSTANCE_WORDS and not with_circumstances:
+                continue
             try:
                 found = _MAKERS[other](text)
             except (UnknownName, InvalidRequest):
@@ -161,6 +179,13 @@ def _tag_or_feature(text: str) -> Constraint:
         values=names,
         words=(*tag.words, *feature.words),
     )
+
+
+def _circumstance(text: str) -> Constraint:
+    """Weather or time of day; ``rain`` means light and heavy rain."""
+    negated, body = text.strip().startswith("!"), text.strip().removeprefix("!")
+    parts = [_RAINS if _key(part) in ("rain", "rainy") else part for part in body.split("|")]
+    return _word_constraint(CIRCUMSTANCE, ("!" if negated else "") + "|".join(parts), _circumstance_name)
 
 
 def _word_constraint(kind: str, text: str, known: NameOf) -> Constraint:
@@ -266,14 +291,15 @@ _MAKERS: dict[str, Callable[[str], Constraint]] = {
     "road_net": _road_net,
     "obstacles": _obstacles,
     "tags|features": _tag_or_feature,
+    CIRCUMSTANCE_WORDS: _circumstance,
 }
 _CALLED = {"tags": "tag", "features": "feature", "road_net": "road_net key", "obstacles": "obstacle type"}
 """What one word of an argument is called."""
 _OTHERS = {
-    "tags": ("features", "obstacles", "road_net"),
-    "features": ("tags", "obstacles", "road_net"),
-    "road_net": ("tags|features", "features", "tags", "obstacles"),
-    "obstacles": ("tags|features", "features", "tags", "road_net"),
+    "tags": ("features", CIRCUMSTANCE_WORDS, "obstacles", "road_net"),
+    "features": ("tags", CIRCUMSTANCE_WORDS, "obstacles", "road_net"),
+    "road_net": ("tags|features", "features", "tags", CIRCUMSTANCE_WORDS, "obstacles"),
+    "obstacles": ("tags|features", "features", "tags", CIRCUMSTANCE_WORDS, "road_net"),
 }
 """Where a word is looked for that is none of its argument's own, in this order."""
 
@@ -325,6 +351,12 @@ def _bounds(interval: Interval, tolerance: float, factor: float = 1.0) -> tuple[
     slack = tolerance + _ROUNDING
     low = -_FAR if interval.low is None else interval.low * factor - slack
     return low, _FAR if interval.high is None else interval.high * factor + slack
+
+
+def holds_circumstances(connection: sqlite3.Connection) -> bool:
+    """Whether any entry of the catalogue states its weather or time of day."""
+    query = "SELECT 1 FROM catalog_words WHERE kind = ? LIMIT 1"
+    return connection.execute(query, (CIRCUMSTANCE,)).fetchone() is not None
 
 
 ARTIFICIAL = "ZAM"
@@ -399,6 +431,10 @@ def _obstacle_name(word: str) -> str:
 
 def _tag_name(word: str) -> str:
     return _name(word, TAGS, {}, "tag", "use text for what no tag says, or features for what the geometry shows")
+
+
+def _circumstance_name(word: str) -> str:
+    return _name(word, CIRCUMSTANCES, _CIRCUMSTANCE_WORDS, CIRCUMSTANCE, "use text for what no tag says")
 
 
 def _feature_name(word: str) -> str:

@@ -8,7 +8,7 @@ from itertools import islice
 from ...schemas.catalog import FacetCounts
 from ...schemas.text import counted
 from ...schemas.vocabulary import FEATURES, OBSTACLE_TYPES, SIGNS, TAGS
-from .constraints import ARTIFICIAL, is_place
+from .constraints import ARTIFICIAL, CIRCUMSTANCE, CIRCUMSTANCE_WORDS, is_place
 
 PLACES_SHOWN, COUNTRIES_SHOWN, KEYS_SHOWN, LIMITS_SHOWN = 6, 12, 3, 3
 """Of each, where all facets are asked for at once: the answer is read by a model (chosen)."""
@@ -29,7 +29,10 @@ def scenario_facets(
     whole = wanted != "all"
     makers: dict[str, Callable[[], list[FacetCounts]]] = {
         "places": lambda: _places([(row[2], row[3]) for row in chosen], whole),
-        "tags": lambda: _words(connection, "tag", list(TAGS), numbers, "tags", whole),
+        "tags": lambda: [
+            *_words(connection, "tag", list(TAGS), numbers, "tags", whole),
+            *_circumstances(connection, numbers),
+        ],
         "features": lambda: _words(connection, "feature", list(FEATURES), numbers, "features", whole),
         "road_net": lambda: _road_net(connection, numbers, [row[4] for row in chosen], whole),
         "obstacles": lambda: _obstacles(connection, numbers, whole),
@@ -79,6 +82,12 @@ def _words(
     if whole:
         return [FacetCounts(facet=facet, counts={**counts, **dict.fromkeys(none, 0)}, note="0: valid, but in none")]
     return [FacetCounts(facet=facet, counts=counts, note=note)]
+
+
+def _circumstances(connection: sqlite3.Connection, numbers: frozenset[int]) -> list[FacetCounts]:
+    """Weather and times of day, where any scenario states them."""
+    (facet,) = _words(connection, CIRCUMSTANCE, [], numbers, CIRCUMSTANCE_WORDS, whole=False)
+    return [facet.model_copy(update={"note": "asked for among tags"})] if facet.counts else []
 
 
 def _road_net(

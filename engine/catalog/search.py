@@ -30,7 +30,7 @@ from ...schemas.scenarios import ScenarioFacts
 from ...schemas.text import one_line
 from .alternatives import TextWords, emptied_note, found_elsewhere, never_carried, words_in
 from .bm25 import reciprocal_rank_fusion
-from .constraints import EITHER, PARTICIPANTS, Constraint, constraints_of, location_constraints
+from .constraints import EITHER, PARTICIPANTS, Constraint, constraints_of, holds_circumstances, location_constraints
 from .entry_sets import EntrySet, Postings, plain_rows
 from .funnel import Funnel
 from .tables import facts_of
@@ -117,7 +117,7 @@ class Search:
         self._connection, self.arguments = connection, arguments
         numbers = None if within is None else _numbers_of(connection, within).values()
         location = location_constraints(connection, arguments.country, arguments.city)
-        constraints = constraints_of(arguments, location)
+        constraints = constraints_of(arguments, location, with_circumstances=holds_circumstances(connection))
         self.funnel = Funnel(connection, constraints, numbers, arguments.text or "", postings)
 
     @property
@@ -354,7 +354,7 @@ def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
             if word in (facts.tags if one == "tag" else facts.features)
         ]
         return ", ".join(held_as) or f"no {kind} {constraint.words[0][1]}"
-    held = facts.tags if kind == "tag" else facts.features
+    held = {"tag": facts.tags, "feature": facts.features}.get(kind, facts.circumstances)
     shown = [word if word in held else f"no {word}" for _, word in constraint.words]
     if constraint.negated or len(shown) == 1:
         return f"{kind} {', '.join(shown)}"

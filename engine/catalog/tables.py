@@ -146,6 +146,7 @@ def _words(facts: ScenarioFacts) -> list[tuple[str, str]]:
     roads = facts.roads
     words = [("tag", tag) for tag in facts.tags] + [("origin", origin) for origin in origins_of(facts)]
     words += [("feature", feature) for feature in facts.features]
+    words += [("circumstance", word) for word in facts.circumstances]
     words += [("place", key) for key in sorted(place_keys(facts.location.place))]
     words += [("sign@ego", sign) for sign in roads.signs_ego] + [("sign@map", sign) for sign in roads.signs_map]
     lights = (("sign@ego", roads.traffic_light_ego), ("sign@map", roads.traffic_lights_map))

@@ -47,6 +47,8 @@ def description_of(facts: ScenarioFacts) -> str:
     parts = [f"Traffic scenario in {where}."]
     if facts.tags:
         parts.append(f"Tagged {', '.join(tag.replace('_', ' ') for tag in facts.tags)}.")
+    if facts.circumstances:
+        parts.append(f"Circumstances: {', '.join(word.replace('_', ' ') for word in facts.circumstances)}.")
     seen = [words for feature, words in _FEATURE_WORDS.items() if feature in facts.features]
     if seen:
         parts.append(f"The road shows {', '.join(seen)}.")

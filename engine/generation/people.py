@@ -74,13 +74,16 @@ def footways_of(net_path: Path, net: SumoNet, pavements: Pavements | None) -> Fo
     if pavements is None:
         there = f"{ways.pavement_km:.2f} km of pavements, {counted(len(ways.crossings), 'crossing')}, {lit} with lights"
         return Footways(ways, (f"{there}; those that the network lacks are guessed along roads up to 50 km/h",))
-    marked = _marked(ways, net, pavements.crossings)
+    mid_block = {f":{node}" for node in pavements.mid_block}
+    in_block = sum(crossing.edge_id.partition("_")[0] in mid_block for crossing in ways.crossings.values())
+    marked = _marked(ways, net, pavements.crossings) - in_block
     road_km = pavements.mapped_km + pavements.guessed_km
     guessed = f"guessed for {pavements.guessed_km:.1f} of {road_km:.1f} km of road"
     source = guessed if pavements.guessed_km else "as the map has them"
-    built = counted(len(ways.crossings), "crossing")
+    built = counted(len(ways.crossings) - in_block, "crossing")
+    between = f"; {in_block} between junctions, as the map marks them" if in_block else ""
     rule = "vehicles give way there" + (f", at {lit} by lights" if lit else "")
-    note = f"pavements: {source}; {built} at junctions, {marked} marked in the map, the others guessed; {rule}"
+    note = f"pavements: {source}; {built} at junctions, {marked} marked in the map, the others guessed{between}; {rule}"
     return Footways(ways, (note,))
 
 

@@ -33,6 +33,7 @@ from ..traffic import (
     drop_infeasible,
     generated_vehicles,
     lane_km_of,
+    published_calibrations,
     simulate_traffic,
 )
 from ..vehicles import vehicle_classes
@@ -210,7 +211,10 @@ def _style_of(request: GenerationRequest) -> DrivingStyle | None:
     if conditions is None:
         return None
     factor = 1.0 if conditions.weather is None else SPEED_FACTORS.get(conditions.weather, 1.0)
-    return DrivingStyle(factor, presets()[conditions.drivers] if conditions.drivers else {})
+    if conditions.drivers in presets():
+        return DrivingStyle(factor, presets()[conditions.drivers])
+    known = published_calibrations()
+    return DrivingStyle(factor, calibrations=tuple(known[name] for name in conditions.calibrations))
 
 
 class _Part:

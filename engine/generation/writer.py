@@ -18,7 +18,7 @@ from ..commonroad import speed_limit_number
 from ..geometry import Points, wrap_angle
 from ..maps import RoadFile, Site
 from ..network import Incoming, RoadLanelet, RoadNetwork, SpeedSign, SumoNet, TrafficLight, Walkway
-from ..traffic import DECIMALS, GeneratedVehicle, sumo_version
+from ..traffic import DECIMALS, NIGHT_HOURS, GeneratedVehicle, sumo_version
 from ..vehicles import Motion
 from .planning_problem import HEADING_MARGIN_RAD, PlanningTask
 
@@ -41,8 +41,6 @@ _TAGS: dict[SiteType, tuple[str, ...]] = {
     "roundabout": ("urban", "roundabout"),
 }
 _NOON = 12
-_NIGHT_HOURS = (22, 23, 0, 1, 2, 3, 4, 5)
-"""Hours that a file calls night (chosen)."""
 _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
 
 
@@ -157,7 +155,7 @@ def _write_environment(location: etree._Element, conditions: TrafficConditions |
         location.remove(recorded)
     environment = _add(location, "environment")
     _add(environment, "time", f"{conditions.time or f'{_NOON}:00'}:00")
-    _add(environment, "timeOfDay", "night" if hour in _NIGHT_HOURS else "unknown")
+    _add(environment, "timeOfDay", "night" if hour in NIGHT_HOURS else "unknown")
     _add(environment, "weather", conditions.weather)
     _add(environment, "underground", "snow" if conditions.weather in ("snow", "hail") else "wet")
 

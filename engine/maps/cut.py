@@ -8,7 +8,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
@@ -66,7 +66,8 @@ def cut_map(
     root = etree.Element("osm", {"version": "0.6", "generator": "PlannerForge"})
     nodes = {node.node_id: node for piece in pieces for node in piece.nodes}
     for key in sorted(nodes):
-        append_node(root, nodes[key])
+        node = nodes[key]
+        append_node(root, node if pavements is None else replace(node, tags=pavements.tags_of_node(node)))
     used: set[int] = set()
     whole: set[int] = set()
     for piece in pieces:

@@ -5,7 +5,8 @@ neither, streets of towns are given pavements, because hardly a town has streets
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
@@ -36,6 +37,10 @@ _NEVER = frozenset({"motorway", "motorway_link"})
 """OSM's classes beside which nobody walks, whatever the map says."""
 _TOWN_KMH = 60.0
 """Roads with a higher limit are given no pavements where the map says nothing (chosen)."""
+MID_BLOCK_M = 25.0
+"""A crossing farther than this from all junctions is in the middle of a block (chosen), a nearer one the junction's."""
+_THROUGH = 2
+"""Arms at a node where a road goes on and no other joins it."""
 _DRAWN_WITHIN_M, _DRAWN_EVERY_M, _DRAWN_SHARE = 14.0, 10.0, 0.5
 """A way for pedestrians belongs to a road where it lies within this of it, looked at every so many metres, on this
 share of the road's length (chosen)."""
@@ -45,13 +50,15 @@ share of the road's length (chosen)."""
 class Pavements:
     """Pavements of some roads by the way's id, and how many km of road have them by the map and by a guess.
 
-    ``crossings``: (latitude, longitude) of the crossings that the map marks.
+    ``crossings``: (latitude, longitude) of the crossings that the map marks; ``mid_block``: nodes of those away from
+    junctions, on roads with pavements on both sides.
     """
 
     sides: Mapping[int, Sides]
     mapped_km: float
     guessed_km: float
     crossings: tuple[tuple[float, float], ...]
+    mid_block: frozenset[int] = frozenset()
 
     def tags_of(self, way: OsmWay) -> dict[str, str]:
         """A way's tags with its pavements as netconvert reads them; roads without any are closed to pedestrians.
@@ -61,6 +68,15 @@ class Pavements:
         tags = {key: value for key, value in way.tags.items() if key != "foot" and not key.startswith("sidewalk")}
         sides = self.sides.get(way.way_id, "no")
         return tags | ({"sidewalk": "no", "foot": "no"} if sides == "no" else {"sidewalk": sides})
+
+    def tags_of_node(self, node: OsmNode) -> Mapping[str, str]:
+        """A node's tags: of crossings those in the middle of a block are left.
+
+        netconvert builds each that a node marks, beside those that it puts at junctions by itself.
+        """
+        if node.tags.get("highway") != "crossing" or node.node_id in self.mid_block:
+            return node.tags
+        return {key: value for key, value in node.tags.items() if key != "highway"}
 
 
 def find_pavements(
@@ -74,7 +90,8 @@ def find_pavements(
     sides: dict[int, Sides] = {}
     length_km = {"map": 0.0, "guess": 0.0}
     crossings: dict[int, OsmNode] = {}
-    for way in roads:
+    ways = list(roads)
+    for way in ways:
         nodes = [osm.nodes[key] for key in way.node_ids]
         near = [
             pair
@@ -93,7 +110,28 @@ def find_pavements(
         if there != "no":
             length_km[source] += sum(ground_distance_m(a.position, b.position) for a, b in near) / 1000
     marked = tuple(crossings[key].position for key in sorted(crossings))
-    return Pavements(sides, length_km["map"], length_km["guess"], marked)
+    middle = frozenset(_mid_block(osm, ways, sides, crossings, center, radius_m))
+    return Pavements(sides, length_km["map"], length_km["guess"], marked, middle)
+
+
+def _mid_block(
+    osm: OsmMap,
+    ways: Sequence[OsmWay],
+    sides: Mapping[int, Sides],
+    marked: Mapping[int, OsmNode],
+    center: tuple[float, float],
+    radius_m: float,
+) -> Iterator[int]:
+    """The marked crossings with road and pavements on both sides, and no junction near, nor the end of what is cut."""
+    arms = Counter(key for way in ways for key in (*way.node_ids, *way.node_ids[1:-1]))
+    without = {key for way in ways if sides.get(way.way_id) != "both" for key in way.node_ids}
+    others = [osm.nodes[key].position for key, count in arms.items() if count != _THROUGH]
+    for key, node in marked.items():
+        inside = ground_distance_m(node.position, center) < radius_m - MID_BLOCK_M
+        if not inside or arms[key] != _THROUGH or key in without:
+            continue
+        if all(ground_distance_m(node.position, other) > MID_BLOCK_M for other in others):
+            yield key
 
 
 def _is_crossing(node: OsmNode) -> bool:

@@ -37,6 +37,7 @@ from ..geometry import (
     wrap_angles,
 )
 from .net_parser import shape_of
+from .walk_net import read_walk_net
 
 _TIME_LIMIT_S = 120.0
 """Chosen: maps within the limits of size take seconds."""
@@ -75,7 +76,8 @@ def convert_osm(
         lefthand: whether traffic keeps to the left.
         drivable_service_roads: open service roads (delivery only by SUMO's default) to all vehicles.
         join_junctions: make one junction of those that lie close together.
-        pavements: build the pavements that tags state, crossings where they meet at a junction, and cycle lanes.
+        pavements: build the pavements that tags state, crossings where they meet at a junction and where nodes mark
+            them, and cycle lanes.
 
     Raises:
         NotPossible: netconvert refuses the extract, naming its error.
@@ -90,7 +92,25 @@ def convert_osm(
     if pavements:
         options[options.index("--keep-edges.by-vclass") + 1] += ",pedestrian"
         options += ["--osm.sidewalks", "true", "--crossings.guess", "true", "--osm.bike-access", "true"]
-    return run_netconvert(options, net)
+        options += ["--osm.crossings", "true"]
+    warnings = run_netconvert(options, net)
+    return (*warnings, *_remove_double_crossings(net)) if pavements else warnings
+
+
+def _remove_double_crossings(net: Path) -> tuple[str, ...]:
+    """Take crossings that join the same corners as another out of a net, in place; netconvert's warnings.
+
+    Where a node marks a crossing in the middle of a road, netconvert builds one on either side of it.
+    """
+    root, joined = etree.Element("connections"), set()
+    for crossing in read_walk_net(net).crossings.values():
+        corners = frozenset(crossing.corners)
+        if corners in joined:
+            node = crossing.edge_id.removeprefix(":").rpartition("_")[0]
+            over = " ".join(sorted(crossing.over))
+            etree.SubElement(root, "crossing", {"node": node, "edges": over, "discard": "true"})
+        joined.add(corners)
+    return _patched(net, root, net.parent) if len(root) else ()
 
 
 def remove_connections(net: Path, connections: Sequence[tuple[str, str, int, int]], scratch: Path) -> tuple[str, ...]:
@@ -99,8 +119,13 @@ def remove_connections(net: Path, connections: Sequence[tuple[str, str, int, int
     for start, end, from_lane, to_lane in connections:
         ends = {"from": start, "to": end, "fromLane": str(from_lane), "toLane": str(to_lane)}
         etree.SubElement(root, "delete", ends)
+    return _patched(net, root, scratch)
+
+
+def _patched(net: Path, connections: etree._Element, scratch: Path) -> tuple[str, ...]:
+    """Change a net, in place, by a document of connections; netconvert's warnings."""
     patch = scratch / "removed.con.xml"
-    patch.write_bytes(etree.tostring(root))
+    patch.write_bytes(etree.tostring(connections))
     options = ["--sumo-net-file", str(net), "--connection-files", str(patch), "--offset.disable-normalization", "true"]
     warnings = run_netconvert(options, scratch / "without.net.xml")
     (scratch / "without.net.xml").replace(net)

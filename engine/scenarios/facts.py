@@ -16,7 +16,7 @@ import numpy as np
 from ...schemas.errors import UnsafeInput
 from ...schemas.scenarios import EgoFacts, LocationFacts, ParticipantFacts, ReadFactsRequest, RoadFacts, ScenarioFacts
 from ...schemas.text import one_line, quoted
-from ...schemas.vocabulary import GoalForm
+from ...schemas.vocabulary import CIRCUMSTANCES, GoalForm
 from ..commonroad import (
     RecordedScenario,
     Track,
@@ -37,6 +37,7 @@ from ..execution import ProgressReporter
 from ..geometry import arc_length, project
 from ..network import LaneletGraph, read_net
 from ..scene import aligned_lanelets, ego_route, lanelets_at, path_ahead
+from ..traffic import words_of_hour
 from ..vehicles import EGO_SIZE_M
 from .features import along_line, features, may_be_beside
 
@@ -116,7 +117,19 @@ def _facts_of(read: RecordedScenario) -> ScenarioFacts:
         egos=egos,
         density_per_km=_density_per_km(graph, tracks.values(), _first_step(problems, tracks.values()), last_step),
         source=one_line(str(scenario.source or "")),
+        circumstances=_circumstances(scenario),
     )
+
+
+def _circumstances(scenario: "Scenario") -> tuple[str, ...]:
+    """Bad weather, night and rush hour, as far as the file's environment says so."""
+    environment = getattr(scenario.location, "environment", None)
+    if environment is None:
+        return ()
+    words = {getattr(part, "value", "") for part in (environment.weather, environment.time_of_day)}
+    if environment.time is not None:
+        words |= set(words_of_hour(int(environment.time.hours) % 24)) - {"night"}  # a file says itself what it calls so
+    return tuple(word for word in CIRCUMSTANCES if word in words)
 
 
 @dataclass(frozen=True)

@@ -19,10 +19,14 @@
 ``TooFewFoundRoom``: What is raised where too few vehicles are there at step 0.
 ``simulate_traffic``: Fill a site with the wanted vehicles, let them drive for the warm-up and record what follows.
 ``DrivingStyle``: How all drivers of a traffic drive: a factor on free speeds, parameters of SUMO's vehicle types.
+``Calibration``: A published calibration of drivers: what it sets, by whom it is.
+``published_calibrations``: All published calibrations of drivers by name.
 ``SPEED_FACTORS``: Free speeds in bad weather over those in good weather.
 ``SPEED_FACTORS_SOURCE``: Whose figures they are.
 ``SHARES_OF_DAY_SOURCE``: Whose figures the hours' shares of a day are.
 ``heavy_factor``: The share of goods vehicles in an hour's traffic over that in the whole day's.
+``NIGHT_HOURS``: Hours that are night.
+``words_of_hour``: What a catalogue calls an hour: night, rush hour or nothing.
 ``vehicles_per_lane_km``: How dense traffic is in an hour of a working day.
 ``WALKING_SOURCE``: Whose figures of walking speeds are used.
 ``WalkedPerson``: A person who was simulated, and whether he is on a crossing during the recording.
@@ -42,11 +46,15 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .conditions import (
+        NIGHT_HOURS,
         SHARES_OF_DAY_SOURCE,
         SPEED_FACTORS,
         SPEED_FACTORS_SOURCE,
+        Calibration,
         heavy_factor,
+        published_calibrations,
         vehicles_per_lane_km,
+        words_of_hour,
     )
     from .demand import OpenEdges, TripMaker, lane_km_of
     from .motions import DECIMALS, GeneratedVehicle, drop_infeasible, generated_vehicles

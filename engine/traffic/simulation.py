@@ -13,8 +13,9 @@ from ...schemas.errors import NotPossible
 from ..execution import ProgressReporter
 from ..geometry import Points, Values
 from ..vehicles import VehicleClass, vehicle_classes
+from .conditions import SPEED_CUT, Calibration, time_gaps_s
 from .demand import TripMaker
-from .sumo import Sumo, heading_of_angle_rad, sumo_running, vehicle_type
+from .sumo import Sumo, heading_of_angle_rad, sumo_running, vehicle_type, vehicle_type_distribution
 from .vehicle_counts import Demand
 
 WARM_UP_S = 20.0
@@ -50,11 +51,13 @@ class RawTrack:
 class DrivingStyle:
     """How all drivers of a traffic drive.
 
-    ``speed_factor``: of all free speeds; ``parameters``: of SUMO's vehicle types, in the place of the class's own.
+    ``speed_factor``: of all free speeds; ``parameters``: of SUMO's vehicle types, in the place of the class's own;
+    ``calibrations``: in the place of both, for the classes that they hold for.
     """
 
     speed_factor: float = 1.0
     parameters: Mapping[str, float] = field(default_factory=dict)
+    calibrations: tuple[Calibration, ...] = ()
 
 
 class OnFoot(Protocol):
@@ -127,25 +130,45 @@ def simulate_traffic(
 
 
 def _vehicle_type(vehicle_class: VehicleClass, style: DrivingStyle) -> str:
-    """SUMO's type for a class: EIDM as the follower model, real dimensions, speeds around the limit."""
+    """SUMO's type for a class: EIDM as the follower model, real dimensions, speeds around the limit.
+
+    A distribution of types where the drivers of the class differ in more than their speed.
+    """
     own = {
         "accel": vehicle_class.acceleration_mps2,
         "decel": vehicle_class.deceleration_mps2,
         "minGap": vehicle_class.minimum_gap_m,
     } | {name: value for name, value in style.parameters.items() if name != "speedFactor"}
+    speeds = tuple(bound * style.parameters.get("speedFactor", 1.0) for bound in USUAL_SPEEDS)
+    gaps_s: tuple[float, ...] = ()
+    for calibration in style.calibrations:
+        if vehicle_class.name not in calibration.classes:
+            continue
+        own |= calibration.parameters
+        if (factor := calibration.speed_factor) is not None:
+            reach = SPEED_CUT * factor.deviation
+            speeds = factor.mean, factor.deviation, factor.mean - reach, factor.mean + reach
+        if calibration.time_gap_s is not None:
+            gaps_s = time_gaps_s(calibration.time_gap_s)
     if vehicle_class.minimum_gap_m != vehicle_classes()["car"].minimum_gap_m:  # a class that stands closer by nature
         own["minGap"] = vehicle_class.minimum_gap_m
-    speeds = tuple(bound * style.speed_factor * style.parameters.get("speedFactor", 1.0) for bound in USUAL_SPEEDS)
-    return vehicle_type(
-        vehicle_class.name,
-        vClass=vehicle_class.sumo_class,
-        carFollowModel="EIDM",
-        length=f"{vehicle_class.length_m:g}",
-        width=f"{vehicle_class.width_m:g}",
-        **{name: f"{value:g}" for name, value in own.items()},
-        maxSpeed=f"{vehicle_class.maximum_speed_mps:g}",
-        speedFactor=f"normc({','.join(f'{speed:g}' for speed in speeds)})",
-    )
+
+    def with_values(type_id: str, values: Mapping[str, float]) -> str:
+        return vehicle_type(
+            type_id,
+            vClass=vehicle_class.sumo_class,
+            carFollowModel="EIDM",
+            length=f"{vehicle_class.length_m:g}",
+            width=f"{vehicle_class.width_m:g}",
+            **{name: f"{value:g}" for name, value in values.items()},
+            maxSpeed=f"{vehicle_class.maximum_speed_mps:g}",
+            speedFactor=f"normc({','.join(f'{speed * style.speed_factor:g}' for speed in speeds)})",
+        )
+
+    if not gaps_s:
+        return with_values(vehicle_class.name, own)
+    kinds = [with_values(f"{vehicle_class.name}_{number}", own | {"tau": gap_s}) for number, gap_s in enumerate(gaps_s)]
+    return vehicle_type_distribution(vehicle_class.name, kinds)
 
 
 class _Source:

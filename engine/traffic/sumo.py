@@ -86,6 +86,11 @@ def vehicle_type(type_id: str, **attributes: object) -> str:
     return f"<vType {' '.join(f'{name}={quoteattr(str(value))}' for name, value in named.items())}/>"
 
 
+def vehicle_type_distribution(type_id: str, vehicle_types: Iterable[str]) -> str:
+    """A ``vTypeDistribution`` element: a vehicle of this type is one of the given types, drawn with equal chances."""
+    return f"<vTypeDistribution id={quoteattr(type_id)}>{''.join(vehicle_types)}</vTypeDistribution>"
+
+
 @contextmanager
 def sumo_running(
     net: Path,

@@ -20,7 +20,12 @@ from plannerforge.schemas.generation import (
     VehicleDemand,
 )
 from plannerforge.tools.call import Services, ToolCall
-from plannerforge.tools.generation.conditions import read_conditions, with_natural_mix, with_tables_read
+from plannerforge.tools.generation.conditions import (
+    circumstances_of,
+    read_conditions,
+    with_natural_mix,
+    with_tables_read,
+)
 
 
 @pytest.fixture
@@ -102,7 +107,9 @@ def test_every_weather_is_told_with_what_it_does() -> None:
         (["density=4"], ["density is no condition", "time=…"]),
         (["time=25:00"], ["time=25:00 is no time", "rush_hour"]),
         (["weather=sunny"], ["no weather 'sunny'", "good"]),
-        (["drivers=crazy"], ["no driver preset 'crazy'", "aggressive"]),
+        (["drivers=crazy"], ["no driver preset or published calibration 'crazy'", "aggressive", "m25_gaps"]),
+        (["drivers=gb_30mph+gb_rural"], ["gb_30mph and gb_rural both set speedFactor"]),
+        (["drivers=aggressive+m25_gaps"], ["calibration 'aggressive'", "gb_motorway+m25_gaps"]),
         (["mix=all"], ["mix=natural"]),
         (["time=night", "time=noon"], ["time stands twice"]),
         (["snow"], ["snow is no condition"]),
@@ -112,6 +119,31 @@ def test_what_cannot_be_meant_is_refused_with_what_can(conditions: list[str], na
     with pytest.raises(PlannerForgeError) as refusal:
         read_conditions(arguments(*conditions))
     assert [word for word in named if word not in refusal.value.text] == []
+
+
+def test_published_calibrations_are_told_with_what_they_set_and_their_source() -> None:
+    read = read_conditions(arguments("drivers=GB motorway+m25-gaps", "weather=fog"))
+    assert read.conditions is not None
+    assert read.conditions.drivers == "gb_motorway+m25_gaps"
+    assert read.conditions.calibrations == ("gb_motorway", "m25_gaps")
+    note = read.notes[0]
+    assert [
+        word for word in ("Department for Transport", "0.99 ± 0.11", "Al-Obaedi", "1.1 ± 0.42 s") if word not in note
+    ] == []
+
+
+@pytest.mark.parametrize(
+    ("conditions", "words"),
+    [
+        (["time=rush_hour", "weather=snow"], {"rush_hour", "snow"}),
+        (["time=night"], {"night"}),
+        (["time=noon"], set()),
+        (["drivers=cautious"], set()),
+        ([], set()),
+    ],
+)
+def test_what_a_catalogue_calls_the_conditions(conditions: list[str], words: set[str]) -> None:
+    assert set(circumstances_of(read_conditions(arguments(*conditions)).conditions)) == words
 
 
 COUNTS_CASES = [

@@ -85,3 +85,21 @@ async def test_shares_of_traffic_are_told_with_their_source(connect: Connect) ->
         assert (realised["bus"], realised["taxi"]) == (1, 1)
         assert truck.startswith("truck: 30% of all vehicles asked, ")
         assert 0.2 < realised["truck"] / made["scenarios"][0]["vehicles_realised"] < 0.4
+
+
+async def test_conditions_are_told_and_the_scenario_is_found_by_them_after_an_edit_too(connect: Connect) -> None:
+    async with connect() as client:
+        conditions = ["time=night", "drivers=m25_gaps", "trips=fringe"]
+        wish = {"place": "Musterstadt", "duration_s": 5, "conditions": conditions}
+        made = (await client.call_tool("generate_scenarios", wish)).structured_content
+        assert made is not None
+        scenario_id = made["scenarios"][0]["scenario_id"]
+        assert "quarter million pairs on the M25" in str(made["notes"])
+        told = str((await client.call_tool("describe_scenario", {"detail": "recipe"})).content)
+        assert all(word in told for word in ("time=02:30", "drivers=m25_gaps", "trips=fringe"))
+        edit = {"edits": [{"op": "remove_vehicle", "vehicles": ["farthest"]}], "scenario_id": scenario_id}
+        edited = (await client.call_tool("modify_scenario", edit)).structured_content
+        found = (await client.call_tool("find_scenarios", {"tags": ["night"]})).structured_content
+        assert found is not None
+        assert edited is not None
+        assert {one["scenario_id"] for one in found["matches"]} == {scenario_id, edited["scenario_id"]}

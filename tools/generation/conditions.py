@@ -4,6 +4,7 @@ import csv
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from types import MappingProxyType
 
 from ...engine.cosimulation import presets
@@ -12,7 +13,9 @@ from ...engine.traffic import (
     SPEED_FACTORS,
     SPEED_FACTORS_SOURCE,
     heavy_factor,
+    published_calibrations,
     vehicles_per_lane_km,
+    words_of_hour,
 )
 from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest
 from ...schemas.generation import (
@@ -116,6 +119,14 @@ def with_natural_mix(
     )
 
 
+def circumstances_of(conditions: TrafficConditions | None) -> tuple[str, ...]:
+    """What a catalogue calls the time and the weather of conditions."""
+    if conditions is None:
+        return ()
+    weather = () if conditions.weather is None else (conditions.weather,)
+    return (*weather, *(words_of_hour(_hour(conditions.time)) if conditions.time else ()))
+
+
 def _hour(time: str) -> int:
     return int(time.partition(":")[0])
 
@@ -165,9 +176,27 @@ def _weather(value: str) -> tuple[Weather, str]:
 
 def _drivers(value: str) -> tuple[str, str]:
     known = {name.lower(): name for name in presets()}
-    if value not in known:
-        raise UnknownName(f"there is no driver preset {value!r}", valid=list(presets()))
-    return known[value], f"all drivers are {known[value]} (the paper's preset)"
+    if value in known:
+        return known[value], f"all drivers are {known[value]} (the paper's preset)"
+    published = published_calibrations()
+    names = value.split("+")
+    for name in names:
+        if name not in published:
+            raise UnknownName(
+                f"there is no driver preset or published calibration {name!r}",
+                valid=[*presets(), *published],
+                next_step="name one preset, or calibrations joined by +, such as drivers=gb_motorway+m25_gaps",
+            )
+    read = [published[name] for name in names]
+    for one, other in combinations(range(len(read)), 2):
+        if both := read[one].parameter_names & read[other].parameter_names:
+            raise InvalidRequest(
+                f"drivers={value}: {names[one]} and {names[other]} both set {' and '.join(sorted(both))}",
+                next_step="name one of them",
+            )
+    return value, "; ".join(
+        f"drivers as {name}: {one.sets} ({one.source})" for name, one in zip(names, read, strict=True)
+    )
 
 
 def _mix(value: str) -> tuple[bool, str]:

@@ -14,6 +14,7 @@ from ..configurations import resolve_configuration, store_configuration
 from ..operations import GENERATE_SCENARIO
 from ..runs import Cell, run_grid
 from ..scenario_storage import store_scenario
+from .conditions import circumstances_of
 from .record import REPORT, summarise
 
 CHECK = "planner can run"
@@ -53,7 +54,13 @@ async def _made(
         xml, net, report_path = (folder / name for name in ("scenario.xml", "scenario.net.xml", REPORT))
         report_path.write_text(scenario.model_dump_json(), encoding="utf-8")
         artifact = await store_scenario(
-            call, xml=xml, net=net, recipe=recipe, origin="generated", beside={REPORT: report_path}
+            call,
+            xml=xml,
+            net=net,
+            recipe=recipe,
+            origin="generated",
+            beside={REPORT: report_path},
+            circumstances=circumstances_of(request.conditions),
         )
     return summarise(scenario, request, artifact.artifact_id, reused=False)
 

@@ -1,6 +1,6 @@
 """A generated scenario in the words of the answer, and the report on it that is kept for ``describe_scenario``."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from ...engine.vehicles import PEDESTRIAN
 from ...engine.workspace import Artifact
@@ -11,6 +11,7 @@ from ...schemas.generation import (
     DensityFacts,
     GeneratedScenario,
     GenerationRequest,
+    RoadFlow,
     ScenarioSummary,
     TrafficConditions,
 )
@@ -22,8 +23,8 @@ REPORT = "generation.json"
 """What came out of the generation, kept with the scenario for when it is asked for again."""
 _IN_FULL: tuple[Detail, ...] = ("checks", "recipe")
 """Details that list notes and warnings."""
-_SHOWN_STREETS = 4
-"""Streets of a site that an answer names (chosen)."""
+_SHOWN_STREETS, _SHOWN_FLOWS = 4, 8
+"""Streets of a site, and counted flows, that an answer names (chosen)."""
 
 
 def summarise(
@@ -141,8 +142,21 @@ def _conditions(artifact: Artifact) -> tuple[str, ...]:
         "weather": asked.weather,
         "drivers": asked.drivers,
         "mix": "natural" * asked.natural_mix,
+        "counts": _flows([flow for flow in asked.flows if not flow.to]),
+        "od": _flows([flow for flow in asked.flows if flow.to]),
+        "trips": "" if asked.trips == "usual" else asked.trips,
     }
     return tuple(f"{name}={word}" for name, word in words.items() if word)
+
+
+def _flows(flows: Sequence[RoadFlow]) -> str:
+    """Counted flows as they are written in a call; of many the first."""
+    written = [
+        ":".join(filter(None, (f"{flow.road}>{flow.to}" if flow.to else flow.road, f"{flow.per_h:g}", flow.direction)))
+        for flow in flows[:_SHOWN_FLOWS]
+    ]
+    more = [f"{len(flows) - _SHOWN_FLOWS} more"] if len(flows) > _SHOWN_FLOWS else []
+    return "; ".join([*written, *more])
 
 
 def with_classes(vehicles: tuple[DescribedVehicle, ...], report: GeneratedScenario) -> tuple[DescribedVehicle, ...]:

@@ -80,7 +80,7 @@ def opendrive_of(scenario: "Scenario", name: str) -> tuple[etree._Element, tuple
         _write_road(root, key, plan, lanelets, limits)
     for junction, members in plan.junctions.items():
         _write_junction(root, junction, members, plan)
-    lost = _lost(network, plan)
+    lost = _lost(network, plan, len(getattr(scenario, "footways", ())))
     return root, lost if projection or not _is_located(scenario) else (*lost, "the geo-reference")
 
 
@@ -368,14 +368,14 @@ def _mark(lanelet: "Lanelet", side: str) -> str:
     return _MARKS.get(str(marking.value), "none")
 
 
-def _lost(network: "LaneletNetwork", plan: RoadPlan) -> tuple[str, ...]:
+def _lost(network: "LaneletNetwork", plan: RoadPlan, footways: int) -> tuple[str, ...]:
     counts = (
-        (len(network.traffic_lights), "traffic light"),
-        (len(network.traffic_signs), "traffic sign"),
-        (len(plan.left_out), "lanelet"),
+        (len(network.traffic_lights), "traffic light", ""),
+        (len(network.traffic_signs), "traffic sign", " (speed limits are kept at the lanes)"),
+        (len(plan.left_out), "lanelet", " without an area"),
+        (footways, "footway", " (pavements and crossings)"),
     )
-    words = {"traffic sign": " (speed limits are kept at the lanes)", "lanelet": " without an area"}
-    return tuple(f"{counted(count, what)}{words.get(what, '')}" for count, what in counts if count)
+    return tuple(f"{counted(count, what)}{words}" for count, what, words in counts if count)
 
 
 def _number(value: float) -> str:

@@ -9,7 +9,8 @@ from support.generation import MAPS, make, request_for
 
 from plannerforge.engine.commonroad.reader import read_recorded
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.generation.people import PEOPLE, people_asked, people_wanted, vehicles_asked
+from plannerforge.engine.generation import generate_scenario
+from plannerforge.engine.generation.people import PEOPLE, open_footways, people_asked, people_wanted, vehicles_asked
 from plannerforge.engine.generation.site_network import prepare_site
 from plannerforge.engine.generation.sites import fitting_sites
 from plannerforge.engine.maps.map_file import read_map_file
@@ -112,6 +113,57 @@ def test_vehicles_give_way_at_every_crossing_without_lights(tmp_path: Path) -> N
             assert set(rows[index].get("response", "")) == {"0"}
             foes = [key for key, row in rows.items() if row.get("foes", "")[-1 - index] == "1"]
             assert all(rows[key].get("response", "")[-1 - index] == "1" for key in foes)
+
+
+BLOCK = """<osm version="0.6">
+<node id="1" lat="48.1" lon="11.600"/><node id="2" lat="48.1" lon="11.602"><tag k="highway" v="crossing"/></node>
+<node id="3" lat="48.1" lon="11.604"/>
+<way id="9"><nd ref="1"/><nd ref="2"/><nd ref="3"/><tag k="highway" v="residential"/><tag k="sidewalk" v="both"/></way>
+</osm>"""
+
+
+def test_a_marked_crossing_between_junctions_is_built_once_and_cars_wait(tmp_path: Path) -> None:
+    extract, net = tmp_path / "block.osm", tmp_path / "block.net.xml"
+    extract.write_text(BLOCK)
+    convert_osm(extract, net, lefthand=False, pavements=True)
+    open_footways(net)
+    walk = read_walk_net(net)
+    (crossing,) = walk.crossings.values()
+    assert crossing.edge_id == ":2_c0"
+    assert all(len(walk.pavements_at(corner)) == 2 for corner in crossing.corners), "a pavement on either side of it"
+    (junction,) = etree.parse(net).getroot().iterfind("junction[@id='2']")
+    lanes = junction.get("intLanes", "").split()
+    waits = {lanes[int(row.get("index", "0"))]: row.get("response", "") for row in junction.iterfind("request")}
+    assert "1" not in waits[":2_c0_0"]
+    at = lanes.index(":2_c0_0")
+    assert all(waits[lane][-1 - at] == "1" for lane in lanes if lane != ":2_c0_0")
+
+
+def test_without_people_a_marked_crossing_is_no_junction(tmp_path: Path) -> None:
+    extract, net = tmp_path / "block.osm", tmp_path / "block.net.xml"
+    extract.write_text(BLOCK)
+    convert_osm(extract, net, lefthand=False)
+    assert len(read_net(net).drivable_edges("passenger")) == 2, "one in each direction"
+
+
+def test_people_of_a_real_extract_cross_between_junctions_and_cars_wait(shared_data: Path, tmp_path: Path) -> None:
+    request = request_for(
+        "Kreiselheim",
+        tmp_path,
+        map_path=str(shared_data / "data" / "osm" / "o2s_montlake_roundabout.osm"),
+        country="USA",
+        vehicles=[VehicleDemand(vehicle_class="pedestrian", least=8)],
+        duration_s=12.0,
+        seed=2,
+    )
+    scenario = generate_scenario(request, silent)
+    assert any("between junctions, as the map marks them" in note for note in scenario.notes)
+    assert scenario.checks.network_errors == ()
+    counts = judge_file(tmp_path / "scenario.xml")
+    assert counts["on_crossings"] >= 1
+    assert counts["overlaps"] == 0
+    assert counts["on_ways"] >= 0.99 * counts["positions"]
+    assert counts["yielded"] == counts["encounters"]
 
 
 def test_drawn_ways_cover_pavements_and_crossings_of_the_net(tmp_path: Path) -> None:

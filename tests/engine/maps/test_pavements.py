@@ -64,3 +64,45 @@ def test_roads_without_pavements_are_closed_to_pedestrians() -> None:
 def test_a_ring_has_pavements_on_its_outer_side_alone(lefthand: bool, outer: str) -> None:
     osm = street({"junction": "roundabout"})
     assert find_pavements(osm, osm.ways, (0.0, 0.0), 300.0, lefthand=lefthand).sides == {1: outer}
+
+
+def block(crossing_east_deg: float, tags: dict[str, str], *others: OsmWay) -> OsmMap:
+    """A street of 333 m eastwards between two side streets, with a marked crossing so far from its beginning."""
+    places = {1: (0.0, 0.0), 2: (0.0, crossing_east_deg), 3: (0.0, 3 * EAST_DEG)}
+    places |= {key + 10: (EAST_DEG, places[key][1]) for key in (1, 3)} | {
+        21: (-EAST_DEG, 0.0),
+        23: (-EAST_DEG, 3 * EAST_DEG),
+    }
+    nodes = {key: OsmNode(key, *place, {"highway": "crossing"} if key == 2 else {}) for key, place in places.items()}
+    sides = [OsmWay(key, (key + 10, key, key + 20), {"highway": "residential"}) for key in (1, 3)]
+    return OsmMap(nodes, (OsmWay(9, (1, 2, 3), {"highway": "residential"} | tags), *sides, *others), (), None)
+
+
+MIDDLE_DEG = 1.5 * EAST_DEG
+
+
+@pytest.mark.parametrize(
+    ("osm", "in_block"),
+    [
+        (block(MIDDLE_DEG, {}), True),
+        (block(0.2 * EAST_DEG, {}), False),
+        (block(MIDDLE_DEG, {"sidewalk": "left"}), False),
+        (block(MIDDLE_DEG, {}, OsmWay(8, (2, 11), {"highway": "residential"})), False),
+    ],
+    ids=["between", "near a junction", "a pavement on one side", "at a junction"],
+)
+def test_marked_crossings_between_junctions_are_in_the_middle_of_a_block(osm: OsmMap, in_block: bool) -> None:
+    found = find_pavements(osm, osm.ways, (0.0, MIDDLE_DEG), 300.0)
+    assert found.mid_block == ({2} if in_block else set())
+    assert ("highway" in found.tags_of_node(osm.nodes[2])) is in_block
+
+
+def test_a_crossing_where_the_cut_ends_is_not_in_the_middle_of_a_block() -> None:
+    osm = block(MIDDLE_DEG, {})
+    assert find_pavements(osm, osm.ways, (0.0, 0.0), 180.0).mid_block == set()
+
+
+def test_signals_of_a_crossing_at_a_junction_stay_with_its_node() -> None:
+    node = OsmNode(5, 0.0, 0.0, {"highway": "crossing", "crossing": "traffic_signals"})
+    osm = block(MIDDLE_DEG, {})
+    assert find_pavements(osm, osm.ways, (0.0, 0.0), 300.0).tags_of_node(node) == {"crossing": "traffic_signals"}

@@ -122,3 +122,25 @@ def test_a_scenario_that_begins_later_has_the_same_traffic(tmp_path: Path) -> No
     assert found.features == expected.features
     assert "lead_vehicle" in found.features
     assert found.density_per_km == expected.density_per_km
+
+
+@pytest.mark.parametrize(
+    ("time_of_day", "time", "weather", "expected"),
+    [
+        ("night", "23:15:00", "snow", ("night", "snow")),
+        ("unknown", "17:30:00", "light_rain", ("rush_hour", "light_rain")),
+        ("unknown", "02:00:00", "fog", ("fog",)),
+    ],
+)
+def test_weather_and_time_are_those_of_the_files_environment(
+    tmp_path: Path, time_of_day: str, time: str, weather: str, expected: tuple[str, ...]
+) -> None:
+    path = town_road().write(tmp_path / "scenario.xml")
+    environment = (
+        f"<environment><time>{time}</time><timeOfDay>{time_of_day}</timeOfDay><weather>{weather}</weather>"
+        "<underground>wet</underground></environment></location>"
+    )
+    plain = read_facts(ReadFactsRequest(path=path), silent)
+    path.write_text(path.read_text().replace("</location>", environment, 1))
+    assert plain.circumstances == ()
+    assert read_facts(ReadFactsRequest(path=path), silent).circumstances == expected

@@ -183,3 +183,14 @@ def test_netconvert_reads_the_lanes_where_they_were(town: Path, tmp_path: Path) 
     middles = {round(float(np.median(shape[:, 1])) - y_m, 1) for shape in shapes}
     assert {0.0, 3.5, 7.0} <= middles
     assert max(float(shape[:, 0].max()) for shape in shapes) - x_m == pytest.approx(300.0, abs=0.1)
+
+
+def test_pavements_and_crossings_are_left_out_and_told(tmp_path: Path) -> None:
+    path = town_road().write(tmp_path / "town.xml")
+    bounds = "".join(
+        f"<{side}><point><x>0</x><y>{y}</y></point><point><x>50</x><y>{y}</y></point></{side}>"
+        for side, y in (("leftBound", -6), ("rightBound", -8))
+    )
+    users = "<laneletType>sidewalk</laneletType><userBidirectional>pedestrian</userBidirectional>"
+    path.write_text(path.read_text().replace("<lanelet ", f'<lanelet id="900">{bounds}{users}</lanelet><lanelet ', 1))
+    assert exported(path, tmp_path / "town.xodr").lost == ("1 footway (pavements and crossings)",)
