@@ -135,8 +135,8 @@ class PlanRows:
                 connection.execute("INSERT OR IGNORE INTO parents VALUES (?, ?)", (scenario_id, self._plan_id))
 
     def waiting(self, limit: int) -> list[PlanRow]:
-        """The next rows to be made, those of a map together: a worker keeps the map that it read last."""
-        query = "state = 'waiting' ORDER BY map_id, number LIMIT ?"
+        """The next rows to be made, those of a map and a type of site together: a worker keeps what it built last."""
+        query = "state = 'waiting' ORDER BY map_id, spot, number LIMIT ?"
         return [
             PlanRow(
                 row["number"],

@@ -4,8 +4,10 @@ A site's network is judged before traffic is made for it, so that an unfit site 
 """
 
 import math
+import weakref
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -102,20 +104,133 @@ def prepare_site(
         NotPossible: the network does not show the site's type, breaks a rule, or no road there is open to cars.
     """
     usual_m = radius_for(site, request)
-    built = build_network(request, osm, site, usual_m, folder, report)
+    usual = _known_sites().get(request, osm, site, usual_m, folder, report)
+    built = usual.built(request, folder)
     counted = 1 + sum(demand.needed for demand in vehicles_asked(request))
     share = counted / max(VEHICLES_PER_LANE_KM["high"] * lane_km_of(built.net), 1.0)
     if share <= MOST_CROWDED or isinstance(osm, LaneletMap):
-        return judged(built, report)
+        return usual.judged(request, folder, report)
     wider_m, wider = usual_m * min(math.sqrt(share), MOST_WIDENED), folder / "wider"
     wider.mkdir()
     try:
-        roomy = judged(build_network(request, osm, site, wider_m, wider, report), report)
+        roomy = _known_sites().get(request, osm, site, wider_m, wider, report).judged(request, wider, report)
     except NotPossible as refusal:
         note = f"a wider cut for so many vehicles is refused: {refusal.message}"
-        return judged(replace(built, notes=(*built.notes, note)), report)
+        narrow = usual.judged(request, folder, report)
+        return replace(narrow, notes=(*narrow.notes, note))
     note = f"cut out {wider_m:.0f} m around the site, not {usual_m:.0f} m, to have road for {counted} vehicles"
     return replace(roomy, notes=(*roomy.notes, note))
+
+
+MOST_KNOWN = 24
+"""Networks that a worker keeps, some MB each (chosen): a map has as many sites of a type, few have more."""
+
+
+class _KnownSites:
+    """The networks of sites of one map that were asked for last, and the refusals of those that have none.
+
+    Scenarios of a plan come back to the same sites with other traffic, and a network takes as long as the traffic. What
+    is kept is never changed; its file is written anew for each scenario.
+    """
+
+    def __init__(self) -> None:
+        self._map: weakref.ref[OsmMap] | None = None
+        self._kept: dict[Hashable, _KnownSite] = {}
+
+    def get(
+        self,
+        request: GenerationRequest,
+        osm: OsmMap,
+        site: Site,
+        radius_m: float,
+        folder: Path,
+        report: ProgressReporter,
+    ) -> "_KnownSite":
+        """What is known of a site with a radius for such a request; built in the folder where that is nothing yet."""
+        if self._map is None or self._map() is not osm:
+            self._map = weakref.ref(osm)
+            self._kept.clear()
+        on_foot = people_asked(request) is not None
+        key = site, radius_m, classes_for(site, request), request.country, on_foot
+        known = self._kept.pop(key, None) or _KnownSite.of(request, osm, site, radius_m, folder, report)
+        self._kept[key] = known
+        if len(self._kept) > MOST_KNOWN:
+            del self._kept[next(iter(self._kept))]
+        return known
+
+    def forget(self) -> None:
+        """Build all networks anew from now on, as a worker does that has just started."""
+        self._kept.clear()
+
+
+@cache
+def _known_sites() -> _KnownSites:
+    """One for the process: a worker does one thing at a time."""
+    return _KnownSites()
+
+
+def forget_sites() -> None:
+    """Build the networks of all sites anew from now on."""
+    _known_sites().forget()
+
+
+class _KnownSite:
+    """A site's network with the text of its file, or why there is none; and the verdict on it once it was asked for."""
+
+    def __init__(self, built: SiteNetwork | NotPossible, net: bytes) -> None:
+        self._built, self._net = built, net
+        self._judged: SiteNetwork | NotPossible | None = None
+
+    @classmethod
+    def of(
+        cls,
+        request: GenerationRequest,
+        osm: OsmMap,
+        site: Site,
+        radius_m: float,
+        folder: Path,
+        report: ProgressReporter,
+    ) -> "_KnownSite":
+        """A site that is built in the folder."""
+        try:
+            built = build_network(request, osm, site, radius_m, folder, report)
+        except NotPossible as refusal:
+            return cls(_anew(refusal), b"")
+        return cls(built, built.net_path.read_bytes())
+
+    def built(self, request: GenerationRequest, folder: Path) -> SiteNetwork:
+        """The network for a request, its file in a folder.
+
+        Raises:
+            NotPossible: as ``build_network``.
+        """
+        return self._for(self._built, request, folder)
+
+    def judged(self, request: GenerationRequest, folder: Path, report: ProgressReporter) -> SiteNetwork:
+        """The network for a request, its file in a folder, with what the rules find in it.
+
+        Raises:
+            NotPossible: as ``build_network`` and ``judged``.
+        """
+        if self._judged is None:
+            try:
+                self._judged = judged(self.built(request, folder), report)
+            except NotPossible as refusal:
+                self._judged = _anew(refusal)
+        return self._for(self._judged, request, folder)
+
+    def _for(self, known: SiteNetwork | NotPossible, request: GenerationRequest, folder: Path) -> SiteNetwork:
+        if isinstance(known, NotPossible):
+            raise _anew(known)
+        net_path = folder / "scenario.net.xml"
+        net_path.write_bytes(self._net)
+        metadata = replace(ScenarioMetadata.of(request, known.site, known.net), tags=known.metadata.tags)
+        return replace(known, net_path=net_path, metadata=metadata)
+
+
+def _anew(refusal: NotPossible) -> NotPossible:
+    """The same refusal without its traceback, which would keep all that was there when it was raised."""
+    return NotPossible(refusal.message, valid=refusal.valid, next_step=refusal.next_step, reason=refusal.reason)
 
 
 def judged(built: SiteNetwork, report: ProgressReporter) -> SiteNetwork:

@@ -38,8 +38,9 @@ from .requests import AssignedSite, nth_site, request_for
 logger = logging.getLogger(__name__)
 WAIT_S = 45.0
 """The call answers after this time at most; chosen to be less than clients wait."""
-_AT_ONCE = 500
-"""Rows that are planned together (chosen): many of each map, which workers then read once for all of them."""
+_AT_ONCE = 2000
+"""Rows that are planned together (chosen): many of each map, which workers then read once for all of them, and many of
+each site, whose network they build once."""
 _TAKEN = 64
 """Rows that are read from the database together (chosen)."""
 _GIVEN_UP_AFTER = 20
