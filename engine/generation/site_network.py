@@ -289,7 +289,7 @@ def build_network(
         if not _is_drivable(net_path):
             raise _closed_to_cars()
         report(0.15, "building the lanelets")
-        network = _lanelets(net_path)
+        network = _lanelets(read_net(net_path))
     else:
         if on_foot:
             pavements = find_pavements(osm, osm.roads(frozenset(classes)), site.position, radius_m, lefthand=lefthand)
@@ -301,7 +301,7 @@ def build_network(
         removed, later = remove_hairpins(net_path, folder)
         warnings += later
         notes.append(f"{removed} turn(s) too tight to be drawn as a lanelet were taken out of the net")
-        network = _lanelets(net_path)
+        network = _lanelets(read_net(net_path))
     if request.country is None and not isinstance(osm, NetMap):  # a network itself says on which side it drives
         notes.append(UNKNOWN_SIDE)
     if on_foot:
@@ -370,9 +370,10 @@ def _convert_site(
     """
     report(0.1, "running netconvert")
     warnings, notes = convert_map(cut, net_path, lefthand=lefthand, pavements=on_foot)
-    lost = why_not_realised(site, read_net(net_path)) is not None
+    net = read_net(net_path)
+    lost = why_not_realised(site, net) is not None
     report(0.15, "building the lanelets")
-    network = _lanelets(net_path)
+    network = _lanelets(net)
     if lost or len(network.dropped_lanes) > MANY_HAIRPINS:
         service = bool(notes)
         warnings = convert_osm(
@@ -380,7 +381,7 @@ def _convert_site(
         )
         why = "the site was lost in one of them" if lost else "one of them became too large to be drawn"
         notes.append(f"junctions close together were not joined, because {why}")
-        network = _lanelets(net_path)
+        network = _lanelets(read_net(net_path))
     return warnings, notes, network
 
 
@@ -412,9 +413,9 @@ def _closed_to_cars() -> NotPossible:
     return NotPossible("no road here is open to cars", next_step="choose other road_classes or another place")
 
 
-def _lanelets(net_path: Path) -> RoadNetwork:
+def _lanelets(net: SumoNet) -> RoadNetwork:
     """The lanelets of a net, with the limits as posted: speeds are capped for curves afterwards."""
-    return build_road_network(read_net(net_path), step_s=STEP_S, elapsed_s=WARM_UP_S)
+    return build_road_network(net, step_s=STEP_S, elapsed_s=WARM_UP_S)
 
 
 def _network_findings(built: SiteNetwork) -> tuple[RuleFinding, ...]:
