@@ -36,7 +36,7 @@ CREATE TABLE IF NOT EXISTS plan_rows (
 _BY_STATE = "CREATE INDEX IF NOT EXISTS plan_rows_by_state ON plan_rows (plan_id, state, map_id, number)"
 _ASKED = """
 SELECT DISTINCT json_remove(json_extract(recipe, '$.arguments'), '$.map_content', '$.place', '$.country',
-    '$.attribution', '$.index', '$.site_index', '$.site_step', '$.most_sites') FROM artifacts
+    '$.attribution', '$.index', '$.site_index', '$.site_step', '$.most_sites', '$.most_rounds') FROM artifacts
 WHERE kind = 'scenario' AND json_extract(recipe, '$.tool') = 'generate_scenarios'
 """
 

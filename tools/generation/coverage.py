@@ -41,6 +41,9 @@ WAIT_S = 45.0
 _AT_ONCE = 2000
 """Rows that are planned together (chosen): many of each map, which workers then read once for all of them, and many of
 each site, whose network they build once."""
+_ROUNDS_BEYOND = 2
+"""Rounds of traffic for a row beyond those that cover all (chosen; one that is faultless ends them): three more, and
+other sites for them, cost more than another row does."""
 _TAKEN = 64
 """Rows that are read from the database together (chosen)."""
 _GIVEN_UP_AFTER = 20
@@ -244,8 +247,8 @@ class _PlanWork:
         """Make a row's scenario and note what became of it; that, and whether it was made before."""
         arguments = self._asked.row_arguments(dict(enumerate(row.levels))).model_copy(update={"seed": row.seed})
         request = request_for(arguments, AssignedSite(match, row.site_index), 0)
-        if row.lap:  # all is covered: a row that fails costs more than another one
-            request = request.model_copy(update={"most_sites": 1})
+        if row.lap:  # all is covered: a row that fails, or that could be better, costs more than another one
+            request = request.model_copy(update={"most_sites": 1, "most_rounds": _ROUNDS_BEYOND})
         try:
             made = await make_scenario(self._call, request, (0.0, 1.0))
         except NotPossible as refusal:

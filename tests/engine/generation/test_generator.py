@@ -5,6 +5,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -229,3 +230,20 @@ def test_a_request_that_is_to_be_given_up_soon_tries_no_further_site(
         with pytest.raises(NotPossible, match="flooded"):
             make("Quadratstadt", tmp_path, scenario_type="intersection", most_sites=sites)
         assert len(tried) == expected
+
+
+def test_after_the_most_rounds_the_best_scenario_is_taken_with_its_faults(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rounds: list[int] = []
+    simulate = generating.generate_traffic
+
+    def noting(*given: Any) -> Any:
+        rounds.append(given[4])
+        return simulate(*given)
+
+    monkeypatch.setattr(generating, "generate_traffic", noting)
+    monkeypatch.setattr(generating, "faults_of", lambda checks: ([], ["it could be better"]))
+    made = make("Fahrhausen", tmp_path, scenario_type="intersection", most_rounds=2)
+    assert rounds == [0, 1]
+    assert "it could be better" in made.notes
