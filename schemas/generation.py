@@ -344,7 +344,8 @@ class GenerationRequest(Model):
     ``index`` counts the scenarios of one call, ``site_index`` those on this map: no site is taken twice. When a site
     fails its checks, the one ``site_step`` further on is tried.
 
-    ``most_sites``: after so many sites without a scenario the request is refused; None: as many as the generator tries.
+    ``most_sites``: after so many sites without a scenario the request is refused; ``most_rounds``: after so many rounds
+    of traffic the best scenario is taken, its faults in the notes. None: as many as the generator tries.
 
     ``streets``: for every road that the site must carry its names or numbers, as the map has them. ``road_classes``:
     OSM's ``highway`` values; empty: all roads, with links where the site is a ramp or a motorway. A recipe does not
@@ -370,6 +371,7 @@ class GenerationRequest(Model):
     site_index: int = 0
     site_step: int = 1
     most_sites: int | None = Field(None, ge=1, exclude_if=lambda sites: sites is None)
+    most_rounds: int | None = Field(None, ge=1, exclude_if=lambda rounds: rounds is None)
     benchmark_number: int = 1
     conditions: TrafficConditions | None = Field(None, exclude_if=lambda conditions: conditions is None)
     folder: str

@@ -32,7 +32,7 @@ from ...schemas.errors import UnknownName, UnsafeInput
 from ...schemas.text import quoted
 from .document import SplitDocument, is_declared_utf8, moving_obstacle
 from .lanelet_networks import scenario_of
-from .plain_states import PlainStates, put_states, take_plain_states, take_states
+from .plain_states import PlainStates, cut_states, put_states, take_plain_states, take_states
 from .recordings import FOLDER_VARIABLE, Recording, RecordingStore
 from .tracks import Track, recorded_tracks
 from .value_limits import MOST_OF_A_KIND, BeyondLimits, check_document
@@ -295,10 +295,19 @@ def _read_obstacle(chunk: bytes) -> _ReadObstacle:
     """Raises what lxml raises where the bytes are no element."""
     known = _known_obstacle(hashlib.sha256(chunk).digest()) if len(chunk) <= LARGEST_KEPT_BYTES else []
     if not known:
-        obstacle = etree.fromstring(chunk, _parser())
-        taken = take_states(obstacle)
-        known.append(_ReadObstacle(taken, chunk if taken is None else etree.tostring(obstacle)))
+        known.append(_cut_obstacle(chunk) or _parsed_obstacle(chunk))
     return known[0]
+
+
+def _cut_obstacle(chunk: bytes) -> _ReadObstacle | None:
+    cut = cut_states(chunk)
+    return None if cut is None else _ReadObstacle(cut[:2], cut[2])
+
+
+def _parsed_obstacle(chunk: bytes) -> _ReadObstacle:
+    obstacle = etree.fromstring(chunk, _parser())
+    taken = take_states(obstacle)
+    return _ReadObstacle(taken, chunk if taken is None else etree.tostring(obstacle))
 
 
 def forget_obstacles() -> None:

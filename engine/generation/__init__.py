@@ -1,5 +1,6 @@
 """Scenarios made from maps: site, network, traffic, ego and goal, file, checks.
 
+``Hopeless``: Levels that sites of a map do not suit, as the rows of a coverage plan have shown.
 ``Levels``: By factor of a coverage plan, the index of its level; None for one that the plan does not have.
 ``PlanCounts``: How many rows of a coverage plan wait, were made, were refused, and failed.
 ``PlanRow``: A scenario that a coverage plan makes, or has tried to make.
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from .checks import check_scenario
     from .coverage import TRIES, combinations_in, plan_coverage
     from .generator import generate_scenario
-    from .plan_rows import Levels, PlanCounts, PlanRow, PlanRows, RowState, made_before
+    from .plan_rows import Hopeless, Levels, PlanCounts, PlanRow, PlanRows, RowState, made_before
     from .site_network import convert_map
     from .sites import count_sites
 

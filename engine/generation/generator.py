@@ -122,7 +122,7 @@ class _Attempts:
 
     def __init__(self, request: GenerationRequest, spec: TaskSpec, scratch: Path, report: ProgressReporter) -> None:
         self._request, self._spec, self._scratch, self._report = request, spec, scratch, report
-        self._rounds = 0
+        self._rounds, self._most_rounds = 0, request.most_rounds or MOST_ROUNDS
         self.made: list[_Attempt] = []
         self.refusals: list[NotPossible] = []
         self.lost: list[Site] = []
@@ -200,7 +200,7 @@ class _Attempts:
         """
         for number in rounds:
             refused = len(self.refusals)
-            if self._is_faultless(site, number, folder) or self._rounds == MOST_ROUNDS:
+            if self._is_faultless(site, number, folder) or self._rounds == self._most_rounds:
                 return True
             if any(refusal.reason == NO_ROOM for refusal in self.refusals[refused:]):
                 return False

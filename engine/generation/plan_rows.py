@@ -6,15 +6,19 @@ goes on with the rows that wait. Numbers count up in the order in which rows wer
 
 import json
 import sqlite3
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from ..workspace import Database
 
-RowState = Literal["held", "waiting", "made", "refused", "failed"]
+RowState = Literal["held", "waiting", "made", "refused", "failed", "passed"]
+"""``held``: made apart from the plan; ``passed``: never to be made, for its site did not suit what the row asks for."""
 Levels = tuple[int | None, ...]
 """By factor, the index of its level; None for one that the plan does not have."""
+Hopeless = frozenset[tuple[str, str, int, int]]
+"""Levels that sites of a map do not suit: the words for the sites, the map, the factor, the level."""
 _TABLE = """
 CREATE TABLE IF NOT EXISTS plan_rows (
     plan_id TEXT NOT NULL,
@@ -36,7 +40,7 @@ CREATE TABLE IF NOT EXISTS plan_rows (
 _BY_STATE = "CREATE INDEX IF NOT EXISTS plan_rows_by_state ON plan_rows (plan_id, state, map_id, number)"
 _ASKED = """
 SELECT DISTINCT json_remove(json_extract(recipe, '$.arguments'), '$.map_content', '$.place', '$.country',
-    '$.attribution', '$.index', '$.site_index', '$.site_step', '$.most_sites') FROM artifacts
+    '$.attribution', '$.index', '$.site_index', '$.site_step', '$.most_sites', '$.most_rounds') FROM artifacts
 WHERE kind = 'scenario' AND json_extract(recipe, '$.tool') = 'generate_scenarios'
 """
 
@@ -57,6 +61,7 @@ class PlanRow:
     map_id: str
     site_index: int
     seed: int
+    state: RowState = "waiting"
 
 
 @dataclass(frozen=True)
@@ -107,11 +112,11 @@ class PlanRows:
         with self._database.writing() as connection:
             connection.executemany(
                 "INSERT INTO plan_rows (plan_id, number, lap, levels, spot, place, map_id, site_index, seed, state)"
-                " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, 'waiting')",
+                " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 (
                     (
                         *(self._plan_id, row.number, row.lap, json.dumps(row.levels), row.spot, row.place),
-                        *(row.map_id, row.site_index, row.seed),
+                        *(row.map_id, row.site_index, row.seed, row.state),
                     )
                     for row in rows
                 ),
@@ -135,8 +140,8 @@ class PlanRows:
                 connection.execute("INSERT OR IGNORE INTO parents VALUES (?, ?)", (scenario_id, self._plan_id))
 
     def waiting(self, limit: int) -> list[PlanRow]:
-        """The next rows to be made, those of a map together: a worker keeps the map that it read last."""
-        query = "state = 'waiting' ORDER BY map_id, number LIMIT ?"
+        """The next rows to be made, those of a map and a type of site together: a worker keeps what it built last."""
+        query = "state = 'waiting' ORDER BY map_id, spot, number LIMIT ?"
         return [
             PlanRow(
                 row["number"],
@@ -175,6 +180,22 @@ class PlanRows:
             "state IN ('refused', 'failed') GROUP BY levels ORDER BY levels",
         )
         return ((tuple(json.loads(row["levels"])), int(row["n"]), str(row["reason"])) for row in rows)
+
+    def hopeless(self, tries: int) -> Hopeless:
+        """Levels with which so many rows were refused at sites of a kind on a map, and none was made there."""
+        made: set[tuple[str, str, int, int]] = set()
+        refused: Counter[tuple[str, str, int, int]] = Counter()
+        for row in self._rows(
+            "spot, map_id, levels, state, count(*) AS n",
+            "number >= 0 AND state IN ('made', 'refused') GROUP BY spot, map_id, levels, state",
+        ):
+            levels = enumerate(json.loads(row["levels"]))
+            keys = [(str(row["spot"]), str(row["map_id"]), factor, level) for factor, level in levels]
+            if row["state"] == "made":
+                made.update(keys)
+            else:
+                refused.update(dict.fromkeys(keys, int(row["n"])))
+        return frozenset(key for key, times in refused.items() if times >= tries and key not in made)
 
     def next_number(self) -> int:
         """The number of the next row that is planned."""

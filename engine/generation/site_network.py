@@ -4,8 +4,10 @@ A site's network is judged before traffic is made for it, so that an unfit site 
 """
 
 import math
+import weakref
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -102,20 +104,133 @@ def prepare_site(
         NotPossible: the network does not show the site's type, breaks a rule, or no road there is open to cars.
     """
     usual_m = radius_for(site, request)
-    built = build_network(request, osm, site, usual_m, folder, report)
+    usual = _known_sites().get(request, osm, site, usual_m, folder, report)
+    built = usual.built(request, folder)
     counted = 1 + sum(demand.needed for demand in vehicles_asked(request))
     share = counted / max(VEHICLES_PER_LANE_KM["high"] * lane_km_of(built.net), 1.0)
     if share <= MOST_CROWDED or isinstance(osm, LaneletMap):
-        return judged(built, report)
+        return usual.judged(request, folder, report)
     wider_m, wider = usual_m * min(math.sqrt(share), MOST_WIDENED), folder / "wider"
     wider.mkdir()
     try:
-        roomy = judged(build_network(request, osm, site, wider_m, wider, report), report)
+        roomy = _known_sites().get(request, osm, site, wider_m, wider, report).judged(request, wider, report)
     except NotPossible as refusal:
         note = f"a wider cut for so many vehicles is refused: {refusal.message}"
-        return judged(replace(built, notes=(*built.notes, note)), report)
+        narrow = usual.judged(request, folder, report)
+        return replace(narrow, notes=(*narrow.notes, note))
     note = f"cut out {wider_m:.0f} m around the site, not {usual_m:.0f} m, to have road for {counted} vehicles"
     return replace(roomy, notes=(*roomy.notes, note))
+
+
+MOST_KNOWN = 24
+"""Networks that a worker keeps, some MB each (chosen): a map has as many sites of a type, few have more."""
+
+
+class _KnownSites:
+    """The networks of sites of one map that were asked for last, and the refusals of those that have none.
+
+    Scenarios of a plan come back to the same sites with other traffic, and a network takes as long as the traffic. What
+    is kept is never changed; its file is written anew for each scenario.
+    """
+
+    def __init__(self) -> None:
+        self._map: weakref.ref[OsmMap] | None = None
+        self._kept: dict[Hashable, _KnownSite] = {}
+
+    def get(
+        self,
+        request: GenerationRequest,
+        osm: OsmMap,
+        site: Site,
+        radius_m: float,
+        folder: Path,
+        report: ProgressReporter,
+    ) -> "_KnownSite":
+        """What is known of a site with a radius for such a request; built in the folder where that is nothing yet."""
+        if self._map is None or self._map() is not osm:
+            self._map = weakref.ref(osm)
+            self._kept.clear()
+        on_foot = people_asked(request) is not None
+        key = site, radius_m, classes_for(site, request), request.country, on_foot
+        known = self._kept.pop(key, None) or _KnownSite.of(request, osm, site, radius_m, folder, report)
+        self._kept[key] = known
+        if len(self._kept) > MOST_KNOWN:
+            del self._kept[next(iter(self._kept))]
+        return known
+
+    def forget(self) -> None:
+        """Build all networks anew from now on, as a worker does that has just started."""
+        self._kept.clear()
+
+
+@cache
+def _known_sites() -> _KnownSites:
+    """One for the process: a worker does one thing at a time."""
+    return _KnownSites()
+
+
+def forget_sites() -> None:
+    """Build the networks of all sites anew from now on."""
+    _known_sites().forget()
+
+
+class _KnownSite:
+    """A site's network with the text of its file, or why there is none; and the verdict on it once it was asked for."""
+
+    def __init__(self, built: SiteNetwork | NotPossible, net: bytes) -> None:
+        self._built, self._net = built, net
+        self._judged: SiteNetwork | NotPossible | None = None
+
+    @classmethod
+    def of(
+        cls,
+        request: GenerationRequest,
+        osm: OsmMap,
+        site: Site,
+        radius_m: float,
+        folder: Path,
+        report: ProgressReporter,
+    ) -> "_KnownSite":
+        """A site that is built in the folder."""
+        try:
+            built = build_network(request, osm, site, radius_m, folder, report)
+        except NotPossible as refusal:
+            return cls(_anew(refusal), b"")
+        return cls(built, built.net_path.read_bytes())
+
+    def built(self, request: GenerationRequest, folder: Path) -> SiteNetwork:
+        """The network for a request, its file in a folder.
+
+        Raises:
+            NotPossible: as ``build_network``.
+        """
+        return self._for(self._built, request, folder)
+
+    def judged(self, request: GenerationRequest, folder: Path, report: ProgressReporter) -> SiteNetwork:
+        """The network for a request, its file in a folder, with what the rules find in it.
+
+        Raises:
+            NotPossible: as ``build_network`` and ``judged``.
+        """
+        if self._judged is None:
+            try:
+                self._judged = judged(self.built(request, folder), report)
+            except NotPossible as refusal:
+                self._judged = _anew(refusal)
+        return self._for(self._judged, request, folder)
+
+    def _for(self, known: SiteNetwork | NotPossible, request: GenerationRequest, folder: Path) -> SiteNetwork:
+        if isinstance(known, NotPossible):
+            raise _anew(known)
+        net_path = folder / "scenario.net.xml"
+        net_path.write_bytes(self._net)
+        metadata = replace(ScenarioMetadata.of(request, known.site, known.net), tags=known.metadata.tags)
+        return replace(known, net_path=net_path, metadata=metadata)
+
+
+def _anew(refusal: NotPossible) -> NotPossible:
+    """The same refusal without its traceback, which would keep all that was there when it was raised."""
+    return NotPossible(refusal.message, valid=refusal.valid, next_step=refusal.next_step, reason=refusal.reason)
 
 
 def judged(built: SiteNetwork, report: ProgressReporter) -> SiteNetwork:
@@ -174,7 +289,7 @@ def build_network(
         if not _is_drivable(net_path):
             raise _closed_to_cars()
         report(0.15, "building the lanelets")
-        network = _lanelets(net_path)
+        network = _lanelets(read_net(net_path))
     else:
         if on_foot:
             pavements = find_pavements(osm, osm.roads(frozenset(classes)), site.position, radius_m, lefthand=lefthand)
@@ -186,7 +301,7 @@ def build_network(
         removed, later = remove_hairpins(net_path, folder)
         warnings += later
         notes.append(f"{removed} turn(s) too tight to be drawn as a lanelet were taken out of the net")
-        network = _lanelets(net_path)
+        network = _lanelets(read_net(net_path))
     if request.country is None and not isinstance(osm, NetMap):  # a network itself says on which side it drives
         notes.append(UNKNOWN_SIDE)
     if on_foot:
@@ -255,9 +370,10 @@ def _convert_site(
     """
     report(0.1, "running netconvert")
     warnings, notes = convert_map(cut, net_path, lefthand=lefthand, pavements=on_foot)
-    lost = why_not_realised(site, read_net(net_path)) is not None
+    net = read_net(net_path)
+    lost = why_not_realised(site, net) is not None
     report(0.15, "building the lanelets")
-    network = _lanelets(net_path)
+    network = _lanelets(net)
     if lost or len(network.dropped_lanes) > MANY_HAIRPINS:
         service = bool(notes)
         warnings = convert_osm(
@@ -265,7 +381,7 @@ def _convert_site(
         )
         why = "the site was lost in one of them" if lost else "one of them became too large to be drawn"
         notes.append(f"junctions close together were not joined, because {why}")
-        network = _lanelets(net_path)
+        network = _lanelets(read_net(net_path))
     return warnings, notes, network
 
 
@@ -297,9 +413,9 @@ def _closed_to_cars() -> NotPossible:
     return NotPossible("no road here is open to cars", next_step="choose other road_classes or another place")
 
 
-def _lanelets(net_path: Path) -> RoadNetwork:
+def _lanelets(net: SumoNet) -> RoadNetwork:
     """The lanelets of a net, with the limits as posted: speeds are capped for curves afterwards."""
-    return build_road_network(read_net(net_path), step_s=STEP_S, elapsed_s=WARM_UP_S)
+    return build_road_network(net, step_s=STEP_S, elapsed_s=WARM_UP_S)
 
 
 def _network_findings(built: SiteNetwork) -> tuple[RuleFinding, ...]:

@@ -31,6 +31,7 @@ from ..maps import (
     SiteFinder,
     fold,
     read_map_file,
+    site_finder,
 )
 from ..network import NetEdge, RoadLanelet, RoadNetwork, SumoNet
 from ..traffic import GeneratedVehicle
@@ -82,7 +83,7 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
             hold are named.
         InvalidRequest: a ramp without link roads.
     """
-    finder = SiteFinder(osm, request.road_classes)
+    finder = site_finder(osm, request.road_classes)
     turn = request.goal.removeprefix("through:")
     any_type = tuple(kind for kind in ANY_ORDER if turn == request.goal or turn in TURNS_AT[kind])
     wanted = any_type if request.scenario_type == "any" else (request.scenario_type,)
@@ -106,7 +107,7 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
 
 def other_types(osm: OsmMap, request: GenerationRequest) -> list[SiteType]:
     """The types besides the asked one of which the map holds a site on the asked streets, in the asked box."""
-    held = _held_types(SiteFinder(osm, request.road_classes), request)
+    held = _held_types(site_finder(osm, request.road_classes), request)
     return [kind for kind in held if kind != request.scenario_type]
 
 
@@ -128,7 +129,7 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
     where += " in the box" if request.bbox is not None else ""
     wish = "site of any type" if wanted == "any" else f"{wanted} site"
     next_step = "choose one of these scenario types, or another place" if held else "choose another place"
-    if request.road_classes and (wanted == "any" or _fitting(SiteFinder(osm).find(wanted), request)):
+    if request.road_classes and (wanted == "any" or _fitting(site_finder(osm).find(wanted), request)):
         where += f" that is made of {' or '.join(request.road_classes[:SHOWN_CLASSES])} only"
         next_step = "leave road_classes out" + (", or choose one of these scenario types" if held else "")
     return NotPossible(

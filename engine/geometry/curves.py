@@ -16,7 +16,7 @@ def hermite(
     end: Points,
     end_direction: Points,
     shares: Values,
-    reaches_m: tuple[float, float] | None = None,
+    reaches_m: tuple[float, float] | tuple[Values, Values] | None = None,
 ) -> Points:
     """Points (n, 2) on the cubic Hermite curve between two points (2,), in metres.
 
@@ -28,7 +28,7 @@ def hermite(
         shares: parameters (n,) of the points, from 0 at the start to 1 at the end.
         reaches_m: lengths of the tangents at both ends: the larger, the longer the curve keeps its direction there.
             The distance between the ends where not given. A Bézier curve has tangents of three times the distance of
-            its inner control points from the ends.
+            its inner control points from the ends. Arrays (k, 1, 1) of them give as many curves, shape (k, n, 2).
     """
     leave, arrive = reaches_m or (float(np.linalg.norm(end - start)),) * 2
     u = shares[:, None]

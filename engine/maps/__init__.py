@@ -23,6 +23,7 @@
 ``read_lanelet_map``: Read the network of a CommonRoad file as a map.
 ``NetMap``: A SUMO network as a map.
 ``read_map_file``: The map in a file of either kind, scanned and read.
+``site_finder``: The finder of sites on a map; of the map that was read last, the one that has searched it.
 ``OsmMap``: An OpenStreetMap extract as nodes, ways and relations.
 ``fetch_maps``: An operation: fetch the roads of a place or box from Overpass.
 ``locate_place``: An operation: find out through Nominatim what place some words mean.
@@ -78,7 +79,7 @@ if TYPE_CHECKING:
         match_fetched,
         place_parts,
     )
-    from .map_file import read_map_file
+    from .map_file import read_map_file, site_finder
     from .online.fetch import fetch_maps
     from .online.places import locate_place
     from .osm import OsmMap, ground_distance_m, write_as_xml

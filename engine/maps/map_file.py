@@ -1,9 +1,10 @@
 """Files that scenarios are made from: OpenStreetMap extracts, SUMO networks, lanelet networks.
 
-The scenarios of one call are mostly made from one map, so a process keeps the one that it read last.
+The scenarios of one call are mostly made from one map, so a process keeps the one that it read last, and the sites that
+were found on it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 
@@ -11,8 +12,11 @@ from ...schemas.errors import UnsafeInput
 from .foreign.lanelet_map import read_lanelet_map
 from .foreign.net_map import read_net_map
 from .osm import OsmMap, read_osm
+from .site_search.finder import SiteFinder
 from .unpacking import LANELETS_ENDING, NET_ENDING
 
+_MOST_FINDERS = 4
+"""Kept for one map (chosen): each holds lines and areas of all of it, and few calls name road classes."""
 FileState = tuple[Path, int, int, int]
 """What tells a file from another, and from itself after a change: path, number on the disk, time of change, size."""
 
@@ -26,6 +30,14 @@ def read_map_file(path: Path) -> OsmMap:
     return _last_map().get(path)
 
 
+def site_finder(osm: OsmMap, classes: Iterable[str] = ()) -> SiteFinder:
+    """The finder of sites on a map for some road classes; of the map that was read last, the one that has searched it.
+
+    ``classes``: as of ``SiteFinder``.
+    """
+    return _last_map().finder(osm, frozenset(classes))
+
+
 @cache
 def _last_map() -> "LastMap":
     """One for the process: a worker does one thing at a time."""
@@ -37,6 +49,7 @@ class LastMap:
 
     def __init__(self) -> None:
         self._kept: tuple[FileState, OsmMap] | None = None
+        self._finders: dict[frozenset[str], SiteFinder] = {}
 
     def get(self, path: Path) -> OsmMap:
         """The map in the file as it is now, read only where it is another one or has changed.
@@ -47,8 +60,19 @@ class LastMap:
         state = _state_of(path)
         if self._kept is None or self._kept[0] != state:
             self._kept = None  # two large maps at once may be more than a worker's memory
+            self._finders.clear()
             self._kept = state, _read(path)
         return self._kept[1]
+
+    def finder(self, osm: OsmMap, classes: frozenset[str]) -> SiteFinder:
+        """The finder of a map for road classes, kept where it is the last one."""
+        if self._kept is None or self._kept[1] is not osm:
+            return SiteFinder(osm, classes)
+        if classes not in self._finders:
+            if len(self._finders) == _MOST_FINDERS:
+                self._finders.clear()
+            self._finders[classes] = SiteFinder(osm, classes)
+        return self._finders[classes]
 
 
 def _read(path: Path) -> OsmMap:

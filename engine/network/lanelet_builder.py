@@ -5,6 +5,7 @@ follow them (hairpins) are left out, and ``remove_hairpins`` takes them out of t
 """
 
 from collections import defaultdict
+from collections.abc import Iterable
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -207,8 +208,7 @@ def remove_hairpins(net_path: Path, scratch: Path) -> tuple[int, tuple[str, ...]
     warnings: list[str] = []
     for _ in range(_MAXIMUM_ROUNDS):
         net = read_net(net_path)
-        network = build_road_network(net, step_s=0.1, elapsed_s=0.0)
-        connections = _owners(net, network)
+        connections = _owners(net, draw_lane_bounds(net, connect(net))[1])
         if not connections:
             break
         removed += len(connections)
@@ -216,7 +216,7 @@ def remove_hairpins(net_path: Path, scratch: Path) -> tuple[int, tuple[str, ...]
     return removed, tuple(warnings)
 
 
-def _owners(net: SumoNet, network: RoadNetwork) -> list[tuple[str, str, int, int]]:
+def _owners(net: SumoNet, dropped_lanes: Iterable[str]) -> list[tuple[str, str, int, int]]:
     """The connections between normal edges whose internal lanes were dropped, in order."""
     following = {c.from_lane: c.via for c in net.connections if c.from_edge.startswith(":") and c.via is not None}
     owner: dict[str, Connection] = {}
@@ -225,7 +225,7 @@ def _owners(net: SumoNet, network: RoadNetwork) -> list[tuple[str, str, int, int
         while inside is not None:
             owner[inside] = connection
             inside = following.get(inside)
-    dropped = {owner[lane] for lane in network.dropped_lanes if lane in owner}
+    dropped = {owner[lane] for lane in dropped_lanes if lane in owner}
     return sorted((c.from_edge, c.to_edge, _index(c.from_lane), _index(c.to_lane)) for c in dropped)
 
 

@@ -18,12 +18,14 @@ from pathlib import Path
 
 import numpy as np
 from lxml import etree
+from numpy.typing import NDArray
 
 from ...schemas.errors import NotPossible, WorkerTimeout
 from ...schemas.text import one_line
 from ..execution import end_with_parent
 from ..geometry import (
     Points,
+    Values,
     arc_length,
     headings,
     hermite,
@@ -31,7 +33,6 @@ from ..geometry import (
     length_m,
     maximum_curvature,
     resample,
-    segment_lengths,
     unit,
     without_repeats,
     wrap_angles,
@@ -259,11 +260,9 @@ def smoothest_curve(ahead: Points, path: Points, onward: Points) -> Points | Non
 
 def _least_curved(ahead: Points, start: Points, end: Points, onward: Points) -> Points:
     span, shares = float(np.linalg.norm(end - start)), np.linspace(0.0, 1.0, _SAMPLES)
-    curves = [
-        hermite(start, ahead, end, onward, shares, (3 * span * first, 3 * span * last))
-        for first, last in product(_REACHES, _REACHES)
-    ]
-    best = min(curves, key=_largest_curvature)
+    first, last = np.array([(3 * span * first, 3 * span * last) for first, last in product(_REACHES, _REACHES)]).T
+    curves = hermite(start, ahead, end, onward, shares, (first[:, None, None], last[:, None, None]))
+    best: Points = curves[int(np.argmin(_largest_curvatures(curves)))]
     return resample(best, max(_FEWEST_POINTS, math.ceil(length_m(best) / _SPACING_M) + 1))
 
 
@@ -276,10 +275,15 @@ def _sharpest_corner(ahead: Points, path: Points, onward: Points) -> float:
 
 def _largest_curvature(curve: Points) -> float:
     """Largest curvature in 1/m."""
-    if len(curve) < 3:
-        return 0.0
-    steps, turns = segment_lengths(curve), np.abs(np.diff(headings(curve)))
-    return float(np.max(turns / np.maximum((steps[1:] + steps[:-1]) / 2, 1e-6)))
+    return 0.0 if len(curve) < 3 else float(_largest_curvatures(curve[None])[0])
+
+
+def _largest_curvatures(curves: NDArray[np.float64]) -> Values:
+    """Largest curvature in 1/m of each of several curves, shape (k, n, 2), n at least 3."""
+    along, across = np.moveaxis(curves[:, 1:] - curves[:, :-1], 2, 0)
+    steps, turns = np.sqrt(along * along + across * across), np.unwrap(np.arctan2(across, along))
+    largest: Values = np.max(np.abs(np.diff(turns)) / np.maximum((steps[:, 1:] + steps[:, :-1]) / 2, 1e-6), axis=1)
+    return largest
 
 
 def _junction_routes(root: etree._Element) -> Iterator[tuple[str, list[str], str]]:

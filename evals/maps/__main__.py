@@ -47,6 +47,7 @@ def _main() -> int:
     parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder with data/osm and corpora/dev")
     parser.add_argument("--workers", type=int, default=2, help="worker processes (default: 2)")
     parser.add_argument("--scenarios", type=int, default=2000, help="of the plan (default: 2000)")
+    parser.add_argument("--minutes", type=float, default=None, help="of the plan at most; what was made then counts")
     parser.add_argument("--limit", type=int, default=None, help="only so many requests, maps, tracks: a sample")
     given = parser.parse_args()
     try:
@@ -54,7 +55,9 @@ def _main() -> int:
     except ValueError as error:
         parser.error(str(error))
     with tempfile.TemporaryDirectory() as scratch:
-        bench = MapsBench(existing(given.shared), Path(scratch), given.workers, given.scenarios, given.limit)
+        bench = MapsBench(
+            existing(given.shared), Path(scratch), given.workers, given.scenarios, given.minutes, given.limit
+        )
         figures, faults = PARTS.measured(parts, bench)
     return print_parts("Maps", figures, faults, as_json=given.json)
 

@@ -83,6 +83,20 @@ class _Watch:
     cpu_s: dict[tuple[int, float], float] = field(default_factory=dict)
     maps_s: float = 0.0
     batch_s: float = 0.0
+    asked: int = 0
+
+
+@dataclass(frozen=True)
+class _End:
+    """When a server is killed: once so many scenarios are there, or at a moment of ``perf_counter``."""
+
+    made: int | None
+    moment_s: float | None
+
+    def is_reached(self, made: int) -> bool:
+        """Whether it is to be killed now."""
+        enough = self.made is not None and made >= self.made
+        return enough or (self.moment_s is not None and time.perf_counter() >= self.moment_s)
 
 
 def measure(bench: MapsBench) -> Figures:
@@ -113,7 +127,7 @@ def measure(bench: MapsBench) -> Figures:
         "batch_memory_mb": round(max(held), 1),
         "batch_disk_kb": round(_disk_bytes(workspace) / 1024 / max(len(made), 1), 1),
         "batch_kills": len(watch.there_at_kills),
-        "batch_lost": len(_lost(workspace, made, watch, bench.scenarios)),
+        "batch_lost": len(_lost(workspace, made, watch, watch.asked)),
         "batch_refused": int(watch.plan["refused"]),
         "batch_failed": int(watch.plan["failed"]),
         "batch_shown": share(levels),
@@ -133,14 +147,24 @@ async def _carry_out(bench: MapsBench, folder: Path, watch: _Watch) -> None:
         await ask(client, "generate_scenarios", duration_s=5)  # reads the maps
     watch.maps_s = time.perf_counter() - started
     started = time.perf_counter()
+    workspace = folder / "workspace"
     for number in range(_KILLS + 1):
-        kill_at = bench.scenarios * (number + 1) // (_KILLS + 1) if number < _KILLS else None
+        share = (number + 1) / (_KILLS + 1)
+        end = _End(
+            made=int(bench.scenarios * share) if number < _KILLS else None,
+            moment_s=None if bench.minutes is None else started + 60 * bench.minutes * share,
+        )
         with suppress(Exception):
             async with _server(bench, folder) as client:
-                await _one_server(client, wish, folder / "workspace", watch, kill_at)
-        if kill_at is not None:
-            watch.there_at_kills.append(frozenset(_stored_files(folder / "workspace")))
+                await _one_server(client, wish, workspace, watch, end)
+        if not watch.plan:
+            watch.there_at_kills.append(frozenset(_stored_files(workspace)))
     watch.batch_s = time.perf_counter() - started
+    watch.asked = bench.scenarios
+    if not watch.plan and bench.minutes is not None:  # time was up: what is there is what was asked for
+        watch.asked = _count_made(workspace)
+        async with _server(bench, folder) as client:
+            watch.plan = (await ask(client, "generate_scenarios", **{**wish, "count": watch.asked}))["plan"]
     if not watch.plan:
         raise RuntimeError("the plan did not come to its end")
 
@@ -154,10 +178,8 @@ def _server(bench: MapsBench, folder: Path) -> Client:
     return Client(stdio_client(server), cache=None)
 
 
-async def _one_server(
-    client: Client, wish: Mapping[str, Any], workspace: Path, watch: _Watch, kill_at: int | None
-) -> None:
-    """Have one server carry the plan on, look at its memory, and kill it once so many scenarios are there."""
+async def _one_server(client: Client, wish: Mapping[str, Any], workspace: Path, watch: _Watch, end: _End) -> None:
+    """Have one server carry the plan on, look at its memory, and kill it when its end is reached."""
     process = next(child for child in psutil.Process().children() if str(workspace) in child.cmdline())
     begun = _count_made(workspace)
     server: list[tuple[int, float]] = []
@@ -173,7 +195,7 @@ async def _one_server(
                 made = await anyio.to_thread.run_sync(_count_made, workspace)
                 processes = [process, *process.children(recursive=True)]
                 watch.cpu_s |= _cpu_s(processes)
-                if kill_at is not None and made >= kill_at:
+                if end.is_reached(made):
                     process.kill()
                     return
                 if made - begun >= _WARM or wish["count"] < 3 * _WARM:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import anyio
 
 from ...engine.execution import Job, JobProgress
-from ...engine.generation import TRIES, PlanCounts, PlanRow, PlanRows, RowState, combinations_in
+from ...engine.generation import TRIES, Hopeless, PlanCounts, PlanRow, PlanRows, RowState, combinations_in
 from ...engine.maps import MapEntry, MapMatch
 from ...schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, ResourceFailure
 from ...schemas.generation import (
@@ -38,10 +38,17 @@ from .requests import AssignedSite, nth_site, request_for
 logger = logging.getLogger(__name__)
 WAIT_S = 45.0
 """The call answers after this time at most; chosen to be less than clients wait."""
-_AT_ONCE = 500
-"""Rows that are planned together (chosen): many of each map, which workers then read once for all of them."""
+_FIRST, _AT_ONCE = 250, 2000
+"""Rows that are planned together (chosen), as many as were made so far within these bounds: many of each map, which
+workers then read once for all of them, and of each site, whose network they build once; but few at first, for what they
+become tells which maps later ones pass over."""
+_ROUNDS_BEYOND = 2
+"""Rounds of traffic for a row beyond those that cover all (chosen; one that is faultless ends them): three more, and
+other sites for them, cost more than another row does."""
 _TAKEN = 64
 """Rows that are read from the database together (chosen)."""
+_MOST_PASSED = 2
+"""Sites on each map of a group that are passed over for one row, on average and at most (chosen)."""
 _GIVEN_UP_AFTER = 20
 """Rows beyond those that cover all which are refused one after the other until a plan ends short of its count (chosen:
 where three of ten are refused, as on real maps, so many in a row are none that chance makes)."""
@@ -52,16 +59,42 @@ _LONGEST_REASON = 160
 
 
 @dataclass(frozen=True)
-class _Spot:
+class Spot:
     """A group of sites that a row may lie at: on which maps, how many on each."""
 
     words: str
     held: tuple[tuple[MapMatch, int], ...]
 
-    def row(self, turn: int, seed: int) -> tuple[MapMatch, int, int]:
-        """The map, the site and the seed of its row number ``turn``: all sites in turn, with another seed each time."""
-        place, site, lap = nth_site([count for _, count in self.held], turn)
-        return self.held[place][0], site, seed + lap
+    def turns(
+        self, turns: dict[str, int], levels: Sequence[int], hopeless: Hopeless, seed: int
+    ) -> Iterator[tuple[MapMatch, int, int, RowState]]:
+        """The map, the site and the seed of its next row, after those that are passed over for a row of such levels.
+
+        All sites take turns, with another seed each time. Those of a map that does not suit one of the levels are
+        passed over, ``_MOST_PASSED`` times as many as there are maps at most, and none where no map suits them.
+
+        Args:
+            turns: by the words for sites, how many turns were taken; these are added.
+            levels: of the row.
+            hopeless: what no row needs to try again.
+            seed: of the plan.
+        """
+        unfit = {
+            map_id
+            for match, _ in self.held
+            for map_id in [match.entry.facts.map_id]
+            if any((self.words, map_id, factor, level) in hopeless for factor, level in enumerate(levels))
+        }
+        most = _MOST_PASSED * len(self.held) if len(unfit) < len(self.held) else 0
+        for passed in range(most + 1):
+            turn = turns.get(self.words, 0)
+            turns[self.words] = turn + 1
+            place, site, lap = nth_site([count for _, count in self.held], turn)
+            match = self.held[place][0]
+            if passed == most or match.entry.facts.map_id not in unfit:
+                yield match, site, seed + lap, "waiting"
+                return
+            yield match, site, seed + lap, "passed"
 
     def match(self, map_id: str) -> MapMatch:
         """How one of its maps shows what was asked."""
@@ -125,9 +158,9 @@ class _PlanWork:
     def _groups(self) -> list[tuple[dict[int, int], str]]:
         return [(group, self._asked.words(group)) for group in self._asked.of_spot()]
 
-    def _spot(self, words: str, group: Mapping[int, int], record: PlanRecord) -> _Spot:
+    def _spot(self, words: str, group: Mapping[int, int], record: PlanRecord) -> Spot:
         by_id = {match.entry.facts.map_id: match for match in self._asked.matches(group)}
-        return _Spot(words, tuple((by_id[map_id], count) for map_id, count in record.spots.get(words, ())))
+        return Spot(words, tuple((by_id[map_id], count) for map_id, count in record.spots.get(words, ())))
 
     async def _record(self) -> PlanRecord:
         """What the plan is: as it is stored, or from the maps."""
@@ -189,10 +222,11 @@ class _PlanWork:
         except NotPossible:
             return 0
 
-    async def _plan_more(self, record: PlanRecord, spots: Mapping[str, _Spot]) -> bool:
+    async def _plan_more(self, record: PlanRecord, spots: Mapping[str, Spot]) -> bool:
         """Plan the next rows; False where there are enough, or none can be made any more."""
         wanted = self._asked.wanted
-        missing = _AT_ONCE if wanted is None else min(wanted - self._tally.made, _AT_ONCE)
+        at_once = min(max(self._tally.made, _FIRST), _AT_ONCE)
+        missing = at_once if wanted is None else min(wanted - self._tally.made, at_once)
         if _is_exhausted(self._rows):
             return False
         lap = self._rows.last_lap()
@@ -203,19 +237,18 @@ class _PlanWork:
         self._tally = self._rows.counts()
         return True
 
-    def _placed(self, rows: Sequence[tuple[int, ...]], spots: Mapping[str, _Spot], lap: int) -> Iterator[PlanRow]:
+    def _placed(self, rows: Sequence[tuple[int, ...]], spots: Mapping[str, Spot], lap: int) -> Iterator[PlanRow]:
         """Rows with a map and a site each: the next one of their group of sites."""
-        turns, number = self._rows.turns(), self._rows.next_number()
+        turns, number, hopeless = self._rows.turns(), self._rows.next_number(), self._rows.hopeless(TRIES)
         saying = list(next(self._asked.of_spot()))
-        for index, levels in enumerate(rows):
+        for levels in rows:
             words = self._asked.words({factor: levels[factor] for factor in saying})
-            turn = turns.get(words, 0)
-            turns[words] = turn + 1
-            match, site, seed = spots[words].row(turn, self._asked.arguments.seed)
-            facts = match.entry.facts
-            yield PlanRow(number + index, lap, levels, words, facts.place, facts.map_id, site, seed)
+            for match, site, seed, state in spots[words].turns(turns, levels, hopeless, self._asked.arguments.seed):
+                facts = match.entry.facts
+                yield PlanRow(number, lap, levels, words, facts.place, facts.map_id, site, seed, state)
+                number += 1
 
-    async def _make_waiting(self, spots: Mapping[str, _Spot]) -> None:
+    async def _make_waiting(self, spots: Mapping[str, Spot]) -> None:
         """Make all rows that wait; one that cannot be made is noted with its refusal."""
         taken: deque[PlanRow] = deque()
         begun: set[int] = set()
@@ -243,8 +276,8 @@ class _PlanWork:
         """Make a row's scenario and note what became of it; that, and whether it was made before."""
         arguments = self._asked.row_arguments(dict(enumerate(row.levels))).model_copy(update={"seed": row.seed})
         request = request_for(arguments, AssignedSite(match, row.site_index), 0)
-        if row.lap:  # all is covered: a row that fails costs more than another one
-            request = request.model_copy(update={"most_sites": 1})
+        if row.lap:  # all is covered: a row that fails, or that could be better, costs more than another one
+            request = request.model_copy(update={"most_sites": 1, "most_rounds": _ROUNDS_BEYOND})
         try:
             made = await make_scenario(self._call, request, (0.0, 1.0))
         except NotPossible as refusal:

@@ -77,8 +77,9 @@ def recipe_of(request: GenerationRequest) -> Recipe:
 
 def shape_of(request: GenerationRequest) -> dict[str, Any]:
     """What a request says of its scenario: not on which copy of a map, at which of its sites, and by which numbers."""
-    numbers = {"map_path", "folder", "benchmark_number", "seed", "index", "site_index", "site_step", "most_sites"}
-    return request.model_dump(mode="json", exclude=numbers | {"place", "country", "attribution"})
+    numbers = {"map_path", "folder", "benchmark_number", "seed", "index", "site_index", "site_step"}
+    others = {"most_sites", "most_rounds", "place", "country", "attribution"}
+    return request.model_dump(mode="json", exclude=numbers | others)
 
 
 async def with_trial_run(call: ToolCall, summary: ScenarioSummary) -> ScenarioSummary:

@@ -5,7 +5,7 @@ hundreds of roads meet or hundreds of sites lie at one place, the names of the f
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from heapq import heapify, heappop, heappush
@@ -138,24 +138,20 @@ class SiteFinder:
         self._classes = asked or ALL_ROADS
         self._without_links = asked or frozenset(ROADS)
         self._met: dict[int, tuple[OsmWay, ...]] = {}
-        self._kinds: dict[SiteType, Callable[[], list[_Spot]]] = {
-            "roundabout": self._roundabouts,
-            "signalised_intersection": self._signalised,
-            "ramp": self._ramps,
-            "highway": self._motorways,
-            "intersection": self._crossings,
-            "rural": self._rural,
-            "urban": self._urban,
-        }
+        self._found: dict[SiteType, tuple[Site, ...]] = {}
 
     def find(self, kind: SiteType) -> list[Site]:
         """All sites of a kind, near ones merged; none where the map has next to no road."""
-        sites = _merged(self._kinds[kind]()) if self._road_m > LEAST_ROAD_M else []
-        return [site for site in sites if site.kind != "signalised_intersection" or self._has_lights(site)]
+        if kind not in self._found:
+            sites = _merged(_SPOTS[kind](self)) if self._road_m > LEAST_ROAD_M else []
+            self._found[kind] = tuple(
+                site for site in sites if site.kind != "signalised_intersection" or self._has_lights(site)
+            )
+        return list(self._found[kind])
 
     def kinds(self) -> dict[SiteType, int]:
         """How many sites of each kind the map holds; kinds that it lacks are left out."""
-        counts = {kind: len(self.find(kind)) for kind in self._kinds}
+        counts = {kind: len(self.find(kind)) for kind in _SPOTS}
         return {kind: count for kind, count in counts.items() if count}
 
     def longest_road(self) -> Site | None:
@@ -389,6 +385,18 @@ class SiteFinder:
         if east - west <= HALF_TURN_DEG or not self._roads:
             return south, west
         return south, self.osm.nodes[self._roads[0].node_ids[0]].longitude
+
+
+_SPOTS: Mapping[SiteType, Callable[[SiteFinder], list[_Spot]]] = {
+    "roundabout": SiteFinder._roundabouts,
+    "signalised_intersection": SiteFinder._signalised,
+    "ramp": SiteFinder._ramps,
+    "highway": SiteFinder._motorways,
+    "intersection": SiteFinder._crossings,
+    "rural": SiteFinder._rural,
+    "urban": SiteFinder._urban,
+}
+"""What looks for the spots of each kind; not kept in a finder, which would be garbage for the collector then."""
 
 
 def _is_expressway(way: OsmWay) -> bool:

@@ -115,11 +115,11 @@ def test_an_obstacle_that_was_read_before_is_not_read_again(tmp_path: Path, monk
     read_recorded(town.write(tmp_path / "base.xml"))
     looked_at: list[str] = []
 
-    def noting(obstacle: "etree._Element") -> tuple[int, plain_states.PlainStates] | None:
-        looked_at.append(str(obstacle.get("id")))
-        return plain_states.take_states(obstacle)
+    def noting(obstacle: bytes) -> tuple[int, plain_states.PlainStates, bytes] | None:
+        looked_at.append(str(etree.fromstring(obstacle).get("id")))
+        return plain_states.cut_states(obstacle)
 
-    monkeypatch.setattr(reader, "take_states", noting)
+    monkeypatch.setattr(reader, "cut_states", noting)
     more = town.with_vehicles(*town.vehicles, driving(77, (10, 3.5), 9.0, 30))
     assert 77 in read_recorded(more.write(tmp_path / "more.xml")).tracks
     assert looked_at == ["77"]

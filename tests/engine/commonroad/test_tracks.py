@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 from lxml import etree
 from support.builders import ScenarioBuilder, town_road
 
-from plannerforge.engine.commonroad.plain_states import take_plain_states
+from plannerforge.engine.commonroad.document import SplitDocument
+from plannerforge.engine.commonroad.plain_states import cut_states, take_plain_states, take_states
 from plannerforge.engine.commonroad.reader import read_recorded, read_scenario
 from plannerforge.engine.commonroad.tracks import Track, last_recorded_step, recorded_tracks, size_of
 from plannerforge.engine.commonroad.value_limits import check_document
@@ -226,3 +227,43 @@ def test_the_size_of_a_group_of_shapes_is_that_of_the_box_around_them() -> None:
     trailer = Rectangle(6.0, 2.5)
     assert size_of(ShapeGroup([cab, trailer])) == pytest.approx((8.0, 2.5))
     assert size_of(Polygon(np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 2.0]]))) == (3.0, 2.0)
+
+
+def test_states_that_are_cut_out_of_bytes_are_those_that_a_parser_takes(tmp_path: Path) -> None:
+    content = town_road().write(tmp_path / "town.xml").read_bytes()
+    split = SplitDocument.of(content)
+    assert split is not None
+    for chunk in split.chunks:
+        parsed = etree.fromstring(chunk)
+        taken, cut = take_states(parsed), cut_states(chunk)
+        assert taken is not None
+        assert cut is not None
+        assert taken[0] == cut[0]
+        assert taken[1].positions.tobytes() == cut[1].positions.tobytes()
+        assert {name: values.tolist() for name, values in taken[1].columns.items()} == {
+            name: values.tolist() for name, values in cut[1].columns.items()
+        }
+        left = etree.fromstring(cut[2])
+        assert [(each.tag, each.attrib) for each in left.iter()] == [(each.tag, each.attrib) for each in parsed.iter()]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b"</state>", b"</state>7"),
+        (b"<exact>", b"5<exact>"),
+        (b"<exact>", b"<exact >"),
+        (b"<trajectory>", b"<trajectory/><trajectory>"),
+        (b"</x>", b"</x><z>1</z>"),
+        (b"<velocity>", b"<velocity>&#49;"),
+        (b"<trajectory>", b"<trajectory></state>"),
+    ],
+    ids=["text behind", "text before", "spaced", "twice", "another element", "reference", "broken"],
+)
+def test_an_obstacle_whose_states_differ_is_left_to_the_parser(tmp_path: Path, old: bytes, new: bytes) -> None:
+    split = SplitDocument.of(town_road().write(tmp_path / "town.xml").read_bytes())
+    assert split is not None
+    (chunk, *_) = (chunk for chunk in split.chunks if cut_states(chunk) is not None)
+    place = chunk.rfind(old)
+    assert place >= 0
+    assert cut_states(chunk[:place] + new + chunk[place + len(old) :]) is None

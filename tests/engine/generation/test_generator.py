@@ -5,6 +5,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -229,3 +230,35 @@ def test_a_request_that_is_to_be_given_up_soon_tries_no_further_site(
         with pytest.raises(NotPossible, match="flooded"):
             make("Quadratstadt", tmp_path, scenario_type="intersection", most_sites=sites)
         assert len(tried) == expected
+
+
+def test_after_the_most_rounds_the_best_scenario_is_taken_with_its_faults(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rounds: list[int] = []
+    simulate = generating.generate_traffic
+
+    def noting(*given: Any) -> Any:
+        rounds.append(given[4])
+        return simulate(*given)
+
+    monkeypatch.setattr(generating, "generate_traffic", noting)
+    monkeypatch.setattr(generating, "faults_of", lambda checks: ([], ["it could be better"]))
+    made = make("Fahrhausen", tmp_path, scenario_type="intersection", most_rounds=2)
+    assert rounds == [0, 1]
+    assert "it could be better" in made.notes
+
+
+def test_a_scenario_is_the_same_where_its_site_was_built_for_another_one(tmp_path: Path) -> None:
+    wishes = [{"seed": 1, "density": "high"}, {"seed": 2, "vehicles": (VehicleDemand(vehicle_class="truck"),)}]
+
+    def made(folder: Path, wish: dict[str, Any]) -> list[bytes]:
+        folder.mkdir()
+        report = make("Kreiselheim", folder, scenario_type="roundabout", duration_s=5.0, **wish)
+        files = ((folder / name).read_bytes() for name in ("scenario.xml", "scenario.net.xml"))
+        return [*files, report.model_dump_json().encode()]
+
+    one_after_the_other = [made(tmp_path / f"kept {wish['seed']}", wish) for wish in wishes]
+    for wish, before in zip(wishes, one_after_the_other, strict=True):
+        site_network.forget_sites()
+        assert made(tmp_path / f"alone {wish['seed']}", wish) == before

@@ -229,3 +229,53 @@ def test_a_site_without_traffic_besides_the_ego_is_refused(tmp_path: Path, monke
     monkeypatch.setattr(generator, "without_spares", lambda ranked, demand: ranked[:1])
     error = refused(tmp_path, duration_s=6.0)
     assert error.message == "no vehicle but the ego found room on the roads of this site"
+
+
+def test_a_site_that_is_asked_for_again_is_built_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    built: list[Path] = []
+    build = site_network.build_network
+
+    def noting(request: Any, osm: Any, site: Any, radius_m: float, folder: Path, *rest: Any) -> SiteNetwork:
+        built.append(folder)
+        return build(request, osm, site, radius_m, folder, *rest)
+
+    monkeypatch.setattr(site_network, "build_network", noting)
+    first, again = (site_at(_empty(tmp_path / name)) for name in "ab")
+    assert built == [tmp_path / "a"]
+    assert again.net_path.read_bytes() == first.net_path.read_bytes()
+    assert replace(again, net_path=first.net_path) == first
+    site_at(_empty(tmp_path / "c"), country="GBR")
+    assert built[1:] == [tmp_path / "c"], "traffic keeps to the other side there"
+
+
+def test_a_refusal_of_a_site_is_told_again_without_building_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[Path] = []
+
+    def refuses(request: Any, osm: Any, site: Any, radius_m: float, folder: Path, *rest: Any) -> SiteNetwork:
+        tried.append(folder)
+        raise NotPossible("no road here is open to cars", valid=["other"], next_step="go elsewhere", reason="closed")
+
+    monkeypatch.setattr(site_network, "build_network", refuses)
+    told = []
+    for name in "ab":
+        with pytest.raises(NotPossible) as refusal:
+            site_at(_empty(tmp_path / name))
+        told.append(refusal.value)
+    assert tried == [tmp_path / "a"]
+    assert told[0] is not told[1]
+    assert {(error.text, error.reason) for error in told} == {(told[0].text, "closed")}
+
+
+def test_of_the_sites_of_a_map_the_last_ones_stay_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    built: list[str | None] = []
+    build = site_network.build_network
+
+    def noting(request: GenerationRequest, *rest: Any) -> SiteNetwork:
+        built.append(request.country)
+        return build(request, *rest)
+
+    monkeypatch.setattr(site_network, "build_network", noting)
+    monkeypatch.setattr(site_network, "MOST_KNOWN", 2)
+    for number, country in enumerate(["DEU", "AUT", "DEU", "CHE", "DEU", "AUT"]):
+        site_at(_empty(tmp_path / str(number)), country)
+    assert built == ["DEU", "AUT", "CHE", "AUT"]

@@ -77,3 +77,16 @@ def test_only_the_last_map_is_kept_and_none_after_a_broken_file(tmp_path: Path, 
 def test_a_file_that_is_gone_is_refused() -> None:
     with pytest.raises(UnsafeInput, match=r"gone\.osm cannot be read"):
         LastMap().get(Path("gone.osm"))
+
+
+def test_the_sites_of_the_last_map_are_looked_for_once(tmp_path: Path) -> None:
+    maps = LastMap()
+    osm = maps.get(LIBRARY / "fahrhausen.osm")
+    finder = maps.finder(osm, frozenset())
+    found = finder.find("intersection")
+    assert maps.finder(osm, frozenset()) is finder
+    assert maps.finder(osm, frozenset({"primary"})) is not finder
+    found.clear()
+    assert finder.find("intersection"), "who is handed sites may reorder them"
+    maps.get(LIBRARY / "landmoor.osm")
+    assert maps.finder(osm, frozenset()) is not finder
