@@ -70,6 +70,8 @@ def _simulation(asked: dict[str, Any], root: str) -> Any:
     of_loop.simulation.use_multiagent = of_loop.simulation.multiprocessing = False
     of_loop.visualization.show_plots = of_loop.visualization.save_plots = False
     of_loop.prediction.mode = asked["prediction"]
+    if asked["sees_behind"]:
+        of_loop.prediction.cone_angle = 0
     of_planner = ConfigurationBuilder.build_frenetplanner_configuration(path.stem, root)
     if set(of_planner.cost.cost_weights) != set(asked["weights"]):
         raise ValueError(f"its weights are {sorted(of_planner.cost.cost_weights)}, not {sorted(asked['weights'])}")

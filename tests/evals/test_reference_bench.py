@@ -89,8 +89,9 @@ def test_every_pair_that_ends_otherwise_has_its_cause(cause: str, case: Pair) ->
 
 def test_agreement_causes_and_times_are_counted_over_all_pairs() -> None:
     same = pair(own("off_road"), theirs("COLLISION"))
-    found = figures([same, same, same, met(None, plan(9))])
+    found = figures([same, same, same, met(None, plan(9))], [same] * 4)
     assert (found["reference_scenarios"], found["reference_agree"], found["reference_prediction"]) == (4, 0.75, 1)
+    assert (found["reference_seeing_agree"], found["reference_seeing_prediction"]) == (1.0, 0)
     assert (found["reference_time_ratio"], found["reference_time_ratio_clock"]) == (3.0, 1.33)
     assert (found["reference_success"], found["own_success"]) == (0.0, 0.25)
 
@@ -154,7 +155,7 @@ SCRIPT = f"""
 import json, sys
 for line in sys.stdin:
     asked = json.loads(line)
-    assert asked["weights"]["velocity_offset"] == 1.0 and asked["prediction"] == "walenet"
+    assert asked["weights"]["velocity_offset"] == 1.0 and asked["prediction"] == "walenet" and not asked["sees_behind"]
     if "dies" in asked["scenario"]:
         sys.exit(3)
     print({json.dumps(ANSWER)!r}, flush=True)
