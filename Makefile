@@ -141,7 +141,7 @@ bench-analysis: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.analysis
 
 bench-tuning: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.tuning
+	@$(PYTHON) -m plannerforge.evals.tuning $(addprefix --reference ,$(REFERENCE)) $(addprefix --reference-python ,$(REFERENCE_PYTHON))
 
 train-rbfn: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.planners.rbfn_training

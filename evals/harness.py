@@ -7,19 +7,23 @@ package whose modules have a function ``measure(bench) -> Figures`` each, which 
 import hashlib
 import json
 import os
+import queue
 import statistics
+import subprocess
 import sys
+import threading
 import time
 import traceback
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Generic, TypeVar, cast
+from typing import Any, Generic, Self, TextIO, TypeVar, cast
 
 from mcp import Client
 from rich.console import Console
@@ -133,6 +137,27 @@ def scenario_files(folder: Path, limit: int | None) -> list[Path]:
     return [files[name] for name in (sorted(files) if limit is None else drawn(files, limit))]
 
 
+@dataclass(frozen=True)
+class Spent:
+    """Seconds: on the clock, and of the processors in a process and in its children (netconvert)."""
+
+    wall_s: float = 0.0
+    processor_s: float = 0.0
+
+    @classmethod
+    def now(cls) -> "Spent":
+        """What this process has spent so far; only differences mean something."""
+        times = os.times()
+        processor_s = times.user + times.system + times.children_user + times.children_system
+        return cls(time.perf_counter(), processor_s)
+
+    def __add__(self, other: "Spent") -> "Spent":
+        return Spent(self.wall_s + other.wall_s, self.processor_s + other.processor_s)
+
+    def __sub__(self, other: "Spent") -> "Spent":
+        return Spent(self.wall_s - other.wall_s, self.processor_s - other.processor_s)
+
+
 def process_pool(workers: int) -> ProcessPoolExecutor:
     """Spawned processes that have imported what a warm worker has."""
     spawn, modules = get_context("spawn"), PRELOAD["compute"]
@@ -230,6 +255,90 @@ def call_in_process(workspace: Workspace | None = None) -> ToolCall:
 
 class LeftOut(Exception):
     """What a part needs is not to be had on this machine; the message says what."""
+
+
+class NoAnswer(Exception):
+    """A process took too long or ended instead of answering; the message says which."""
+
+
+class LineProcess:
+    """A program of another environment that answers a line of JSON with a line of JSON, one thread each way.
+
+    It is started when it is first asked, and again after it ended. What it writes to standard error goes to the log.
+    """
+
+    def __init__(
+        self, command: Sequence[str], log: TextIO, limit_s: float, environment: Mapping[str, str] | None = None
+    ) -> None:
+        self._command, self._log, self._limit_s = list(command), log, limit_s
+        threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        self._environment = {**os.environ, **threads, "PYTHONPATH": "", **(environment or {})}
+        self._process: subprocess.Popen[str] | None = None
+        self._listener: threading.Thread | None = None
+        self._answers: queue.Queue[str] = queue.Queue()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        self._end()
+
+    def answer(self, asked: Mapping[str, object]) -> Any:
+        """What the process answers.
+
+        Raises:
+            NoAnswer: there was none in time, or the process ended; the next question goes to a new one.
+        """
+        process = self._running()
+        assert process.stdin is not None  # noqa: S101 - it was opened with a pipe
+        with suppress(BrokenPipeError):  # then its listener tells that it ended
+            process.stdin.write(json.dumps(asked) + "\n")
+            process.stdin.flush()
+        try:
+            line = self._answers.get(timeout=self._limit_s)
+        except queue.Empty:
+            self._end()
+            raise NoAnswer(f"not done in {self._limit_s:g} s") from None
+        if not line:
+            raise NoAnswer(f"its process ended with {self._end()}")
+        return json.loads(line)
+
+    def _running(self) -> "subprocess.Popen[str]":
+        if self._process is None:
+            self._process = subprocess.Popen(
+                self._command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._log,
+                text=True,
+                env=self._environment,
+            )
+            self._answers = queue.Queue()
+            self._listener = threading.Thread(target=_listen, args=(self._process, self._answers), daemon=True)
+            self._listener.start()
+        return self._process
+
+    def _end(self) -> int | None:
+        """End the process where one runs; its status."""
+        if self._process is None or self._listener is None:
+            return None
+        process, self._process = self._process, None
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(0.0 if self._listener.is_alive() else None)
+        process.kill()
+        self._listener.join()
+        with suppress(BrokenPipeError), process:
+            process.wait()
+        return process.returncode
+
+
+def _listen(process: "subprocess.Popen[str]", answers: "queue.Queue[str]") -> None:
+    """Pass on what a process prints, and an empty line when it has ended."""
+    assert process.stdout is not None  # noqa: S101 - it was opened with a pipe
+    for line in process.stdout:
+        answers.put(line)
+    process.wait()
+    answers.put("")
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,12 @@
 """What came out of ``make bench-generation``: verdicts on single scenarios, and their table."""
 
-import os
 import statistics
 import sys
-import time
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ..harness import print_figures, rate_text, share
+from ..harness import Spent, print_figures, rate_text, share
 from .judges import DensityVerdict
 from .motion import MotionFigures
 from .requests import BenchRequest, Refusal
@@ -22,25 +20,6 @@ PAPER_COLLISIONS, FACTORY_COLLISIONS = 0.200, 0.061
 """Shares of collisions that the paper states for its own scenarios and for those of Scenario Factory 2.0."""
 
 
-@dataclass(frozen=True)
-class Spent:
-    """Seconds: on the clock, and of the processors in the process and in its children (netconvert)."""
-
-    wall_s: float = 0.0
-    processor_s: float = 0.0
-
-    def __add__(self, other: "Spent") -> "Spent":
-        return Spent(self.wall_s + other.wall_s, self.processor_s + other.processor_s)
-
-    def __sub__(self, other: "Spent") -> "Spent":
-        return Spent(self.wall_s - other.wall_s, self.processor_s - other.processor_s)
-
-
-def _now() -> Spent:
-    times = os.times()
-    return Spent(time.perf_counter(), times.user + times.system + times.children_user + times.children_system)
-
-
 @dataclass
 class Stages:
     """Time by stage, read off the progress of a generation: its messages name the stages.
@@ -50,13 +29,13 @@ class Stages:
 
     first_read: bool = False
     spent: dict[str, Spent] = field(default_factory=dict)
-    _began: Spent = field(default_factory=_now)
+    _began: Spent = field(default_factory=Spent.now)
     _stage: str = ""
 
     def __call__(self, share: float, message: str = "") -> None:
         """A new stage begins."""
         del share
-        now = _now()
+        now = Spent.now()
         if self._stage:
             self.spent[self._stage] = self.spent.get(self._stage, Spent()) + (now - self._began)
         self._began, self._stage = now, message

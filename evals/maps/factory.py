@@ -25,17 +25,14 @@ import hashlib
 import json
 import math
 import os
-import queue
 import re
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TextIO
@@ -46,8 +43,8 @@ from ...engine.maps import MapEntry, read_map
 from ...schemas.errors import PlannerForgeError
 from ...schemas.generation import GenerateScenariosArguments, ReadMapRequest
 from ...tools.generation.requests import assign_sites, plan_maps, request_for
-from ..generation.figures import Spent, motion_figures, ratio
-from ..harness import Figures, LeftOut, call_in_process, drawn, process_pool, share
+from ..generation.figures import motion_figures, ratio
+from ..harness import Figures, LeftOut, LineProcess, NoAnswer, Spent, call_in_process, drawn, process_pool, share
 from .bench import MapsBench
 from .factory_judge import FileVerdict, judge_file
 
@@ -147,99 +144,37 @@ def prepared_environment() -> tuple[Path, float]:
     return folder, time.perf_counter() - began
 
 
-class Factory:
+class Factory(LineProcess):
     """Scenario Factory in a process of its own that works on one map after the other."""
 
     def __init__(self, environment: Path, log: TextIO) -> None:
-        self._command = [str(environment / "bin" / "python"), "-P", str(_DRIVER)]
-        self._log = log
-        self._process: subprocess.Popen[str] | None = None
-        self._listener: threading.Thread | None = None
-        self._answers: queue.Queue[str] = queue.Queue()
-
-    def __enter__(self) -> "Factory":
-        return self
-
-    def __exit__(self, *problem: object) -> None:
-        self._end()
+        super().__init__(
+            [str(environment / "bin" / "python"), "-P", str(_DRIVER)], log, LIMIT_S, {"QT_QPA_PLATFORM": "offscreen"}
+        )
 
     def make(self, task: MapTask) -> Produced:
         """Scenarios of a map; one that takes too long or ends the process is a fault, and its time is left out."""
         task.folder.mkdir(parents=True)
-        asked = {
-            "map": str(task.path),
-            "folder": str(task.folder),
-            "steps": 10 * task.length_s,
-            "simulated_steps": LENGTHS[task.length_s],
-            "seed": task.seed,
-        }
         try:
-            line = self._answer(json.dumps(asked))
-        except queue.Empty:
-            self._end()
-            return Produced(task, THEIRS, faults={f"not done in {LIMIT_S:g} s": 1})
-        if not line:
-            return Produced(task, THEIRS, faults={f"its process ended with {self._end()}": 1})
-        answer = json.loads(line)
+            answer = self.answer(
+                {
+                    "map": str(task.path),
+                    "folder": str(task.folder),
+                    "steps": 10 * task.length_s,
+                    "simulated_steps": LENGTHS[task.length_s],
+                    "seed": task.seed,
+                }
+            )
+        except NoAnswer as reason:
+            return Produced(task, THEIRS, faults={str(reason): 1})
         files = tuple(sorted(task.folder.glob("*.cr.xml")))
         spent = Spent(answer["wall_s"], answer["processor_s"])
         return Produced(task, THEIRS, files, answer["sites"], spent, answer["faults"])
 
-    def _answer(self, asked: str) -> str:
-        """The line that the process answers with, an empty one where it ended.
-
-        Raises:
-            queue.Empty: there was none in time.
-        """
-        process = self._running()
-        assert process.stdin is not None  # noqa: S101 - it was opened with a pipe
-        with suppress(BrokenPipeError):  # then its listener tells that it ended
-            process.stdin.write(asked + "\n")
-            process.stdin.flush()
-        return self._answers.get(timeout=LIMIT_S)
-
-    def _running(self) -> "subprocess.Popen[str]":
-        if self._process is None:
-            threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "QT_QPA_PLATFORM": "offscreen"}
-            self._process = subprocess.Popen(
-                self._command,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=self._log,
-                text=True,
-                env={**os.environ, **threads, "PYTHONPATH": ""},
-            )
-            self._answers = queue.Queue()
-            self._listener = threading.Thread(target=_listen, args=(self._process, self._answers), daemon=True)
-            self._listener.start()
-        return self._process
-
-    def _end(self) -> int | None:
-        """End the process where one runs; its status."""
-        if self._process is None or self._listener is None:
-            return None
-        process, self._process = self._process, None
-        with suppress(subprocess.TimeoutExpired):
-            process.wait(0.0 if self._listener.is_alive() else None)
-        process.kill()
-        self._listener.join()
-        with suppress(BrokenPipeError), process:
-            process.wait()
-        return process.returncode
-
-
-def _listen(process: "subprocess.Popen[str]", answers: "queue.Queue[str]") -> None:
-    """Pass on what a process prints, and an empty line when it has ended."""
-    assert process.stdout is not None  # noqa: S101 - it was opened with a pipe
-    for line in process.stdout:
-        answers.put(line)
-    process.wait()
-    answers.put("")
-
 
 def make_ours(task: MapTask) -> Produced:
     """Scenarios of a map at different sites, as ``generate_scenarios`` assigns them."""
-    began = _now()
+    began = Spent.now()
     files: list[Path] = []
     faults: Counter[str] = Counter()
     sites = 0
@@ -252,7 +187,7 @@ def make_ours(task: MapTask) -> Produced:
         assigned = asyncio.run(assign_sites(arguments, call_in_process(), matches)).planned
         sites = count_sites(request_for(arguments, assigned[0], 0), silent).count
     except PlannerForgeError as error:
-        return Produced(task, OURS, spent=_now() - began, faults={error.message: 1})
+        return Produced(task, OURS, spent=Spent.now() - began, faults={error.message: 1})
     for number, site in enumerate(assigned):
         folder = task.folder / str(number)
         folder.mkdir(parents=True)
@@ -261,7 +196,7 @@ def make_ours(task: MapTask) -> Produced:
             files.append(folder / "scenario.xml")
         except PlannerForgeError as error:
             faults[error.message] += 1
-    return Produced(task, OURS, tuple(files), sites, _now() - began, faults)
+    return Produced(task, OURS, tuple(files), sites, Spent.now() - began, faults)
 
 
 def figures(judged: Sequence[tuple[Produced, Sequence[FileVerdict]]]) -> dict[str, float | int | str]:
@@ -401,8 +336,3 @@ def _tell_faults(judged: Sequence[tuple[Produced, Sequence[FileVerdict]]]) -> No
 
 def _megabytes(folder: Path) -> int:
     return round(sum(path.lstat().st_size for path in folder.rglob("*")) / 1e6)
-
-
-def _now() -> Spent:
-    times = os.times()
-    return Spent(time.perf_counter(), times.user + times.system + times.children_user + times.children_system)

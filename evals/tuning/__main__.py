@@ -12,6 +12,9 @@ that it has not seen).
 ``random_bound``: ``bound_best`` (the most that any of many random weights could gain).
 ``tables``: ``success_PLANNER_N``, ``collisions_PLANNER_N`` (every planner on the presets of 50, 100 and all scenarios).
 ``safety``: ``safety_to_success``, ``safety_unpreventable`` and others: why Safety-Conservative gains little here.
+``reference``: ``reference_agree`` (share of scenarios that end as in the public loop around Frenetix),
+``reference_time_ratio`` (processor time of its runs over that of ours).
+``reference_presets``: ``reference_guessed_to_success`` and others: what Safety-Conservative gains in that loop.
 
 ``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too; then the status is
 1. ``--json`` prints the last line alone.
@@ -22,10 +25,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from ..analysis.bench import AnalysisBench
 from ..harness import Parts, add_part_options, existing, print_parts, shared_folder
+from .reference import TuningBench
 
-PARTS: Parts[AnalysisBench] = Parts(
+PARTS: Parts[TuningBench] = Parts(
     package=__package__ or "",
     keys={
         "cluster": ("dask_same_rows", "dask_speedup"),
@@ -35,6 +38,8 @@ PARTS: Parts[AnalysisBench] = Parts(
         "random_bound": ("bound_best",),
         "safety": ("safety_to_success", "safety_unpreventable"),
         "tables": ("tabled", "success_frenetix_500"),
+        "reference": ("reference_agree", "reference_time_ratio"),
+        "reference_presets": ("reference_guessed_to_success", "own_guessed_to_success"),
     },
 )
 """The parts in the order in which they are measured, and the keys that each owes."""
@@ -47,13 +52,17 @@ def _main() -> int:
     parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder with data and corpora")
     parser.add_argument("--seed", type=int, default=20, help="of all that is drawn (default: 20)")
     parser.add_argument("--limit", type=int, default=None, help="only so many cases of each part: a sample")
+    parser.add_argument("--reference", type=Path, help="checkout of Frenetix-Motion-Planner (docs/planners.md)")
+    parser.add_argument("--reference-python", type=Path, help="the Python of its environment")
     given = parser.parse_args()
     try:
         parts = PARTS.chosen(given.only)
     except ValueError as error:
         parser.error(str(error))
     with tempfile.TemporaryDirectory() as scratch:
-        bench = AnalysisBench(existing(given.shared), Path(scratch), given.seed, given.limit)
+        bench = TuningBench(
+            existing(given.shared), Path(scratch), given.seed, given.limit, given.reference, given.reference_python
+        )
         figures, faults = PARTS.measured(parts, bench)
     return print_parts("Tuning", figures, faults, as_json=given.json)
 

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 from support.builders import Problem, Vehicle, town_road
 
-from plannerforge.evals.generation.figures import Spent
-from plannerforge.evals.harness import LeftOut
+from plannerforge.evals.harness import LeftOut, Spent
 from plannerforge.evals.maps.factory import OURS, THEIRS, Factory, MapTask, Produced, figures, prepared_environment
 from plannerforge.evals.maps.factory_judge import FileVerdict, judge_file
 

@@ -5,10 +5,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from plannerforge.evals.generation import figures as generation_figures
+from plannerforge.evals import harness
 from plannerforge.evals.generation.cases import Session
-from plannerforge.evals.generation.figures import READING, Spent, Stages
+from plannerforge.evals.generation.figures import READING, Stages
 from plannerforge.evals.generation.maps import BenchMaps
+from plannerforge.evals.harness import Spent
 
 
 def measured(*, first_read: bool) -> Stages:
@@ -23,8 +24,8 @@ def test_only_the_first_reading_of_a_map_is_left_out() -> None:
 def test_waiting_counts_on_the_clock_and_netconvert_for_the_processor(monkeypatch: pytest.MonkeyPatch) -> None:
     def clock(wall_s: float, own_s: float, children_s: float) -> None:
         times = SimpleNamespace(user=own_s, system=0.0, children_user=children_s, children_system=0.0)
-        monkeypatch.setattr(generation_figures, "time", SimpleNamespace(perf_counter=lambda: wall_s))
-        monkeypatch.setattr(generation_figures, "os", SimpleNamespace(times=lambda: times))
+        monkeypatch.setattr(harness, "time", SimpleNamespace(perf_counter=lambda: wall_s))
+        monkeypatch.setattr(harness, "os", SimpleNamespace(times=lambda: times))
 
     stages = Stages()
     clock(100.0, 7.0, 1.0)

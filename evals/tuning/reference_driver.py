@@ -1,0 +1,198 @@
+"""Runs Frenetix-Motion-Planner inside its own environment: ``python -P reference_driver.py CHECKOUT``.
+
+A line of JSON in is a scenario to drive, a line of JSON out is what came of it; ``reference.py``, which starts it,
+names the fields. What its libraries print goes to standard error, which is kept as the log. Nothing of this project is
+imported here, and nothing is written into the checkout: its configuration is read through a link in a folder of the
+run's own.
+
+All stays as its configuration has it, but for what is asked (weights, prediction) and what would only cost time: no
+pictures, no messages, no logs of its own, one thread. Its learned prediction is the copy for onnxruntime that the
+checkout holds itself (``wale_net_lite``); the package that it imports instead needs torch. Logs of the run come from
+its planner's own fields after each plan.
+"""
+
+import functools
+import json
+import logging
+import math
+import os
+import sys
+import tempfile
+import time
+import types
+from pathlib import Path
+from typing import Any
+
+_LAST_PLANS = 11
+"""Plans whose predictions are handed over: those of the last horizon of 3 s and one more."""
+_CONSTRAINTS = {5: "curvature", 6: "yaw_rate", 7: "curvature_rate", 8: "acceleration"}
+"""Where the planner counts what a constraint rejects, by the index in its list."""
+
+
+def _drive(asked: dict[str, Any], checkout: Path) -> dict[str, Any]:
+    """Drive one planning problem to its end, or to what its loop raises."""
+    with tempfile.TemporaryDirectory() as scratch:
+        (Path(scratch) / "logs").mkdir()
+        (Path(scratch) / "configurations").symlink_to(checkout / "configurations")
+        plans: list[dict[str, Any]] = []
+        simulation, fault = None, ""
+        spent, began = _processor_s(), time.perf_counter()
+        try:
+            simulation = _simulation(asked, scratch)
+            _watch(simulation.agents[0].planner_interface.planner, plans)
+            simulation.run_simulation()
+        except Exception as error:  # noqa: BLE001 - whatever its loop raises is the outcome of this one run
+            fault = _left_out(Path(scratch)) or _reason(error)
+        spent, on_clock_s = _processor_s() - spent, time.perf_counter() - began
+    agent = simulation.agents[0] if simulation else None
+    for plan in plans[:-_LAST_PLANS]:
+        del plan["predicted"]
+    return {
+        "fault": fault,
+        "status": agent.status.name if agent else "",
+        "message": str(agent.agent_state.message) if agent else "",
+        "met": _met(simulation) if agent and agent.status.name == "COLLISION" else "",
+        "plans": plans,
+        **(_states(agent.record_state_list, agent.vehicle.wb_rear_axle) if agent else {}),
+        "processor_s": spent,
+        "wall_s": on_clock_s,
+    }
+
+
+def _simulation(asked: dict[str, Any], root: str) -> Any:
+    """Its simulation, set up as its own start script does."""
+    from cr_scenario_handler.simulation.simulation import Simulation
+    from cr_scenario_handler.utils.configuration_builder import ConfigurationBuilder
+    from omegaconf import OmegaConf
+
+    path = Path(asked["scenario"])
+    of_loop = ConfigurationBuilder.build_sim_configuration(path.stem, str(path.parent), root)
+    of_loop.simulation.use_multiagent = of_loop.simulation.multiprocessing = False
+    of_loop.visualization.show_plots = of_loop.visualization.save_plots = False
+    of_loop.prediction.mode = asked["prediction"]
+    if asked["sees_behind"]:
+        of_loop.prediction.cone_angle = 0
+    of_planner = ConfigurationBuilder.build_frenetplanner_configuration(path.stem, root)
+    if set(of_planner.cost.cost_weights) != set(asked["weights"]):
+        raise ValueError(f"its weights are {sorted(of_planner.cost.cost_weights)}, not {sorted(asked['weights'])}")
+    of_planner.cost.cost_weights = OmegaConf.create(asked["weights"])
+    of_planner.debug.use_cpp = True
+    of_planner.debug.activate_logging = of_planner.debug.multiproc = False
+    return Simulation(of_loop, of_planner)
+
+
+def _watch(planner: Any, plans: list[dict[str, Any]]) -> None:
+    """Note after each plan how its candidates fared."""
+    make_plan, find_free = planner.plan, planner.trajectory_collision_check
+    tried: dict[str, int] = {}
+
+    def found_free(feasible: list[Any]) -> Any:
+        found = find_free(feasible)
+        at = next((index for index, sample in enumerate(feasible) if sample is found), len(feasible))
+        tried.update(feasible=len(feasible), free=int(found is not None))
+        tried["road_edge"] = sum(sample.boundary_harm > 0 for sample in feasible[:at])
+        return found
+
+    def planned() -> Any:
+        tried.clear()
+        made = make_plan()
+        kind = "none" if not made else "regular" if tried.get("free") else "fallback"
+        counts = planner._infeasible_count_kinematics
+        plans.append(
+            {
+                "step": int(planner.x_0.time_step),
+                "kind": kind,
+                "candidates": len(planner.all_traj or ()),
+                "feasible": tried.get("feasible", 0),
+                "rejected": {
+                    **{name: int(counts[index]) for index, name in _CONSTRAINTS.items()},
+                    "collision": int(planner.infeasible_count_collision),
+                    "road_edge": tried.get("road_edge", 0),
+                },
+                "desired_mps": float(planner.desired_velocity),
+                "predicted": {
+                    str(key): [[round(float(x), 3), round(float(y), 3)] for x, y in one["pos_list"]]
+                    for key, one in (planner.predictions or {}).items()
+                },
+            }
+        )
+        return made
+
+    planner.plan, planner.trajectory_collision_check = planned, found_free
+
+
+def _met(simulation: Any) -> str:
+    """What its collision check found at the end: ``still`` (the road's edge or a static obstacle) or ``moving``."""
+    from commonroad_dc.collision.trajectory_queries import trajectory_queries
+
+    body = simulation.agents[0].collision_objects[-1]
+    at = trajectory_queries.trajectories_collision_static_obstacles([body], simulation._cc_stat)
+    return "moving" if at[0] == -1 else "still"
+
+
+def _states(recorded: list[Any], behind_m: float) -> dict[str, Any]:
+    """The driven states; it plans for the rear axle, handed over is the centre."""
+    return {
+        "first_step": int(recorded[0].time_step),
+        "x_m": [float(state.position[0] + behind_m * math.cos(state.orientation)) for state in recorded],
+        "y_m": [float(state.position[1] + behind_m * math.sin(state.orientation)) for state in recorded],
+        "heading_rad": [float(state.orientation) for state in recorded],
+        "speed_mps": [float(state.velocity) for state in recorded],
+        "acceleration_mps2": [float(state.acceleration) for state in recorded],
+    }
+
+
+def _left_out(folder: Path) -> str:
+    """Why it left the ego out, where it did: it goes on without and keeps the reason in a file."""
+    files = sorted(folder.rglob("log_failures_agents.csv"))
+    if not files:
+        return ""
+    lines = [line.strip(' "') for line in files[0].read_text().splitlines()]
+    return next((line[:160] for line in reversed(lines) if "Error" in line or "Exception" in line), "left out")
+
+
+def _reason(error: Exception) -> str:
+    """The error, and the function that raised it."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    where = trace.tb_frame.f_code.co_name if trace else "?"
+    return f"{type(error).__name__}: {str(error)[:120]} (in {where})"
+
+
+def _processor_s() -> float:
+    spent = os.times()
+    return spent.user + spent.system + spent.children_user + spent.children_system
+
+
+def _load(checkout: Path) -> None:
+    """Import the loop, its learned prediction from the checkout itself."""
+    sys.path.insert(0, str(checkout))
+    from wale_net_lite import wale_net
+
+    options = wale_net.onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    wale_net.onnxruntime.InferenceSession = functools.partial(
+        wale_net.onnxruntime.InferenceSession, sess_options=options
+    )
+    package, module = types.ModuleType("prediction"), types.ModuleType("prediction.main")
+    setattr(module, "WaleNet", wale_net.WaleNet)  # noqa: B010 - a module made here has no such name for a type checker
+    sys.modules |= {"prediction": package, "prediction.main": module}
+    import cr_scenario_handler.simulation.simulation  # noqa: F401 - loaded here, so that no run's time holds it
+
+
+def _main() -> None:
+    """Answer line by line."""
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)  # native libraries print past sys.stdout
+    sys.stdout = sys.stderr
+    checkout = Path(sys.argv.pop()).resolve()  # its configuration would take it for an option
+    logging.disable(logging.CRITICAL)
+    _load(checkout)
+    for line in sys.stdin:
+        answers.write(json.dumps(_drive(json.loads(line), checkout)) + "\n")
+        answers.flush()
+
+
+if __name__ == "__main__":
+    _main()
