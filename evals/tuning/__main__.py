@@ -10,6 +10,11 @@ keys and judges by code apart from the product. The keys that count:
 ``optimised``: ``optimised_gain``, ``optimised_gain_low``, ``optimised_collision_change`` (what a search gains on roads
 that it has not seen).
 ``random_bound``: ``bound_best`` (the most that any of many random weights could gain).
+``rbfn``: ``rbfn_end_error_m``, ``rbfn_us_per_primitive``, ``rbfn_success``, ``frenetix_success`` (what the primitives
+of MP-RBFN are worth, and how it fares where the future is known).
+``requests``: ``requests_exact``, ``refused_right`` (every line of the tuning corpus as arguments).
+``own_planners``: ``own_faults_named`` (programs that go wrong are each a named error of their run).
+``speed``: ``run_median_s``, ``two_worker_speedup``, ``first_run_s`` and the shares of the stages of a run.
 ``tables``: ``success_PLANNER_N``, ``collisions_PLANNER_N`` (every planner on the presets of 50, 100 and all scenarios).
 ``safety``: ``safety_to_success``, ``safety_unpreventable`` and others: why Safety-Conservative gains little here.
 ``reference``: ``reference_agree`` (share of scenarios that end as in the public loop around Frenetix),
@@ -31,6 +36,10 @@ from .reference import TuningBench
 PARTS: Parts[TuningBench] = Parts(
     package=__package__ or "",
     keys={
+        "requests": ("requests_exact", "refused_right"),
+        "own_planners": ("own_faults_named",),
+        "speed": ("run_median_s", "two_worker_speedup", "first_run_s"),
+        "rbfn": ("rbfn_end_error_m", "rbfn_us_per_primitive", "rbfn_success", "frenetix_success"),
         "cluster": ("dask_same_rows", "dask_speedup"),
         "weight_files": ("yaml_exact",),
         "sensitivity": ("sensitivity_planted",),

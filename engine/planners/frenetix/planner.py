@@ -9,6 +9,7 @@ that stops soonest.
 import heapq
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import groupby, islice
 from time import perf_counter
 from typing import Any, Protocol, TypeVar
 
@@ -44,7 +45,9 @@ _LOW_SPEED_MPS = 2.0
 _STANDSTILL_MPS = 0.1
 """Chosen: an ego as slow as this that has no safe candidate stands still."""
 COMPLETED_AT_ONCE = 16
-"""Chosen: candidates for which the expensive cost terms are computed together."""
+"""Chosen: candidates for which our own cost terms are computed together; the core's are computed one by one."""
+_COPIED_AT_ONCE = 48
+"""Chosen: as many of the cheapest candidates are enough for most planning steps."""
 
 
 class Frenetix:
@@ -95,28 +98,24 @@ class Frenetix:
             return self._drive(chosen, "regular", step)
         return self._fallback(feasible, float(state.lateral[0]), step)
 
-    def _feasible(self, matrix: Points, step: PlanningStep) -> list["frenetix.TrajectorySample"]:
+    def _feasible(self, matrix: Points, step: PlanningStep) -> "_Feasible":
         """The feasible candidates with their quick terms; the others are counted by what rejects them."""
         add_step_functions(self._handler, self._weights, step)
         began = perf_counter()
         self._handler.generate_trajectories(matrix, step.low_speed)
         self._handler.evaluate_all_current_functions(False)
-        samples = list(self._handler.get_sorted_trajectories())
+        feasible = _Feasible(self._handler)
         step.core_s = perf_counter() - began
         step.candidates, step.fastest_mps = len(matrix), float(matrix[:, FINAL_SPEED].max())
-        feasible: list[frenetix.TrajectorySample] = []
-        for sample in samples:
-            if sample.feasible:
-                feasible.append(sample)
-                continue
-            broken = [CONSTRAINTS[name] for name, count in sample.feasabilityMap.items() if count > 0]
-            step.rejected.update(broken or ["negative_speed"])
-        if len(samples) < step.candidates:
-            step.rejected["off_reference_path"] += step.candidates - len(samples)
+        for broken, count in feasible.others.items():
+            for name in broken or ("negative_speed",):
+                step.rejected[name] += count
+        if missing := step.candidates - feasible.count - feasible.others.total():
+            step.rejected["off_reference_path"] += missing
         return feasible
 
     def _ranked(
-        self, feasible: list["frenetix.TrajectorySample"], step: PlanningStep
+        self, feasible: Iterable["frenetix.TrajectorySample"], step: PlanningStep
     ) -> Iterator["frenetix.TrajectorySample"]:
         """Feasible candidates, cheapest first; the expensive terms are computed as the candidates are asked for."""
         weight, collision = self._weights["prediction"], None
@@ -131,7 +130,7 @@ class Frenetix:
                 step.core_s += perf_counter() - began
             self._add_own_terms(candidates, step)
 
-        return cheapest_first(feasible, complete, COMPLETED_AT_ONCE)
+        return cheapest_first(feasible, complete, COMPLETED_AT_ONCE if self._own_terms else 1)
 
     def _add_own_terms(self, candidates: Sequence["frenetix.TrajectorySample"], step: PlanningStep) -> None:
         if not candidates or not self._own_terms or self._lanes is None or self._corridors is None:
@@ -160,7 +159,7 @@ class Frenetix:
             for sample, value in zip(candidates, term(batch).tolist(), strict=True):
                 sample.add_cost_value_to_list(name, value, weight * value)
 
-    def _fallback(self, feasible: list["frenetix.TrajectorySample"], offset_m: float, step: PlanningStep) -> Plan:
+    def _fallback(self, feasible: Iterable["frenetix.TrajectorySample"], offset_m: float, step: PlanningStep) -> Plan:
         if step.ego.speed_mps <= _STANDSTILL_MPS:
             self._driven = None
             count = round(self._settings.horizon_s / self._task.step_s) + 1
@@ -193,6 +192,37 @@ class Frenetix:
         return Plan(trajectory, weighted, dict(step.rejected), step.candidates, kind, step.core_s)
 
 
+class _Feasible:
+    """The feasible candidates of a planning step, by ascending cost as the core sorts them, the same objects each time.
+
+    The core makes a copy of each candidate that is looked at, and keeping it costs as much again: the cheapest are
+    kept, the others are copied where they are asked for. ``count``: how many there are; ``others``: how many
+    infeasible ones broke which constraints.
+    """
+
+    def __init__(self, handler: "frenetix.TrajectoryHandler") -> None:
+        self._handler = handler
+        self._cheapest: list[frenetix.TrajectorySample] = []
+        self._rest: list[frenetix.TrajectorySample] | None = None
+        self.count, self.others = 0, Counter[tuple[str, ...]]()
+        for sample in handler.get_sorted_trajectories():
+            if not sample.feasible:
+                broken = sample.feasabilityMap.items()
+                self.others[tuple(CONSTRAINTS[name] for name, count in broken if count > 0)] += 1
+                continue
+            self.count += 1
+            if self.count <= _COPIED_AT_ONCE:
+                self._cheapest.append(sample)
+
+    def __iter__(self) -> Iterator["frenetix.TrajectorySample"]:
+        yield from self._cheapest
+        if self._rest is None:
+            kept = {sample.uniqueId for sample in self._cheapest}
+            again = (sample for sample in self._handler.get_sorted_trajectories() if sample.feasible)
+            self._rest = [] if len(kept) == self.count else [one for one in again if one.uniqueId not in kept]
+        yield from self._rest
+
+
 class _Candidate(Protocol):
     """A trajectory with its total cost; the id decides between equal costs."""
 
@@ -213,21 +243,24 @@ def cheapest_first(
 ) -> Iterator[_AnyCandidate]:
     """Candidates by ascending cost, the rest of their costs computed only as far as candidates are asked for.
 
-    The given costs lack expensive terms that are never negative. ``complete`` adds them, to ``at_once`` candidates at a
-    time, in the order of the given costs. A completed candidate that costs less than the next one does without the
-    expensive terms is cheaper than all that follow, so the order is the same as if all had been completed before.
+    The given costs ascend and lack expensive terms that are never negative. ``complete`` adds them, to ``at_once``
+    candidates at a time. A completed candidate that costs less than the next one does without the expensive terms is
+    cheaper than all that follow, so the order is the same as if all had been completed before.
     """
-    waiting = sorted(candidates, key=_order)
+    waiting = (one for _, equal in groupby(candidates, _cost) for one in sorted(equal, key=_order))
     completed: list[tuple[Any, Any, _AnyCandidate]] = []
-    for begin in range(0, len(waiting), at_once):
-        while completed and completed[0][0] < waiting[begin].cost:
+    while several := list(islice(waiting, at_once)):
+        while completed and completed[0][0] < several[0].cost:
             yield heapq.heappop(completed)[-1]
-        several = waiting[begin : begin + at_once]
         complete(several)
         for candidate in several:
             heapq.heappush(completed, (*_order(candidate), candidate))
     while completed:
         yield heapq.heappop(completed)[-1]
+
+
+def _cost(candidate: _Candidate) -> Any:
+    return candidate.cost
 
 
 def _order(candidate: _Candidate) -> tuple[Any, Any]:

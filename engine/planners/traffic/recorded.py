@@ -148,13 +148,46 @@ class _Rectangles:
         return pycrcc.RectOBB(*half_m, heading_rad, *centre)
 
 
-def _bodies_of(obstacles: Mapping[int, Any]) -> dict[int, Any]:
-    """commonroad-dc's bodies of obstacles, for all their steps; its dispatcher loads matplotlib."""
-    if not obstacles:
-        return {}
-    from commonroad_dc.collision.collision_detection.pycrcc_collision_dispatch import create_collision_object
+def _bodies_of(obstacles: Mapping[int, Any]) -> dict[int, "pycrcc.CollisionObject"]:
+    """The bodies of obstacles for all their steps, as commonroad-dc makes them; its own function loads matplotlib."""
+    return {key: _body_of_obstacle(obstacle) for key, obstacle in obstacles.items()}
 
-    return {key: create_collision_object(obstacle) for key, obstacle in obstacles.items()}
+
+def _body_of_obstacle(obstacle: Any) -> "pycrcc.CollisionObject":
+    """A static obstacle's shape, which is there at every step; the shapes of a dynamic one from its first step on."""
+    from commonroad.scenario.obstacle import StaticObstacle
+    from commonroad_dc import pycrcc
+
+    first = obstacle.initial_state.time_step
+    shape = obstacle.occupancy_at_time(first).shape
+    if isinstance(obstacle, StaticObstacle):
+        return _body_of_shape(shape)
+    motion = pycrcc.TimeVariantCollisionObject(first)
+    motion.append_obstacle(_body_of_shape(shape))
+    for occupancy in obstacle.prediction.occupancy_set if obstacle.prediction is not None else ():
+        motion.append_obstacle(_body_of_shape(occupancy.shape))
+    return motion
+
+
+def _body_of_shape(shape: Any) -> "pycrcc.CollisionObject":
+    """The body of one of CommonRoad's four kinds of shapes."""
+    from commonroad.geometry.shape import Circle, Rectangle, ShapeGroup
+    from commonroad_dc import pycrcc
+
+    if isinstance(shape, ShapeGroup):
+        group = pycrcc.ShapeGroup()
+        for part in shape.shapes:
+            group.add_shape(_body_of_shape(part))
+        return group
+    if isinstance(shape, Circle):
+        return pycrcc.Circle(shape.radius, *shape.center)
+    if not isinstance(shape, Rectangle):
+        corners = shape.vertices
+        return pycrcc.Triangle(*corners.ravel()) if len(corners) == 3 else pycrcc.Polygon(corners.tolist(), [])
+    half_m = 0.5 * shape.length, 0.5 * shape.width
+    if math.isclose(shape.orientation, 0.0):
+        return pycrcc.RectAABB(*half_m, *shape.center)
+    return pycrcc.RectOBB(*half_m, shape.orientation, *shape.center)
 
 
 def _is_exact_rectangle(obstacle: Any) -> bool:

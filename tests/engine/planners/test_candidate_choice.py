@@ -44,7 +44,7 @@ def test_the_order_is_that_of_the_whole_costs_and_each_is_completed_once(
     parts: list[tuple[float, float]], at_once: int
 ) -> None:
     candidates = [Priced(index, quick, dear) for index, (quick, dear) in enumerate(parts)]
-    ranked = list(cheapest_first(candidates, complete, at_once))
+    ranked = list(cheapest_first(sorted(candidates, key=lambda one: one.cost), complete, at_once))
     wholes = sorted((quick + dear, index) for index, (quick, dear) in enumerate(parts))
     assert [(candidate.cost, candidate.uniqueId) for candidate in ranked] == wholes
     assert all(candidate.completed == 1 for candidate in candidates)

@@ -71,7 +71,8 @@ def chosen(candidates: tuple[Stored, ...], weights: Mapping[str, int]) -> Stored
         Stored(sum(weights[name] * c.exact[name] for name in WEIGHTS), c.uniqueId, c.raw, c.exact, c.objection)
         for c in candidates
     ]
-    ranked = cheapest_first(priced, lambda _: None, at_once=len(priced))
+    ordered = sorted(priced, key=lambda one: one.cost)
+    ranked = cheapest_first(ordered, lambda _: None, at_once=len(priced))
     found = first_feasible(ranked, lambda candidate: candidate.objection, Counter())
     assert found is not None
     return found
