@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from plannerforge.agent.settings import AgentSettings
+from plannerforge.engine.analysis.traffic_rules import TRAFFIC_RULES
 from plannerforge.engine.cosimulation.driver import PARAMETERS, presets
 from plannerforge.engine.network.rules.check import all_rules
 from plannerforge.schemas.errors import error_classes
@@ -29,9 +30,10 @@ def names_in(page: str) -> set[str]:
         ("docs/errors.md", list(error_classes())),
         ("docs/agent.md", list(AgentSettings.model_fields)),
         ("docs/rules.md", [rule.rule_id for rule in all_rules()]),
+        ("docs/traffic_rules.md", [rule.rule for rule in TRAFFIC_RULES]),
         ("docs/edits.md", [*EDITS, *presets(), *PARAMETERS]),
     ],
-    ids=["tools", "settings", "errors", "agent", "rules", "edits"],
+    ids=["tools", "settings", "errors", "agent", "rules", "traffic rules", "edits"],
 )
 def test_every_name_has_its_entry(page: str, names: list[str]) -> None:
     assert set(names) - names_in(page) == set()
