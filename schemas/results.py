@@ -640,15 +640,16 @@ def _rules(result: AnalyzeResultsResult) -> list[str]:
         lines += [f"- kept: {', '.join(kept)}"] if kept else []
         lines += [f"- nothing there that they are about: {', '.join(absent)}"] if absent else []
         return ["Traffic rules:", *lines] if lines else ["Traffic rules: none could be judged."]
-    names = list(dict.fromkeys(one.config_name for one in result.rule_shares))
-    lines = []
-    for name in names:
-        shares = [one for one in result.rule_shares if one.config_name == name]
-        lines += [f"Traffic rules, {name}:" if len(names) > 1 else "Traffic rules:"]
-        lines += [f"- {one.in_words()}" for one in shares if one.violated.of]
-        absent = [f"{one.rule} {one.name}" for one in shares if not one.violated.of]
-        lines += [f"- in no run anything that they are about: {', '.join(absent)}"] if absent else []
-    return lines or ["Traffic rules: none could be judged."]
+    several = len({one.config_id for one in result.rule_shares}) > 1
+    lines = [
+        f"- {f'{one.config_name}: ' if several else ''}{one.in_words()}"
+        for one in result.rule_shares
+        if one.violated.of
+    ]
+    asked = {one.rule for one in result.rule_shares if one.violated.of}
+    absent = dict.fromkeys(f"{one.rule} {one.name}" for one in result.rule_shares if one.rule not in asked)
+    lines += [f"- in no run anything that they are about: {', '.join(absent)}"] if absent else []
+    return ["Traffic rules:", *lines] if lines else ["Traffic rules: none could be judged."]
 
 
 def _correlations(result: AnalyzeResultsResult) -> list[str]:

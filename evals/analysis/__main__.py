@@ -12,6 +12,8 @@ something does), ``interval_coverage`` (95 % intervals that hold the truth).
 ``trivial``: ``trivial_marked`` (share of reached goals that are told to ask for no driving, or not, as it is so).
 ``advice``: ``advice_helped`` (of changes of a weight that a trial tells to help, those that help on other roads).
 ``statements``: ``statements_recomputed`` (share of the figures in answers and reports that raw rows give once more).
+``solutions``: ``solutions_valid`` (of runs to the goal that are told to be drivable, those whose exported solution
+CommonRoad's checker accepts).
 ``questions``: ``questions_answered`` (share of the corpora's questions about results that one call answers).
 
 ``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too; then the status is
@@ -36,6 +38,7 @@ PARTS: Parts[AnalysisBench] = Parts(
         "trivial": ("trivial_marked",),
         "advice": ("advice_helped", "advice_told"),
         "statements": ("statements_recomputed",),
+        "solutions": ("solutions_valid", "motions_feasible", "steering_told"),
         "questions": ("questions_answered",),
     },
 )
