@@ -4,7 +4,7 @@ Each part is a module of this package with a function ``measure(bench: AnalysisB
 keys and judges by code apart from the product. The keys that count:
 
 ``causes``: ``class_right`` (share of made collisions whose kind is told as it is), ``fault_right`` (told to be
-preventable or not, as the truth has it).
+preventable or not, as the truth has it), and both of recorded ones.
 ``rules``: ``rules_right`` (of made drives, those of which the traffic rule that they are about is told as it is).
 ``nulls``: ``false_findings_rate`` (of batches in which nothing differs, those in which a comparison states that
 something does), ``interval_coverage`` (95 % intervals that hold the truth).
@@ -31,7 +31,7 @@ from .bench import AnalysisBench
 PARTS: Parts[AnalysisBench] = Parts(
     package=__package__ or "",
     keys={
-        "causes": ("class_right", "fault_right"),
+        "causes": ("class_right", "fault_right", "recorded_class_right", "recorded_fault_right"),
         "rules": ("rules_right", "rules_silent"),
         "nulls": ("false_findings_rate", "interval_coverage"),
         "planted": ("planted_found",),
