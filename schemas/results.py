@@ -647,8 +647,8 @@ def _rules(result: AnalyzeResultsResult) -> list[str]:
         if one.violated.of
     ]
     asked = {one.rule for one in result.rule_shares if one.violated.of}
-    absent = dict.fromkeys(f"{one.rule} {one.name}" for one in result.rule_shares if one.rule not in asked)
-    lines += [f"- in no run anything that they are about: {', '.join(absent)}"] if absent else []
+    never = dict.fromkeys(f"{one.rule} {one.name}" for one in result.rule_shares if one.rule not in asked)
+    lines += [f"- in no run anything that they are about: {', '.join(never)}"] if never else []
     return ["Traffic rules:", *lines] if lines else ["Traffic rules: none could be judged."]
 
 

@@ -274,9 +274,10 @@ class _Encounter:
         beside = place.aside_m - self.ego.width_m / 2
         if beside > 0:
             closing = own_mps - place.along_mps
+            if closing <= 0 or place.nearing_mps <= 0:
+                return 0.0
             past_s = (place.middle_m - station + (self.ego.length_m + self.other.length_m) / 2) / closing
-            comes_s = beside / place.nearing_mps if place.nearing_mps > 0 else math.inf
-            if closing <= 0 or comes_s > past_s + FUZZY_EARLIER_S:
+            if beside / place.nearing_mps > past_s + FUZZY_EARLIER_S:
                 return 0.0
         gap = max(place.rear_m - station - self.ego.length_m / 2, 0.0)
         critical = _critical_share(gap, own_mps, place.along_mps, felt_mps2)

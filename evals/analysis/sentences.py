@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import fisher_exact
 
-from ...schemas.runs import RunRecord
+from ...schemas.runs import LimitExcess, RunRecord
 from ...schemas.vocabulary import ROAD_KINDS
 from .public_runs import RawRuns
 from .recomputed import METRICS, Costs, Pairs, correlation, goal, goals, holm, late_because, metric, rate
@@ -585,14 +585,16 @@ class Judge:
             told = values if " % |" not in match[0] else [*values[:2], *values[3:5]]
             return [*told, *([max(worst)] if worst else [])]
 
+        def excesses(match: re.Match[str]) -> dict[str, LimitExcess]:
+            return {excess.name: excess for excess in self._run(match.string).beyond_vehicle or ()}
+
         def beyond(match: re.Match[str]) -> list[float | None]:
-            excesses = {excess.name: excess for excess in self._run(match.string).beyond_vehicle or ()}
-            one = excesses.get(match[1])  # type: ignore[call-overload]
+            one = excesses(match).get(match[1])
             return [] if one is None else [one.value, one.time_s, one.limit]
 
         def slides(match: re.Match[str]) -> list[float | None]:
-            excesses = {excess.name: excess for excess in self._run(match.string).beyond_vehicle or ()}
-            return [100 * excesses["rolling"].value, excesses["rolling"].time_s]
+            one = excesses(match).get("rolling")
+            return [] if one is None else [100 * one.value, one.time_s]
 
         return [
             (rf"(R_\w+) [a-z ]+ by {N} \S+ at {N} s(?: \((?:from {N} s on)?(?:, )?(?:obstacle {N})?\))?", of_run),
