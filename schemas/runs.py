@@ -233,18 +233,24 @@ class Prevention(Model):
         aside = "" if until is None else f"; steering aside until {until:.1f} s does"
         if not self.possible:
             return f"no reference driver prevents it (full braking, UN R157's careful and fuzzy drivers, RSS){aside}"
-        named = {
-            "UN R157's careful driver": self.by_careful_driver,
-            "UN R157's fuzzy driver": self.by_fuzzy_driver,
-            "RSS": self.by_rss,
-        }
-        drivers = [name for name, prevents in named.items() if prevents]
-        others = [name for name, prevents in named.items() if not prevents]
-        braking = [] if self.by_braking_until_s is None else [f"full braking until {self.by_braking_until_s:.1f} s"]
-        steering = [] if until is None else [f"steering aside until {until:.1f} s"]
-        not_by = f", not by {' or '.join(others)}" if others else ""
-        not_by += ", nor by steering" if self.steering_tried and until is None else ""
-        return f"preventable by {' and by '.join([*braking, *steering, *drivers])}{not_by}"
+        prevents = [] if self.by_braking_until_s is None else [f"full braking until {self.by_braking_until_s:.1f} s"]
+        prevents += [] if until is None else [f"steering aside until {until:.1f} s"]
+        told = _listed([*prevents, *self._drivers(prevents=True)], "and")
+        others = [*self._drivers(prevents=False), *(["steering"] if self.steering_tried and until is None else [])]
+        without = f", not by {_listed(others, 'or')}" if others else ""
+        return f"preventable by {told}{without}"
+
+    def _drivers(self, *, prevents: bool) -> list[str]:
+        """The reference drivers beside full braking that prevent it, or do not."""
+        named = {"careful": self.by_careful_driver, "fuzzy": self.by_fuzzy_driver}
+        of_r157 = [name for name, does in named.items() if does == prevents]
+        drivers = [f"UN R157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
+        return [*drivers, *(["RSS"] if self.by_rss == prevents else [])]
+
+
+def _listed(parts: Sequence[str], conjunction: str) -> str:
+    """``a, b and c``."""
+    return f" {conjunction} ".join([*([", ".join(parts[:-1])] if parts[:-1] else []), parts[-1]])
 
 
 LaidTo = Literal["recording", "prediction", "planning", "neither"]

@@ -124,7 +124,7 @@ def test_words_name_those_that_prevent_it_and_those_that_do_not() -> None:
     hit = first_touch(ego, standing)
     words = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S).in_words()
     assert words.startswith("preventable by full braking until ")
-    assert words.endswith(" s and by UN R157's fuzzy driver and by RSS, not by UN R157's careful driver")
+    assert words.endswith(" s, UN R157's fuzzy driver and RSS, not by UN R157's careful driver")
 
 
 def test_a_contact_that_the_tracks_do_not_show_is_not_judged() -> None:
