@@ -161,7 +161,10 @@ class RoadGeometry(Model):
 
 
 class ExportedFile(Model):
-    """One file that was written; ``lost``: what a format of other tools does not hold of it."""
+    """One file that was written; ``lost``: what a format of other tools does not hold of it.
+
+    ``warning``: what a reader of the file may not accept.
+    """
 
     artifact_id: str
     format: str
@@ -169,6 +172,7 @@ class ExportedFile(Model):
     size_bytes: int
     lost: tuple[str, ...] = ()
     geometry: RoadGeometry | None = None
+    warning: str = ""
 
     def told(self) -> str:
         """The line of an answer."""
@@ -176,7 +180,7 @@ class ExportedFile(Model):
         more = ([self.geometry.told()] if self.geometry else []) + (
             [f"lost: {', '.join(self.lost)}"] if self.lost else []
         )
-        return "; ".join([line, *more])
+        return "; ".join([line, *more, *([self.warning] if self.warning else [])])
 
 
 class ExportArtifactsResult(Result):

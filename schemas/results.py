@@ -9,20 +9,24 @@ from .base import Answer, Arguments, Model, Result
 from .runs import (
     Contact,
     ContactKind,
+    LaidTo,
+    LimitExcess,
     Lineage,
     LostCell,
     Outcome,
+    RuleVerdict,
     RunMetrics,
     RunReview,
     RunSource,
     ScenarioSource,
     ending,
+    excesses_in_words,
 )
 
 Breakdown = Literal[
     "none", "planner", "config", "prediction", "country", "scenario", "obstacle_count", "obstacle_class"
 ]
-AnalysisDetail = Literal["summary", "findings", "costs", "rows", "timeline"]
+AnalysisDetail = Literal["summary", "findings", "costs", "rows", "timeline", "rules"]
 if TYPE_CHECKING:
     MetricName = str
 else:
@@ -209,7 +213,8 @@ class CollisionCauses(Model):
     """Who hit whom in the collisions of a set of runs, and which of them no reference driver prevents.
 
     ``judged``: collisions whose course is known; ``from_behind``: those not preventable in which another drove into the
-    ego from behind or onto it as it stood; ``recorded_traffic``: whether others in them could not react.
+    ego from behind or onto it as it stood; ``recorded_traffic``: whether others in them could not react; ``laid_to``:
+    how many are laid to the recording, prediction, planning or neither, of those of which it is known.
     ``success_without``: the rate with the runs left out that ended in one that is not preventable.
     """
 
@@ -220,16 +225,18 @@ class CollisionCauses(Model):
     from_behind: int
     recorded_traffic: bool
     success_without: Rate
+    laid_to: dict[LaidTo, int] = Field(default_factory=dict)
 
     def in_words(self) -> str:
-        """Kinds, and the share that no ego could prevent, with the rate without them."""
+        """Kinds, what they are laid to, and the share that no ego could prevent, with the rate without them."""
         kinds = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in self.kinds.items())
         some = "" if self.judged == self.collisions else f" that could be judged, of {self.collisions}"
         without = f"; without them goal {self.success_without.in_words()}" if self.not_preventable else ""
         none = (
             f"; no reference driver prevents {len(self.not_preventable)} of {self.judged}{some}" if self.judged else ""
         )
-        return f"Collisions: {kinds}{none}{without}."
+        laid = ", ".join(f"{cause} {count}" for cause, count in self.laid_to.items())
+        return f"Collisions: {kinds}{f'; laid to {laid}' if laid else ''}{none}{without}."
 
 
 TrivialKind = Literal["at_the_start", "standing", "by_time_alone"]
@@ -249,6 +256,43 @@ class TrivialGoals(Model):
         return f"Goals that asked for no driving: {kinds}; without them goal {self.success_without.in_words()}."
 
 
+class BeyondVehicle(Model):
+    """Runs whose driven motion exceeds limits of the ego's vehicle: by limit; ``judged``: runs of which it is known."""
+
+    limits: dict[str, int]
+    run_ids: tuple[str, ...]
+    judged: int
+
+    def in_words(self) -> str:
+        """How many there are, and by which limits."""
+        told = ", ".join(f"{name} {count}" for name, count in self.limits.items())
+        return f"Beyond what the vehicle can drive: {len(self.run_ids)} of {self.judged} driven motions ({told})."
+
+
+class RuleShare(Model):
+    """How many runs of a configuration broke a traffic rule, of those of which it asked something.
+
+    ``worst``: by how much the worst of them did; ``run_ids``: those that did, the worst first, at most eight.
+    """
+
+    rule: str
+    name: str
+    unit: str
+    config_id: str
+    config_name: str
+    violated: Rate
+    worst: float | None
+    run_ids: tuple[str, ...]
+
+    def in_words(self) -> str:
+        """``R_G3 speed limit: broken in 4/20 = 20 % (95 %: 8–42 %), by 3.1 m/s at worst (run_…)``."""
+        rate = self.violated.in_words()
+        if self.worst is None:
+            return f"{self.rule} {self.name}: kept in all, broken in {rate}"
+        worst = f"by {figure(self.worst)} {self.unit} at worst ({self.run_ids[0]})"
+        return f"{self.rule} {self.name}: broken in {rate}, {worst}"
+
+
 class RunRow(Model):
     """One run in a line."""
 
@@ -260,6 +304,7 @@ class RunRow(Model):
     minimum_distance_m: float | None
     reason: str
     contact: Contact | None = Field(None, description="of the first ten collisions, where rows were asked for")
+    beyond_vehicle: tuple[LimitExcess, ...] = Field((), description="limits of the vehicle that the motion exceeds")
 
 
 class TimelineStep(Model):
@@ -278,7 +323,7 @@ class TimelineStep(Model):
 
 
 class AnalyzeResultsArguments(Arguments):
-    """Rates, failure modes, costs, criticality, findings with run ids; for one run the timeline to the failure. For A against B use compare_results."""  # noqa: E501 - the text that the model reads
+    """Rates, failure modes, costs, criticality, traffic rules, findings with run ids; of one run the timeline. A against B: compare_results."""  # noqa: E501 - the text that the model reads
 
     results: list[str] = Field(
         ["latest"],
@@ -335,6 +380,9 @@ class AnalyzeResultsResult(Result):
     review: RunReview | None = None
     causes: CollisionCauses | None = None
     trivial: TrivialGoals | None = None
+    beyond_vehicle: BeyondVehicle | None = None
+    rules: tuple[RuleVerdict, ...] = Field((), description="of a single run: what it makes of each traffic rule")
+    rule_shares: tuple[RuleShare, ...] = ()
     notes: tuple[str, ...] = ()
     job_id: str = Field("", description="of the trial of suggestions, while it runs")
 
@@ -366,7 +414,7 @@ _LARGEST = {
     "lateral acceleration": "maximum_lateral_acceleration_mps2",
 }
 """Metrics that stand among the largest motions, by their names there."""
-_SHOWN_FINDINGS, _SHOWN_EXCESSES, _SHOWN_INVALID = 2, 2, 2
+_SHOWN_FINDINGS, _SHOWN_EXCESSES, _SHOWN_INVALID, _SHOWN_RULES = 2, 2, 2, 3
 """Entries of the brief answer (chosen)."""
 
 
@@ -393,7 +441,14 @@ def _one_run(result: AnalyzeResultsResult) -> Answer:
         more = len(review.uncomfortable) - len(excesses)
         over = "; ".join(excesses) + (f"; {more} more" if more > 0 else "")
         warnings.append(f"reached the goal harder than passengers should bear: {over}.")
-    listed = [*_groups(result), *_timeline(result), *_correlations(result)]
+    if result.detail == "summary":
+        broken = [verdict for verdict in result.rules if verdict.violated]
+        words = "; ".join(verdict.in_words() for verdict in broken[:_SHOWN_RULES])
+        rest = f"; {len(broken) - _SHOWN_RULES} more: detail=rules" if len(broken) > _SHOWN_RULES else ""
+        warnings += [f"traffic rules broken: {words}{rest}."] if broken else []
+    if row.beyond_vehicle:
+        warnings.append(f"{excesses_in_words(row.beyond_vehicle)}.")
+    listed = [*_groups(result), *_timeline(result), *_correlations(result), *_rules(result)]
     if result.detail == "costs":
         listed += _costs(result)
     listed += [*(_finding_text(finding) for finding in _stated(result)), *_no_suggestion(result)]
@@ -454,10 +509,11 @@ def _several_runs(result: AnalyzeResultsResult) -> Answer:
     valid = result.success.of
     head = f"{result.runs} runs ({valid} valid, {result.invalid_count} invalid): goal {result.success.in_words()}"
     figures = _failures(result)
-    figures += [part.in_words() for part in (result.causes, result.trivial) if part is not None]
+    told = (result.causes, result.trivial, result.beyond_vehicle)
+    figures += [part.in_words() for part in told if part is not None]
     if result.detail == "summary":
         figures += _metrics(result)
-    listed = [*_rows(result), *_groups(result)]
+    listed = [*_rows(result), *_groups(result), *_rules(result)]
     if result.detail == "costs":
         listed += _costs(result)
     listed += _correlations(result)
@@ -567,6 +623,33 @@ def _costs(result: AnalyzeResultsResult) -> list[str]:
         for item in result.costs
     ]
     return ["Weighted cost terms of the chosen candidates:", *lines] if lines else ["No recorded cost terms."]
+
+
+def _rules(result: AnalyzeResultsResult) -> list[str]:
+    """Each traffic rule: of one run what it makes of it, of several how many broke it, by configuration."""
+    if result.detail != "rules":
+        return []
+    if result.runs == 1:
+        lines = [f"- broken: {one.in_words()}" for one in result.rules if one.violated]
+        kept = [
+            f"{one.rule} {one.name} (by {one.robustness:.3g} {one.unit})"
+            for one in result.rules
+            if one.robustness is not None and not one.violated
+        ]
+        absent = [f"{one.rule} {one.name}" for one in result.rules if one.robustness is None]
+        lines += [f"- kept: {', '.join(kept)}"] if kept else []
+        lines += [f"- nothing there that they are about: {', '.join(absent)}"] if absent else []
+        return ["Traffic rules:", *lines] if lines else ["Traffic rules: none could be judged."]
+    several = len({one.config_id for one in result.rule_shares}) > 1
+    lines = [
+        f"- {f'{one.config_name}: ' if several else ''}{one.in_words()}"
+        for one in result.rule_shares
+        if one.violated.of
+    ]
+    asked = {one.rule for one in result.rule_shares if one.violated.of}
+    never = dict.fromkeys(f"{one.rule} {one.name}" for one in result.rule_shares if one.rule not in asked)
+    lines += [f"- in no run anything that they are about: {', '.join(never)}"] if never else []
+    return ["Traffic rules:", *lines] if lines else ["Traffic rules: none could be judged."]
 
 
 def _correlations(result: AnalyzeResultsResult) -> list[str]:

@@ -1,6 +1,7 @@
 """What one planner run on one scenario gives: the record that analysis, comparison and pictures read."""
 
-from typing import Literal
+from collections.abc import Sequence
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -128,6 +129,32 @@ class RunTiming(Model):
     planning_ms: tuple[float, ...] = ()
 
 
+class LimitExcess(Model):
+    """A limit of the ego's vehicle that the driven motion exceeds: where it does so most.
+
+    ``friction``: acceleration along and across together; ``rolling``: the share of the steps in which the wheels would
+    have to slide, from ``time_s`` on.
+    """
+
+    name: Literal["speed", "acceleration", "friction", "steering angle", "steering rate", "rolling"]
+    value: float
+    limit: float
+    unit: str
+    time_s: float
+
+    def in_words(self) -> str:
+        """``steering rate 0.75 rad/s at 2.3 s (limit 0.4)``."""
+        if self.name == "rolling":
+            return f"wheels that slide in {100 * self.value:.0f} % of the steps, from {self.time_s:.1f} s on"
+        return f"{self.name} {self.value:.3g} {self.unit} at {self.time_s:.1f} s (limit {self.limit:.3g})"
+
+
+def excesses_in_words(excesses: Sequence[LimitExcess]) -> str:
+    """What of a driven motion its vehicle cannot do, and what that means for the run."""
+    told = "; ".join(excess.in_words() for excess in excesses)
+    return f"the driven motion is beyond the vehicle: {told}; a solution exported of it may be refused"
+
+
 class RunRecord(Model):
     """One planner on one planning problem: what happened and why."""
 
@@ -152,6 +179,9 @@ class RunRecord(Model):
     )
     rejected_candidates: dict[str, int] = Field(description="constraint → candidates it rejected, over the whole run")
     metrics: RunMetrics | None
+    beyond_vehicle: tuple[LimitExcess, ...] | None = Field(
+        None, description="limits of the vehicle that the driven motion exceeds; null: the run is of a version before"
+    )
     ego_length_m: float = 4.508
     ego_width_m: float = 1.61
 
@@ -180,27 +210,52 @@ class Prevention(Model):
     """Whether reference drivers in the ego's place prevent a collision (``docs/runs.md``), the others as they moved.
 
     ``by_braking_until_s``: the latest moment of the run at which full braking prevents it; None: none does.
+    ``by_steering_until_s``: the same of steering aside, which is no reference driver and stands beside them;
+    ``steering_tried``: whether it was asked, which it is not of egos that were hit from behind.
     """
 
     by_braking_until_s: float | None
     by_careful_driver: bool
     by_rss: bool
+    by_fuzzy_driver: bool = False
+    by_steering_until_s: float | None = None
+    steering_tried: bool = False
 
     @property
     def possible(self) -> bool:
-        """Whether any of them prevents it."""
-        return self.by_braking_until_s is not None or self.by_careful_driver or self.by_rss
+        """Whether any reference driver prevents it."""
+        by_driver = self.by_careful_driver or self.by_rss or self.by_fuzzy_driver
+        return self.by_braking_until_s is not None or by_driver
 
     def in_words(self) -> str:
-        """Who prevents it, and until when braking does."""
+        """Who prevents it, and until when braking and steering do."""
+        until = self.by_steering_until_s
+        aside = "" if until is None else f"; steering aside until {until:.1f} s does"
         if not self.possible:
-            return "no reference driver prevents it (full braking, UN R157's careful driver, RSS)"
-        named = {"UN R157's careful driver": self.by_careful_driver, "RSS": self.by_rss}
-        drivers = [name for name, prevents in named.items() if prevents]
-        others = [name for name, prevents in named.items() if not prevents]
-        until = [] if self.by_braking_until_s is None else [f"full braking until {self.by_braking_until_s:.1f} s"]
-        not_by = f", not by {' or '.join(others)}" if others else ""
-        return f"preventable by {' and by '.join([*until, *drivers])}{not_by}"
+            return f"no reference driver prevents it (full braking, UN R157's careful and fuzzy drivers, RSS){aside}"
+        prevents = [] if self.by_braking_until_s is None else [f"full braking until {self.by_braking_until_s:.1f} s"]
+        prevents += [] if until is None else [f"steering aside until {until:.1f} s"]
+        told = _listed([*prevents, *self._drivers(prevents=True)], "and")
+        others = [*self._drivers(prevents=False), *(["steering"] if self.steering_tried and until is None else [])]
+        without = f", not by {_listed(others, 'or')}" if others else ""
+        return f"preventable by {told}{without}"
+
+    def _drivers(self, *, prevents: bool) -> list[str]:
+        """The reference drivers beside full braking that prevent it, or do not."""
+        named = {"careful": self.by_careful_driver, "fuzzy": self.by_fuzzy_driver}
+        of_r157 = [name for name, does in named.items() if does == prevents]
+        drivers = [f"UN R157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
+        return [*drivers, *(["RSS"] if self.by_rss == prevents else [])]
+
+
+def _listed(parts: Sequence[str], conjunction: str) -> str:
+    """``a, b and c``."""
+    return f" {conjunction} ".join([*([", ".join(parts[:-1])] if parts[:-1] else []), parts[-1]])
+
+
+LaidTo = Literal["recording", "prediction", "planning", "neither"]
+"""What a collision is laid to: another that follows a recording and would have braked; a prediction that had the other
+elsewhere; a plan that had it there, although a reference driver prevents it; nothing, since none does."""
 
 
 class Contact(Model):
@@ -213,6 +268,7 @@ class Contact(Model):
     where the tracks do not hold the one that was hit.
     ``predicted_gap_m``: how far apart the two would have been at the collision, had the other moved as the run's
     predictor said a second before; None where it was not there then, or is not known to have been predicted.
+    ``laid_to``: None where that decides, or the prevention is not known.
     """
 
     kind: ContactKind
@@ -230,6 +286,7 @@ class Contact(Model):
     also_touched: tuple[int, ...] = ()
     prevention: Prevention | None = None
     predicted_gap_m: float | None = None
+    laid_to: LaidTo | None = None
 
     @property
     def unforeseen(self) -> bool:
@@ -246,6 +303,8 @@ class Contact(Model):
         judged = "" if self.prevention is None else f"; {self.prevention.in_words()}"
         if self.unforeseen:
             judged += f"; unforeseen: {self.predicted_gap_m:.1f} m apart as predicted a second before"
+        if self.laid_to is not None:
+            judged += f"; laid to {'the recording' if self.laid_to == 'recording' else self.laid_to}"
         return f"{self._what} at {self.time_s:.1f} s ({speeds}{self._braked}){also}{judged}"
 
     @property
@@ -365,6 +424,42 @@ class RunReview(Model):
         """The largest motions with their times; empty without steps."""
         parts = [f"{one.name} {one.value:.3g} {one.unit} at {one.time_s:.1f} s" for one in self.largest]
         return f"Largest: {', '.join(parts)}." if parts else ""
+
+
+class RuleVerdict(Model):
+    """What a run makes of a traffic rule (``docs/traffic_rules.md``).
+
+    ``robustness``: how far the rule is from being broken at the worst step, in its unit, negative where it is broken;
+    None: the run had nothing that it is about. ``time_s``: of the worst step; ``first_s``: from when on it is broken.
+    """
+
+    TOLERANCE: ClassVar[float] = 0.01
+    """Files hold centimetres: a rule is broken by more than this."""
+
+    rule: str
+    name: str
+    unit: str
+    robustness: float | None
+    time_s: float | None = None
+    first_s: float | None = None
+    obstacle_id: int | None = None
+
+    @property
+    def violated(self) -> bool:
+        """Whether the run broke the rule."""
+        return self.first_s is not None
+
+    @property
+    def degree(self) -> float:
+        """By how much the rule is broken at worst; 0 where it is kept."""
+        return -self.robustness if self.violated and self.robustness is not None else 0.0
+
+    def in_words(self) -> str:
+        """``R_G1 safe distance by 12.3 m at 2.0 s (from 1.2 s on, obstacle 42)``."""
+        more = [f"from {self.first_s:.1f} s on"] if self.first_s != self.time_s else []
+        more += [f"obstacle {self.obstacle_id}"] if self.obstacle_id is not None else []
+        told = f" ({', '.join(more)})" if more else ""
+        return f"{self.rule} {self.name} by {self.degree:.3g} {self.unit} at {self.time_s:.1f} s{told}"
 
 
 def ending(outcome: Outcome, reason: str, review: RunReview | None = None, *, contact: Contact | None = None) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from plannerforge.agent.settings import AgentSettings
+from plannerforge.engine.analysis.traffic_rules import TRAFFIC_RULES
 from plannerforge.engine.cosimulation.driver import PARAMETERS, presets
 from plannerforge.engine.network.rules.check import all_rules
 from plannerforge.engine.traffic import published_calibrations
@@ -31,11 +32,12 @@ def names_in(page: str) -> set[str]:
         ("docs/errors.md", list(error_classes())),
         ("docs/agent.md", list(AgentSettings.model_fields)),
         ("docs/rules.md", [rule.rule_id for rule in all_rules()]),
+        ("docs/traffic_rules.md", [rule.rule for rule in TRAFFIC_RULES]),
         ("docs/edits.md", [*EDITS, *presets(), *PARAMETERS]),
         ("docs/demand.md", list(published_calibrations())),
         ("docs/selection.md", [*MEASURES, *CIRCUMSTANCES]),
     ],
-    ids=["tools", "settings", "errors", "agent", "rules", "edits", "calibrations", "circumstances"],
+    ids=["tools", "settings", "errors", "agent", "rules", "traffic rules", "edits", "calibrations", "circumstances"],
 )
 def test_every_name_has_its_entry(page: str, names: list[str]) -> None:
     assert set(names) - names_in(page) == set()

@@ -12,6 +12,7 @@ from ..engine.rendering import (
     comparison_section,
     overview_section,
     report_image,
+    rules_section,
     run_section,
     scenario_section,
 )
@@ -30,7 +31,7 @@ from ..schemas.errors import Faults, InvalidRequest, NotPossible
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.rendering import PictureKind, ReportRequest, ReportSection, ReportWritten
 from ..schemas.results import AnalyzeResultsArguments, AnalyzeResultsResult
-from ..schemas.runs import BatchRecord, RunRecord, RunSource
+from ..schemas.runs import BatchRecord, RunRecord, RunSource, excesses_in_words
 from ..schemas.scenarios import ScenarioRecord
 from ..schemas.text import printable
 from .analysis.tool import analyze_results, compare_results
@@ -77,6 +78,8 @@ async def _write(call: ToolCall, export: Export) -> ExportedFile:
     else:
         write_export(call.workspace, export, await _drawn(call, export) if export.is_drawn else None)
     written = _written(export.artifact.artifact_id, export.format, export.path)
+    if export.format == "solution" and (beyond := export.artifact.read(RunRecord).beyond_vehicle):
+        return written.model_copy(update={"warning": excesses_in_words(beyond)})
     if foreign is None:
         return written
     return written.model_copy(update={"lost": foreign.lost, "geometry": foreign.geometry})
@@ -200,10 +203,12 @@ async def _batch(call: ToolCall, artifact: Artifact) -> list[ReportSection]:
     if compared is not None:
         sections.append(await _illustrated(comparison_section(compared), call, batch.runs, _OF_SIDES))
     sections.append(await _illustrated(analysis_section(found), call, batch.runs, _OF_FINDINGS))
+    ruled = await analyze_results(AnalyzeResultsArguments(results=named, detail="rules"), call)
+    sections += [rules_section(ruled)] if ruled.rule_shares else []
     shown = _telling(runs, whole)
     together = [run.record.run_id for run in runs if run.record.scenario_id == shown.scenario_id]
     looked_at = await analyze_results(AnalyzeResultsArguments(results=[shown.run_id]), call)
-    detail = await _illustrated(run_section(shown, looked_at.review), call, [shown.run_id], _OF_ONE)
+    detail = await _illustrated(run_section(shown, looked_at), call, [shown.run_id], _OF_ONE)
     return [*sections, await _illustrated(detail, call, together, _BESIDE), listed]
 
 

@@ -26,12 +26,23 @@ from ..schemas.planning import (
     RunPlannerResult,
     RunRequest,
 )
-from ..schemas.runs import BatchRecord, LostCell, Prediction, ReviewRequest, RunRecord, RunReview, Traffic
+from ..schemas.runs import (
+    BatchRecord,
+    LostCell,
+    Prediction,
+    ReviewRequest,
+    RunRecord,
+    RunReview,
+    Traffic,
+    excesses_in_words,
+)
 from ..schemas.text import counted
 from .call import Question, ToolCall
 from .operations import REVIEW_RUNS, RUN_PLANNER
 from .results import run_sources, scenario_sources
 
+_SHOWN_BEYOND = 3
+"""Runs that a note names (chosen)."""
 _CLAIM_POLL_S = 0.1
 """How often a run that another call or server makes is looked at; chosen."""
 MANY_RUNS = 200
@@ -362,6 +373,12 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
         span = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
         where = counted(len(lengths_m), "run")
         yield f"the ego's start allows no way along the lane's centre in {where}: joined within {span}"
+    beyond = [(record.run_id, record.beyond_vehicle) for record in records if record.beyond_vehicle]
+    if len(records) == 1 and beyond:
+        yield excesses_in_words(beyond[0][1])
+    elif beyond:
+        shown = ", ".join(run_id for run_id, _ in beyond[:_SHOWN_BEYOND])
+        yield f"{len(beyond)} of {len(records)} driven motions are beyond the vehicle's limits: {shown}"
 
 
 def _summary(records: Sequence[RunRecord]) -> tuple[ConfigurationSummary, ...]:

@@ -14,6 +14,8 @@
 ``cost_shares``: mean weighted cost of each term and its share, by configuration, the largest first.
 ``mean_terms``: mean weighted cost of each term over the planning steps of a run.
 ``review_runs``: an operation: who hit whom, the closest moment and the largest motions of each run.
+``RuledDrive``: a drive among others on a lanelet network, as traffic rules look at it.
+``judged_by_rules``: what a drive makes of each traffic rule.
 ``RunSet``: a set of runs with their steps, configurations and scenarios.
 ``driven_tracks``: how the obstacles of reactive traffic moved in a run, by id.
 ``read_steps``: the steps of a run, or None where none were kept.
@@ -34,9 +36,11 @@ if TYPE_CHECKING:
     from .comparison import compare
     from .limits import Judged, Limit, parse_limit
     from .moments import Course, course_of, review_runs
+    from .ruled_drive import RuledDrive
     from .run_set import METRICS, MetricSpec, RunSet, cost_shares, driven_tracks, mean_terms, read_steps
     from .run_table import write_run_table
     from .statistics import SignedRank, mcnemar_exact, rate, signed_rank, success_rates, wilson_interval
     from .summary import analyse
+    from .traffic_rules import judged_by_rules
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -5,16 +5,14 @@ Both stand beside the rate over all valid runs and never in its place.
 
 from collections import Counter
 
-from ...schemas.results import CollisionCauses, TrivialGoals, TrivialKind
-from ...schemas.runs import Contact, ContactKind, RunRecord
+from ...schemas.results import BeyondVehicle, CollisionCauses, TrivialGoals, TrivialKind
+from ...schemas.runs import Contact, RunRecord
 from ..commonroad import kept_recording
-from .moments import contact_of
+from .moments import FROM_BEHIND, contact_of
 from .run_set import RunSet, most_frequent_first
 
 MOST_COLLISIONS, MOST_GOALS = 60, 200
 """Collisions and reached goals that are looked at (chosen): each reads its scenario, and an answer has 50 s."""
-FROM_BEHIND: tuple[ContactKind, ...] = ("rear_end_by_other", "onto_standing_ego")
-"""Another drives into the ego, which it would have seen."""
 STOOD_M = 0.5
 """An ego that drove less has stood (chosen)."""
 
@@ -36,6 +34,7 @@ def collision_causes(runs: RunSet) -> CollisionCauses | None:
         kinds=dict(most_frequent_first(kinds)),
         not_preventable=not_preventable,
         from_behind=sum(contacts[run_id].kind in FROM_BEHIND for run_id in not_preventable),
+        laid_to=dict(most_frequent_first(Counter(one.laid_to for one in contacts.values() if one.laid_to is not None))),
         recorded_traffic=any(record.traffic == "recorded" for record in hits if record.run_id in not_preventable),
         success_without=runs.rate(record for record in runs.valid if record.run_id not in not_preventable),
     )
@@ -58,6 +57,16 @@ def trivial_goals(runs: RunSet) -> TrivialGoals | None:
         run_ids=tuple(kinds),
         success_without=runs.rate(record for record in runs.valid if record.run_id not in kinds),
     )
+
+
+def beyond_vehicle(runs: RunSet) -> BeyondVehicle | None:
+    """The valid runs whose driven motion exceeds a limit of the vehicle; None where there is none."""
+    judged = {one.run_id: one.beyond_vehicle for one in runs.valid if one.beyond_vehicle is not None}
+    found = {run_id: excesses for run_id, excesses in judged.items() if excesses}
+    if not found:
+        return None
+    limits = Counter(excess.name for excesses in found.values() for excess in excesses)
+    return BeyondVehicle(limits=dict(most_frequent_first(limits)), run_ids=tuple(found), judged=len(judged))
 
 
 def _trivial_kind(runs: RunSet, record: RunRecord) -> TrivialKind | None:

@@ -11,8 +11,7 @@ from statistics import median
 
 from ...schemas.results import Finding, Suggestion
 from ...schemas.runs import Contact, Encounter, RunRecord, RunReview
-from .causes import FROM_BEHIND
-from .moments import contact_of, held_up_share, review
+from .moments import FROM_BEHIND, contact_of, held_up_share, review
 from .reach import cannot_be_reached
 from .run_set import RunSet, mean_terms, reached_goal, share_of
 from .statistics import LEVEL, fisher_exact, holm

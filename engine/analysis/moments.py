@@ -7,7 +7,7 @@ driven steps and the tracks of the others only.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -20,7 +20,9 @@ from ...schemas.runs import (
     Contact,
     ContactKind,
     Encounter,
+    LaidTo,
     LargestMotion,
+    Prevention,
     RelativeHeading,
     ReviewRequest,
     ReviewResponse,
@@ -33,8 +35,11 @@ from ..criticality import encounters, gaps_ahead_m, gaps_m, times_to_collision_s
 from ..execution import ProgressReporter
 from ..geometry import Points, Values, oriented_rectangle, wrap_angle, wrap_angles
 from ..planners import Predictor, predictor
-from .prevention import prevention_of
+from .prevention import Surroundings, prevention_of
 from .run_set import RunSet, driven_tracks
+
+if TYPE_CHECKING:
+    from commonroad.scenario.lanelet import LaneletNetwork
 
 _MOMENTS, _LAST_S = 10, 3.0
 """Entries of a timeline and the span that they cover (chosen): a collision is decided in its last seconds."""
@@ -48,6 +53,10 @@ _BRAKING_MPS2 = -1.0
 """Chosen: a stronger deceleration is braking, a weaker one may be coasting."""
 _FORESEEN_S = 1.0
 """Chosen: what is predicted a second before a collision still lets an ego brake by 7 m/s, and is not yet the touch."""
+FROM_BEHIND: tuple[ContactKind, ...] = ("rear_end_by_other", "onto_standing_ego")
+"""Another drives into the ego, which it would have seen."""
+_LAST_STATES, _AROUND_M, _CLOSED_GAP_M = 40, 80.0, 0.1
+"""Chosen: road that is looked at around the last states of a run, and how far lanelets of real maps lie apart."""
 _HELD_UP_S, _SLOWER = 3.0, 0.9
 """Chosen: a vehicle ahead within 3 s that is a tenth slower than the ego began decides how fast the ego can be."""
 _AGREES_M = 1e-3
@@ -99,9 +108,9 @@ def _drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Drive":
     """A run with the tracks of all others, and the predictor that it had."""
     path = runs.scenario_path(record)
     if path is None:
-        return _Drive(record, steps, _tracks(runs, record, steps))
+        return _Drive(record, steps, tracks_in(runs, record, steps))
     network = kept_recording(path).loaded.scenario.lanelet_network
-    return _Drive(record, steps, _tracks(runs, record, steps), predictor(record.prediction, network))
+    return _Drive(record, steps, tracks_in(runs, record, steps), predictor(record.prediction, network), network)
 
 
 @dataclass(frozen=True)
@@ -126,7 +135,7 @@ def course_of(runs: RunSet, record: RunRecord) -> Course | None:
     steps = runs.steps.get(record.run_id)
     if steps is None or not steps.x_m:
         return None
-    return _Drive(record, steps, _tracks(runs, record, steps)).course()
+    return _Drive(record, steps, tracks_in(runs, record, steps)).course()
 
 
 @dataclass(frozen=True)
@@ -151,9 +160,14 @@ class _Drive:
     """One run with the tracks of all others."""
 
     def __init__(
-        self, record: RunRecord, steps: RunSteps, tracks: dict[int, Track], predict: Predictor | None = None
+        self,
+        record: RunRecord,
+        steps: RunSteps,
+        tracks: dict[int, Track],
+        predict: Predictor | None = None,
+        network: "LaneletNetwork | None" = None,
     ) -> None:
-        self._record, self._tracks, self._predict = record, tracks, predict
+        self._record, self._tracks, self._predict, self._network = record, tracks, predict, network
         self._ego = Track(
             obstacle_id=-1,
             kind="car",
@@ -255,6 +269,9 @@ class _Drive:
         met = other.index_at(hit.step)
         met = at if met is None else met
         velocities = [_velocity(self._ego, reached), _velocity(other, met)]
+        around = None if kind in FROM_BEHIND else self._surroundings(other)
+        prevention = prevention_of(self._ego, other, hit.step, self._record.step_s, around)
+        predicted = self._predicted_gap_m(other, hit.step, reached)
         return Contact(
             kind=kind,
             time_s=hit.time_s,
@@ -269,9 +286,35 @@ class _Drive:
             braked_since_s=braked,
             came_in_s=came_in,
             also_touched=self._also_touched(hit.step, hit.obstacle_id),
-            prevention=prevention_of(self._ego, other, hit.step, self._record.step_s),
-            predicted_gap_m=self._predicted_gap_m(other, hit.step, reached),
+            prevention=prevention,
+            predicted_gap_m=predicted,
+            laid_to=self._laid_to(kind, prevention, predicted),
         )
+
+    def _laid_to(self, kind: ContactKind, prevention: Prevention | None, predicted_m: float | None) -> LaidTo | None:
+        """What the collision is laid to, the first that holds: the recording, nothing, prediction, planning."""
+        if kind in FROM_BEHIND and self._record.traffic == "recorded":
+            return "recording"
+        if prevention is None:
+            return None
+        if not prevention.possible:
+            return "neither"
+        if self._record.prediction == "ground_truth":
+            return "planning"
+        return None if predicted_m is None else "prediction" if predicted_m > 0 else "planning"
+
+    def _surroundings(self, other: Track) -> Surroundings | None:
+        """What an evading ego has to keep clear of; None without the road."""
+        import shapely
+
+        if self._network is None:
+            return None
+        near = shapely.box(*shapely.total_bounds(shapely.points(self._ego.positions[-_LAST_STATES:]))).buffer(_AROUND_M)
+        parts = [lanelet.polygon.shapely_object for lanelet in self._network.lanelets]
+        road = shapely.union_all([shapely.make_valid(part) for part in parts if part.intersects(near)])
+        road = road.buffer(_CLOSED_GAP_M, join_style="mitre")
+        shapely.prepare(road)
+        return Surroundings([track for track in self._tracks.values() if track is not other], road)
 
     def _predicted_gap_m(self, other: Track, hit_step: int, reached: int) -> float | None:
         """How far apart both bodies would be at the collision, had the other moved as predicted a second before."""
@@ -515,7 +558,7 @@ def timeline(
     steps = runs.steps.get(record.run_id)
     if steps is None or not steps.x_m:
         return ()
-    tracks = _tracks(runs, record, steps)
+    tracks = tracks_in(runs, record, steps)
     last = len(steps.x_m) - 1
     end_s = last * record.step_s
     if window is not None and (window.low or 0.0) > end_s:
@@ -535,7 +578,7 @@ _EXACT = 1e-6
 """Share of a step that is rounding: 0.3 s are three steps of 0.1 s."""
 
 
-def _tracks(runs: RunSet, record: RunRecord, steps: RunSteps) -> dict[int, Track]:
+def tracks_in(runs: RunSet, record: RunRecord, steps: RunSteps) -> dict[int, Track]:
     """All others as they moved in a run, static obstacles included; without a file only those of reactive traffic."""
     path = runs.scenario_path(record)
     if path is None:

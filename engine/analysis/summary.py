@@ -26,12 +26,13 @@ from ...schemas.results import (
 from ...schemas.runs import Encounter, Outcome, RunRecord, RunReview
 from ..commonroad import parse_benchmark_id
 from ..execution import ProgressReporter
-from .causes import collision_causes, trivial_goals
+from .causes import beyond_vehicle, collision_causes, trivial_goals
 from .correlations import correlations
 from .filters import matching, window_of
 from .findings import CRITICAL_TIME_TO_COLLISION_S, find_all
 from .moments import contact_of, review, timeline
 from .run_set import METRICS, RunSet, cost_shares, most_frequent_first
+from .traffic_rules import MOST_RUNS, rule_shares, rule_verdicts
 
 _SHOWN_INVALID, _SUMMARY_FINDINGS, _SUMMARY_COSTS, _MOST_ROWS, _MOST_GROUPS, _FINDING_RUNS = 10, 5, 6, 30, 20, 8
 """Entries of each list (chosen): the default answer stays under 4,500 characters; notes say what is left out."""
@@ -70,6 +71,9 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
     grouped = _groups(runs, request.breakdown)
     looked_at = review(runs, runs.records[0]) if len(runs.sources) == 1 else None
     moment = _most_critical(looked_at) if looked_at is not None and runs.successes else None
+    single = len(runs.sources) == 1
+    summed = detail == "summary" and not single
+    shares = rule_shares(runs) if detail == "rules" and not single else ()
     result = AnalyzeResultsResult(
         results=request.results,
         runs=len(runs.sources),
@@ -96,8 +100,11 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         timeline=timeline(runs, runs.records[0], moment, window) if detail == "timeline" else (),
         timeline_of="window" if window is not None else "end" if moment is None else "moment",
         review=looked_at,
-        causes=collision_causes(runs) if detail == "summary" and len(runs.sources) > 1 else None,
-        trivial=trivial_goals(runs) if detail == "summary" and len(runs.sources) > 1 else None,
+        causes=collision_causes(runs) if summed else None,
+        trivial=trivial_goals(runs) if summed else None,
+        beyond_vehicle=beyond_vehicle(runs) if summed else None,
+        rules=rule_verdicts(runs, runs.records[0]) if single and detail in ("summary", "rules") else (),
+        rule_shares=tuple(one.model_copy(update={"run_ids": one.run_ids[:_FINDING_RUNS]}) for one in shares),
         notes=_notes(runs, request, note, len(grouped), len(findings)),
     )
     report(1.0, "analysed")
@@ -139,6 +146,7 @@ def _rows(runs: RunSet, records: Sequence[RunRecord]) -> tuple[RunRow, ...]:
             minimum_distance_m=record.metrics.minimum_distance_m if record.metrics else None,
             reason=record.reason,
             contact=contacts.get(record.run_id),
+            beyond_vehicle=record.beyond_vehicle or (),
         )
         for record in records[:_MOST_ROWS]
     )
@@ -162,6 +170,8 @@ def _notes(
         notes.append(f"more findings ({finding_count - _SUMMARY_FINDINGS}) with detail=findings")
     if request.detail == "rows" and len(runs.sources) > _MOST_ROWS:
         notes.append(f"{_MOST_ROWS} of {len(runs.sources)} runs shown, failures first; narrow with where")
+    if request.detail == "rules" and len(runs.valid) > MOST_RUNS:
+        notes.append(f"traffic rules of the first {MOST_RUNS} of {len(runs.valid)} valid runs; narrow with where")
     if group_count > _MOST_GROUPS:
         notes.append(f"{_MOST_GROUPS} of {group_count} groups shown; narrow with where")
     without = sum(record.run_id not in runs.steps for record in runs.valid) if request.detail == "costs" else 0

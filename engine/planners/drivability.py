@@ -5,20 +5,29 @@ is the one along the path alone. Here both follow from the trajectory itself, by
 rear axle: yaw rate = speed · tan(steering) / wheelbase. The limits are those of the vehicle, as CommonRoad's
 drivability checker asks them of a solution: the largest steering angle, and the friction circle, acceleration along and
 across together at most ``maximum_acceleration_mps2`` (Althoff and Würsching, "CommonRoad: Vehicle Models", 2020).
+
+Candidates are asked for these two alone. What was driven is asked for all limits of the vehicle (``exceeded_limits``),
+since a solution that is exported may be refused for any of them.
 """
 
+from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry import Points
-from ..vehicles import VehicleParameters
+from ...schemas.runs import LimitExcess
+from ..commonroad import Track
+from ..geometry import Points, Values
+from ..vehicles import Motion, VehicleParameters, check_kinematics
 from .interface import PlannedTrajectory
+from .solution import steering_of
 
 Limit = Literal["curvature", "friction"]
 _SLOW_MPS = 0.5
 """Below it a step of some centimetres tells nothing about the curvature."""
+_ROUNDING = 1e-3
+"""Share of a limit by which it may be exceeded: planners meet limits, they do not stay below them."""
 
 
 def violated_limit(trajectory: PlannedTrajectory, vehicle: VehicleParameters, step_s: float) -> Limit | None:
@@ -39,3 +48,51 @@ def broken_limits(
     curvature = np.where(moving, np.abs(yaw_rate) / np.where(moving, speed, 1.0), 0.0).max(axis=1, initial=0.0)
     turns = vehicle.wheelbase_m * curvature > np.tan(vehicle.maximum_steering_rad)
     return hardest > vehicle.maximum_acceleration_mps2**2, np.asarray(turns)
+
+
+def exceeded_limits(ego: Track, vehicle: VehicleParameters, step_s: float) -> Iterator[LimitExcess]:
+    """The limits of the vehicle that a driven motion of its centre exceeds, each where it is exceeded most.
+
+    ``rolling``: the share of the steps in which the wheels would have to slide: position and heading are not those that
+    any steering and acceleration lead to (tolerances of CommonRoad's drivability checker: 2 cm, 0.03 rad a step).
+    """
+    if len(ego.positions) < 2:
+        return
+    speed = 0.5 * (ego.speeds_mps[1:] + ego.speeds_mps[:-1])
+    along = np.diff(ego.speeds_mps) / step_s
+    across = speed * np.diff(np.unwrap(ego.headings_rad)) / step_s
+    steering = steering_of(ego.headings_rad, ego.speeds_mps, step_s, vehicle.wheelbase_m)
+    powered = vehicle.maximum_acceleration_mps2 * np.minimum(
+        1.0, vehicle.switching_speed_mps / np.maximum(speed, vehicle.switching_speed_mps)
+    )
+    top = np.full(len(ego.speeds_mps), vehicle.maximum_speed_mps)
+    tyres = np.full(len(along), vehicle.maximum_acceleration_mps2)
+    turned = np.full(len(steering), vehicle.maximum_steering_rad)
+    rate = np.full(len(along), vehicle.maximum_steering_rate_radps)
+    yield from _excess("speed", ego.speeds_mps, top, "m/s", step_s)
+    yield from _excess("acceleration", along, powered, "m/s²", step_s, first=1)
+    yield from _excess("friction", np.hypot(along, across), tyres, "m/s²", step_s, first=1)
+    yield from _excess("steering angle", np.abs(steering), turned, "rad", step_s)
+    yield from _excess("steering rate", np.abs(np.diff(steering)) / step_s, rate, "rad/s", step_s, first=1)
+    motion = Motion(ego.positions, ego.headings_rad, ego.speeds_mps, np.append(along, along[-1:]))
+    rolls = check_kinematics(
+        motion, step_s, wheelbase_m=vehicle.wheelbase_m, rear_axle_m=vehicle.rear_axle_behind_center_m
+    )
+    if rolls.first_infeasible_step is not None:
+        slides = 1.0 - rolls.share_of_steps
+        time_s = round((rolls.first_infeasible_step + 1) * step_s, 9)
+        yield LimitExcess(name="rolling", value=slides, limit=0.0, unit="of the steps", time_s=time_s)
+
+
+_LimitName = Literal["speed", "acceleration", "friction", "steering angle", "steering rate"]
+
+
+def _excess(
+    name: _LimitName, values: Values, limits: Values, unit: str, step_s: float, *, first: int = 0
+) -> Iterator[LimitExcess]:
+    """The entry that is farthest above its limit, if any is; ``first``: the state that the first entry belongs to."""
+    index = int((values - limits).argmax())
+    value, limit = float(values[index]), float(limits[index])
+    if value > limit * (1 + _ROUNDING):
+        time_s = round((index + first) * step_s, 9)
+        yield LimitExcess(name=name, value=value, limit=limit, unit=unit, time_s=time_s)

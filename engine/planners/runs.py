@@ -15,6 +15,7 @@ from ..criticality import drive_criticality
 from ..execution import ProgressReporter
 from ..geometry import Values, wrap_angles
 from ..vehicles import VehicleParameters, vehicle_of
+from .drivability import exceeded_limits
 from .external.command import CommandDriver, ScenarioFile
 from .interface import EgoState
 from .registry import check_modes, make_planner, open_traffic, planner_version
@@ -61,6 +62,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         eased_over_m=driven.blended_over_m,
         rejected_candidates=dict(sorted(driven.rejected.items())),
         metrics=_metrics(driven, vehicle, loaded.step_s),
+        beyond_vehicle=tuple(exceeded_limits(_ego_track(driven.states, vehicle), vehicle, loaded.step_s)),
         ego_length_m=vehicle.length_m,
         ego_width_m=vehicle.width_m,
     )

@@ -5,6 +5,7 @@
 ``analysis_section``: a section of findings with the runs behind them.
 ``batch_section``: a section of the runs of a batch, with outcome, reason and figures of each.
 ``overview_section``: a section on what was tested, what came out, whose fault it was and what is next.
+``rules_section``: a section on the traffic rules that the runs of a batch broke.
 ``run_section``: a section on one run.
 ``comparison_section``: a section of verdicts, tests and flips.
 ``report_image``: a drawn picture with its caption.
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
         comparison_section,
         overview_section,
         report_image,
+        rules_section,
         run_section,
         scenario_section,
         write_report,

@@ -13,8 +13,8 @@ from pathlib import Path
 from ...schemas.analysis.comparison import CompareResultsResult, Comparison
 from ...schemas.errors import ResourceFailure, UnsafeInput
 from ...schemas.rendering import RenderedImage, ReportImage, ReportRequest, ReportSection, ReportTable, ReportWritten
-from ...schemas.results import AnalyzeResultsResult, Group, Rate, metric_words
-from ...schemas.runs import BatchRecord, RunMetrics, RunRecord, RunReview, ending
+from ...schemas.results import AnalyzeResultsResult, Group, Rate, figure, metric_words
+from ...schemas.runs import BatchRecord, RunMetrics, RunRecord, ending, excesses_in_words
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ..execution import ProgressReporter
 from ..workspace import Recipe, write_whole
@@ -68,6 +68,7 @@ def overview_section(
         ("What was tested", tested),
         ("What came out", f"{_reached(result.success)} reached the goal{_failed(result)}."),
         *([("Goals that asked for nothing", result.trivial.in_words())] if result.trivial is not None else []),
+        *([("What no vehicle drives", result.beyond_vehicle.in_words())] if result.beyond_vehicle is not None else []),
         ("Whose fault", _whose_fault(result)),
         *((f"{one.after} against {one.before}", _verdict(one).partition(". ")[0]) for one in _compared(comparison)),
         ("What is next", f"{_next(result, names)}."),
@@ -163,12 +164,46 @@ def _by_configuration(result: AnalyzeResultsResult) -> ReportTable:
     )
 
 
-def run_section(record: RunRecord, review: RunReview | None) -> ReportSection:
-    """One run in detail: how it ended, how near others were, its largest motions."""
-    told = []
+def rules_section(result: AnalyzeResultsResult) -> ReportSection:
+    """How many runs broke each traffic rule, by configuration; rules that no run had to do with are named."""
+    several = len({one.config_id for one in result.rule_shares}) > 1
+    asked = [one for one in result.rule_shares if one.violated.of]
+    absent = dict.fromkeys(f"{one.rule} {one.name}" for one in result.rule_shares)
+    for one in asked:
+        absent.pop(f"{one.rule} {one.name}", None)
+    table = ReportTable(
+        caption="Runs that broke a rule, of those in which there was something that it is about",
+        columns=("rule", *(["configuration"] if several else []), "broken in", "95 % interval", "at worst by", "run"),
+        rows=tuple(
+            (
+                f"{one.rule} {one.name}",
+                *([one.config_name] if several else []),
+                f"{one.violated.count} of {one.violated.of}",
+                f"{100 * (one.violated.low or 0):.0f} to {100 * (one.violated.high or 0):.0f} %",
+                "–" if one.worst is None else f"{figure(one.worst)} {one.unit}",
+                one.run_ids[0] if one.run_ids else "–",
+            )
+            for one in sorted(asked, key=lambda one: one.rule)
+        ),
+    )
+    none = [f"In no run was there anything that these are about: {', '.join(absent)}."] if absent else []
+    return ReportSection(
+        title="Traffic rules",
+        asked="which rules of the road the runs broke, and by how much",
+        text=(*none, *result.notes),
+        tables=(table,),
+    )
+
+
+def run_section(record: RunRecord, analysis: AnalyzeResultsResult) -> ReportSection:
+    """One run in detail: how it ended, how near others were, its largest motions, the traffic rules that it broke."""
+    review, told = analysis.review, list[str]()
     if review is not None:
         near = [review.nearness_in_words()] if review.contact is None and review.closest is not None else []
         told = [*near, review.motion_in_words()]
+    broken = [verdict.in_words() for verdict in analysis.rules if verdict.violated]
+    told += [f"Traffic rules broken: {'; '.join(broken)}."] if broken else []
+    told += [f"Also: {excesses_in_words(record.beyond_vehicle)}."] if record.beyond_vehicle else []
     return ReportSection(
         title=f"One run in detail: {record.run_id}",
         asked=f"{record.config_name} on {record.scenario_id}",

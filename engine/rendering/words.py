@@ -67,7 +67,12 @@ _TERMS: dict[str, str] = {
     "cost": "what the planner minimises when it chooses a trajectory: the sum of its terms, each times its weight",
     "lanelet": "a piece of a lane, driven in one direction",
     "reference driver": "a driver with stated reactions, put in the ego's place after the fact: full braking, the "
-    "careful driver of UN Regulation 157, and one that keeps the safe distances of RSS",
+    "careful and the fuzzy driver of UN Regulation 157, and one that keeps the safe distances of RSS",
+    "laid to": "what decides a collision: another that follows a recording and cannot brake, a prediction that had the "
+    "other elsewhere, a plan that had it there, or neither, where no reference driver prevents it",
+    "traffic rule": "a rule of the road as a formula over the run; by how much it is broken is in its own unit "
+    "(docs/traffic_rules.md)",
+    "beyond the vehicle": "the driven motion exceeds a limit of the ego's vehicle, such as how fast its wheels turn",
     "preventable": "at least one reference driver in the ego's place prevents the collision",
     "RSS": "Responsibility-Sensitive Safety (Shalev-Shwartz et al. 2017): a rule for safe distances",
     "95 % interval": "the values that the runs leave open: of intervals made so, 95 in 100 hold the true value; the "

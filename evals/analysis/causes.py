@@ -8,15 +8,20 @@ braking prevents it is found by trying every moment with steps of 5 ms and overl
 Keys: ``class_right``: share of the collisions whose kind is told as it is; ``fault_right``: of those where braking
 decides clearly, the share that is told to be preventable or not as the truth has it; ``braking_until_error_s``: the
 largest difference of the latest moment; ``causes_collisions``: how many there were; ``unclear``: those left out of
-``fault_right``, because 2 % more speed or 0.1 m more width would turn the truth.
+``fault_right``, because 2 % more speed or 0.1 m more width would turn the truth. ``recorded_class_right``,
+``recorded_fault_right``: the same of the collisions that Frenetix' and IDM's runs on the public scenarios end in, with
+the truth of ``recorded``; ``recorded_collisions``, ``recorded_unclear``: how many there were, and were left out.
 """
 
 import math
 import random
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
+
+import anyio
 
 from ...engine.analysis import review_runs
 from ...engine.execution import silent
@@ -33,6 +38,7 @@ from ...schemas.runs import (
 )
 from ..harness import Figures, share
 from .bench import AnalysisBench
+from .recorded import Hit, is_preventable, kind_of, public_hits
 
 STEP_S, FINE_S = 0.1, 0.005
 LENGTH_M, WIDTH_M = 4.508, 1.61
@@ -231,8 +237,37 @@ def _record(touch_s: float, speed: float) -> RunRecord:
 
 
 def measure(bench: AnalysisBench) -> Figures:
-    """The keys above; 12 collisions of each kind, or the bench's limit."""
-    return compared(bench.seed, bench.limit or 12, bench.folder("causes"))
+    """The keys above; 12 made collisions of each kind, or the bench's limit, and all recorded ones."""
+    figures = dict(compared(bench.seed, bench.limit or 12, bench.folder("causes")))
+    hits, contacts = anyio.run(public_hits, bench)
+    return figures | _of_recorded(hits, contacts)
+
+
+def _of_recorded(hits: Sequence[Hit], contacts: Mapping[str, Mapping[str, Any] | None]) -> dict[str, float]:
+    """The figures of collisions on public scenarios."""
+    classes, faults = list[bool](), list[bool]()
+    for hit in hits:
+        contact, kind = contacts[hit.record.run_id], kind_of(hit)
+        classes.append(contact is not None and contact["kind"] == kind)
+        if not classes[-1]:
+            sys.stderr.write(f"{hit.record.run_id} {hit.record.scenario_id}: truth {kind}, told {contact}\n")
+        truth = is_preventable(hit)
+        if truth != is_preventable(hit, 0.1):
+            continue
+        prevention = None if contact is None else contact["prevention"]
+        drivers = ("by_careful_driver", "by_rss", "by_fuzzy_driver")
+        faults.append(
+            prevention is not None
+            and truth == (prevention["by_braking_until_s"] is not None or any(prevention[name] for name in drivers))
+        )
+        if not faults[-1]:
+            sys.stderr.write(f"{hit.record.run_id} {hit.record.scenario_id}: preventable {truth}, told {prevention}\n")
+    return {
+        "recorded_class_right": share(classes),
+        "recorded_fault_right": share(faults),
+        "recorded_collisions": len(classes),
+        "recorded_unclear": len(classes) - len(faults),
+    }
 
 
 def compared(seed: int, each: int, folder: Path) -> Figures:

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from scipy.stats import fisher_exact
 
-from ...schemas.runs import RunRecord
+from ...schemas.runs import LimitExcess, RunRecord
 from ...schemas.vocabulary import ROAD_KINDS
 from .public_runs import RawRuns
-from .recomputed import METRICS, Costs, Pairs, correlation, goal, goals, holm, late_because, metric
+from .recomputed import METRICS, Costs, Pairs, correlation, goal, goals, holm, late_because, metric, rate
 from .trivial import problem_of, truth
 
 N = r"([-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?)"
@@ -97,12 +97,21 @@ LATE = ("timeout", "goal_late")
 
 
 class Judge:
-    """What the sentences on the runs of a batch are of; ``findings``: how many are stated of them."""
+    """What the sentences on the runs of a batch are of.
+
+    ``findings``: how many are stated of them; ``broken``: verdicts on traffic rules, by run and rule.
+    """
 
     def __init__(
-        self, raw: RawRuns, weights: Mapping[str, Mapping[str, float]], reviews: Mapping[str, Any], findings: int
+        self,
+        raw: RawRuns,
+        weights: Mapping[str, Mapping[str, float]],
+        reviews: Mapping[str, Any],
+        findings: int,
+        broken: Mapping[str, Mapping[str, Any]],
     ) -> None:
         self.raw, self.weights, self.reviews, self.findings = raw, weights, reviews, findings
+        self.broken = broken
         self.costs, self.features = Costs(raw), correlation(raw)
         self.names = {record.config_name: record.config_id for record in raw.records}
         self.pairs = Pairs(raw, raw.batch.configs) if len(raw.batch.configs) == 2 else None
@@ -125,7 +134,7 @@ class Judge:
     def unprevented(self) -> set[str]:
         """Collisions that no reference driver prevents."""
         judged = {run_id: contact["prevention"] for run_id, contact in self.contacts.items()}
-        keys = ("by_careful_driver", "by_rss")
+        keys = ("by_careful_driver", "by_rss", "by_fuzzy_driver")
         return {
             run_id
             for run_id, by in judged.items()
@@ -156,11 +165,33 @@ class Judge:
         """The rate without some runs."""
         return goals(one for one in self.raw.valid if one.run_id not in left_out)
 
+    @cached_property
+    def laid_to(self) -> Counter[str]:
+        """What the collisions are laid to: the first of the rules of ``docs/runs.md`` that holds."""
+        found: Counter[str] = Counter()
+        for one in self.raw.valid:
+            contact = self.contacts.get(one.run_id)
+            if contact is None:
+                continue
+            gap = contact["predicted_gap_m"]
+            if contact["kind"] in _FROM_BEHIND and one.traffic == "recorded":
+                found["recording"] += 1
+            elif contact["prevention"] is None:
+                continue
+            elif one.run_id in self.unprevented:
+                found["neither"] += 1
+            elif one.prediction == "ground_truth" or gap == 0:
+                found["planning"] += 1
+            elif gap is not None:
+                found["prediction"] += 1
+        return found
+
     # ---- rules
 
     def rules(self) -> list[Rule]:
         """The rules in the order in which they are tried."""
-        made = [self._evidence(), *self._of_rates(), *self._of_metrics(), *self._of_findings(), *self._of_rows()]
+        made = [self._evidence(), *self._of_rates(), *self._of_metrics(), *self._of_findings()]
+        made += [*self._of_rules(), *self._of_rows()]
         if self.pairs is not None:
             made += self._of_comparison(self.pairs)
         return [(re.compile(pattern), expected) for pattern, expected in made]
@@ -190,6 +221,8 @@ class Judge:
         kinds = Counter(contact["kind"].replace("_", " ") for contact in contacts.values())
         trivial = ("at the start", "standing", "by time alone")
         hits = sum(one.collision is not None for one in valid)
+        known = [one.beyond_vehicle is not None for one in valid]
+        beyond = [{excess.name for excess in one.beyond_vehicle} for one in valid if one.beyond_vehicle]
 
         def group(name: str) -> list[float]:
             return goals(one for one in valid if f"{one.config_name} ({one.config_id})" == name)
@@ -224,6 +257,15 @@ class Judge:
             (rf"\b({'|'.join(outcomes)}) {N}(?=[,;]|$)", lambda match: [self._in_line(match)]),
             (rf"; {N} more: where outcome=invalid", lambda _: [len(records) - len(valid) - 2]),
             (rf"invalid {N}$", lambda match: [self._in_line(match, "invalid")]),
+            (
+                rf"laid to (\w+) {N}(?:, (\w+) {N})?(?:, (\w+) {N})?(?:, (\w+) {N})?",
+                lambda match: [self.laid_to[name] for name in match.groups()[::2] if name],
+            ),
+            (rf"can drive: {N} of {N} driven motions", lambda _: [len(beyond), sum(known)]),
+            (
+                rf"(?:\(|, )(speed|acceleration|friction|steering angle|steering rate|rolling) {N}(?=[,)])",
+                lambda match: [sum(match[1] in names for names in beyond)],
+            ),
             *self._of_overview(),
         ]
 
@@ -501,6 +543,10 @@ class Judge:
             (rf"(acceleration|braking|jerk) {N} m/s[²³] at {N} s", self._motion),
             (rf"(braking since|standing since|in the way since) {N} s", since),
             (rf"full braking until {N} s", until),
+            (
+                rf"steering aside until {N} s",
+                lambda match: [self._contact(match.string)["prevention"]["by_steering_until_s"]],
+            ),
             (rf"unforeseen: {N} m apart", lambda match: [self._contact(match.string)["predicted_gap_m"]]),
             (
                 (
@@ -511,6 +557,51 @@ class Judge:
             ),
             (rf"^run_\w+ \|(?:.*)\| (?:{N}|–) \| (?:{N}|–) \| (?:{N}|–)$", in_report),
             (rf"; (?:{N}|–) s, gap (?:{N}|–) m$", end),
+        ]
+
+    def _of_rules(self) -> list[Row]:
+        """Traffic rules of a run and of configurations, and limits of the vehicle."""
+
+        def of_run(match: re.Match[str]) -> list[float | None]:
+            verdict = self.broken[self._run(match.string).run_id][match[1]]
+            since = [verdict["first_s"]] if match[4] is not None else []
+            other = [verdict["obstacle_id"]] if match[5] is not None else []
+            return [-verdict["robustness"], verdict["time_s"], *since, *other]
+
+        def asked(match: re.Match[str]) -> list[RunRecord]:
+            named = [name for name in self.names if name in match.string]
+            config = max(named, key=len, default=None)
+            own = [one for one in self.raw.valid if config is None or one.config_name == config]
+            return [one for one in own if self.broken[one.run_id][match[1]]["robustness"] is not None]
+
+        def of_config(match: re.Match[str]) -> list[float | None]:
+            found = [self.broken[one.run_id][match[1]] for one in asked(match)]
+            worst = [-verdict["robustness"] for verdict in found if verdict["first_s"] is not None]
+            trials = [
+                (one.scenario_id, float(verdict["first_s"] is not None))
+                for one, verdict in zip(asked(match), found, strict=True)
+            ]
+            values = rate(trials)
+            told = values if " % |" not in match[0] else [*values[:2], *values[3:5]]
+            return [*told, *([max(worst)] if worst else [])]
+
+        def excesses(match: re.Match[str]) -> dict[str, LimitExcess]:
+            return {excess.name: excess for excess in self._run(match.string).beyond_vehicle or ()}
+
+        def beyond(match: re.Match[str]) -> list[float | None]:
+            one = excesses(match).get(match[1])
+            return [] if one is None else [one.value, one.time_s, one.limit]
+
+        def slides(match: re.Match[str]) -> list[float | None]:
+            one = excesses(match).get("rolling")
+            return [] if one is None else [100 * one.value, one.time_s]
+
+        return [
+            (rf"(R_\w+) [a-z ]+ by {N} \S+ at {N} s(?: \((?:from {N} s on)?(?:, )?(?:obstacle {N})?\))?", of_run),
+            (rf"(R_\w+) [a-z ]+: (?:kept in all, )?broken in {RATE}(?:, by {N})?", of_config),
+            (rf"^(R_\w+) [a-z ]+ \|.* {N} of {N} \| {N} to {N} % \| (?:{N}|–)", of_config),
+            (rf"(speed|acceleration|friction|steering angle|steering rate) {N} \S+ at {N} s \(limit {N}\)", beyond),
+            (rf"wheels that slide in {N} % of the steps, from {N} s on", slides),
         ]
 
     def _motion(self, match: re.Match[str]) -> list[float | None]:

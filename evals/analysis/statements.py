@@ -4,9 +4,9 @@ Answers of ``analyze_results`` on all runs (summary, findings, costs, rows), on 
 (by configuration), of ``compare_results`` on these, and the HTML report on them are read as text, as a person reads
 them. Rules know what the figures of a sentence are of, and recompute them from records, steps and scenario files; a
 figure that no rule knows counts as one that was not recomputed. It agrees where it is what rounds to the digits shown.
-Taken from the review of single runs, which ``causes`` judges, are who hit whom, who would have prevented it, and the
-encounters that make a near miss. What is a name, a constant of the sentence (``95 %``) or a stored sentence of a run
-is no figure.
+Taken from the answers on single runs are who hit whom, who would have prevented it and what it is laid to, which
+``causes`` judges, which traffic rules they broke (``rules``), and the encounters that make a near miss. What is a name,
+a constant of the sentence (``95 %``) or a stored sentence of a run is no figure.
 
 Keys: ``statements_recomputed``: share of the figures that agree; ``figures``: how many there are;
 ``figures_unknown``: those that no rule knows.
@@ -39,6 +39,7 @@ class Told:
     weights: Mapping[str, Mapping[str, float]]
     reviews: Mapping[str, Any]
     lines: tuple[str, ...]
+    rules: Mapping[str, Mapping[str, Any]]
 
 
 def measure(bench: AnalysisBench) -> Figures:
@@ -58,7 +59,7 @@ def judged(told: Sequence[Told]) -> Tally:
     tally = Tally()
     for one in told:
         findings = len({line for line in one.lines if line.startswith("- [")})
-        rules = Judge(one.raw, one.weights, one.reviews, findings).rules()
+        rules = Judge(one.raw, one.weights, one.reviews, findings, one.rules).rules()
         for line in one.lines:
             tally.read(line, rules)
     return tally
@@ -74,12 +75,14 @@ async def collected(bench: AnalysisBench) -> list[Told]:
         of_two = [
             await _text(client, "analyze_results", two, breakdown="config"),
             await _text(client, "analyze_results", two, detail="findings"),
+            await _text(client, "analyze_results", two, detail="rules"),
             await _text(client, "compare_results", two),
             await _report(bench, client, two),
         ]
+        broken = await _rules(client, sample)
         return [
-            Told(raw, _weights(bench, raw), await _reviews(client, raw), lines_of("\n".join(texts), raw))
-            for raw, texts in ((whole, of_all), (sample, of_two))
+            Told(raw, _weights(bench, raw), await _reviews(client, raw), lines_of("\n".join(texts), raw), rules)
+            for raw, texts, rules in ((whole, of_all, {}), (sample, of_two, broken))
         ]
 
 
@@ -112,6 +115,15 @@ async def _reviews(client: Client, raw: RawRuns) -> dict[str, Any]:
     """The moments of the runs that collided or came near, each as the answer on that run alone has them."""
     near = [one for one in raw.valid if one.collision is not None or (goal(one) and is_close(one))]
     return {one.run_id: (await ask(client, "analyze_results", results=[one.run_id]))["review"] for one in near}
+
+
+async def _rules(client: Client, raw: RawRuns) -> dict[str, dict[str, Any]]:
+    """What each run makes of the traffic rules, by run and rule, each as the answer on that run alone has it."""
+    found: dict[str, dict[str, Any]] = {}
+    for one in raw.valid:
+        told = await ask(client, "analyze_results", results=[one.run_id], detail="rules")
+        found[one.run_id] = {verdict["rule"]: verdict for verdict in told["rules"]}
+    return found
 
 
 def page_text(page: str) -> str:

@@ -59,7 +59,7 @@ def judge(sources: list[RunSource], findings: int = 0) -> Judge:
         facts={},
         files={},
     )
-    return Judge(raw, WEIGHTS, {}, findings)
+    return Judge(raw, WEIGHTS, {}, findings, {})
 
 
 def answers(sources: list[RunSource]) -> list[str]:

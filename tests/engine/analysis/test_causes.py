@@ -71,7 +71,8 @@ def test_the_rate_stands_with_and_without_what_no_ego_prevents(tmp_path: Path) -
     assert (found.success_without.count, found.success_without.of) == (1, 2)
     told = found.in_words()
     assert told.startswith(
-        "Collisions: rear end by other 2, rear end by ego 1; no reference driver prevents 2 of 3; without them goal 1/2"
+        "Collisions: rear end by other 2, rear end by ego 1; laid to recording 2; no reference driver prevents 2 of 3; "
+        "without them goal 1/2"
     )
 
 

@@ -5,11 +5,20 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.builders import town_road
 from support.runs import metrics, record
 
 from plannerforge.engine.analysis.moments import review
 from plannerforge.engine.analysis.run_set import RunSet
-from plannerforge.schemas.runs import CollisionRecord, Contact, DrivenObstacle, RunReview, RunSource, RunSteps
+from plannerforge.schemas.runs import (
+    CollisionRecord,
+    Contact,
+    DrivenObstacle,
+    RunReview,
+    RunSource,
+    RunSteps,
+    ScenarioSource,
+)
 
 STEPS = 41
 Place = tuple[float, float, float, float]
@@ -47,11 +56,12 @@ def reviewed(ego: DrivenObstacle, *others: DrivenObstacle, folder: Path, **chang
         costs={},
         others=others,
     )
+    scenarios = (changes.pop("scenario"),) if "scenario" in changes else ()
     hit = CollisionRecord(obstacle_id=7, kind="car", step=40, time_s=4.0)
     run = record(outcome="collision").model_copy(update={"collision": hit, **changes})
     path = folder / "steps.json"
     path.write_text(steps.model_dump_json(), encoding="utf-8")
-    return review(RunSet((RunSource(record=run, steps_path=str(path)),)), run)
+    return review(RunSet((RunSource(record=run, steps_path=str(path)),), scenarios=scenarios), run)
 
 
 def contact(ego: DrivenObstacle, *others: DrivenObstacle, folder: Path) -> Contact:
@@ -113,7 +123,8 @@ def test_the_words_say_the_moment_the_speeds_and_what_came_first(tmp_path: Path)
     said = contact(ego, other, folder=tmp_path).in_words()
     assert said == (
         "hit while standing by car 7 from behind at 4.0 s (ego 0.0 m/s, car 7 9.0 m/s, standing since 0.0 s); "
-        "no reference driver prevents it (full braking, UN R157's careful driver, RSS)"
+        "no reference driver prevents it (full braking, UN R157's careful and fuzzy drivers, RSS); "
+        "laid to the recording"
     )
     braking = (0.0,) * 31 + (-3.0,) * 10
     ego, other = moving((0, 0, EAST, 12), key=0), moving((4.4, 0, EAST, 5))
@@ -205,3 +216,41 @@ def test_a_tight_fast_turn_exceeds_the_lateral_limits(tmp_path: Path) -> None:
     assert "lateral acceleration 4.0 m/s² at 2.1 s (limit 3, ISO 11270:2014)" in {
         one.in_words() for one in found.uncomfortable
     }
+
+
+FOLLOWER, LEADER = (-4.4, 0.0, EAST, 14.0), (4.4, 0.0, EAST, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("other", "changes", "laid_to"),
+    [
+        (FOLLOWER, {}, "recording"),
+        (FOLLOWER, {"traffic": "reactive"}, "neither"),
+        (LEADER, {"prediction": "ground_truth"}, "planning"),
+        (LEADER, {}, None),
+    ],
+    ids=["recorded follower", "reactive follower", "known beforehand", "prediction unknown without the scenario"],
+)
+def test_a_collision_is_laid_to_what_decides(
+    other: Place, changes: dict[str, str], laid_to: str | None, tmp_path: Path
+) -> None:
+    found = reviewed(moving((0, 0, EAST, 10), key=0), moving(other), folder=tmp_path, **changes).contact
+    assert found is not None
+    assert found.laid_to == laid_to
+
+
+@pytest.mark.parametrize(("braking_mps2", "laid_to"), [(0.0, "planning"), (9.0, "prediction")])
+def test_prediction_is_held_against_what_came(braking_mps2: float, laid_to: str, tmp_path: Path) -> None:
+    """A leader that drives on as predicted, and one that brakes hard in the last second."""
+    ego, leader = moving((100, 0, EAST, 14), key=0), moving((104.4, 0, EAST, 10))
+    late = [max(0.1 * step - 3.0, 0.0) for step in range(STEPS)]
+    x = tuple(x + braking_mps2 * (0.5 - s**2 / 2) for x, s in zip(leader.x_m, late, strict=True))
+    speeds = tuple(10.0 - braking_mps2 * s for s in late)
+    leader = leader.model_copy(update={"x_m": x, "speed_mps": speeds})
+    scenario = ScenarioSource(
+        scenario_id="ZAM_Town-1_1_T-1", path=str(town_road().with_vehicles().write(tmp_path / "road.xml"))
+    )
+    found = reviewed(ego, leader, folder=tmp_path, scenario=scenario).contact
+    assert found is not None
+    assert found.laid_to == laid_to
+    assert found.in_words().endswith(f"laid to {laid_to}")

@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plannerforge.engine.analysis.prevention import BRAKING_MPS2, JERK_MPS3
+from plannerforge.engine.analysis.prevention import BRAKING_MPS2, JERK_MPS3, Surroundings
 from plannerforge.engine.analysis.prevention import prevention_of as prevention_or_none
 from plannerforge.engine.commonroad import Track
 from plannerforge.schemas.runs import Prevention
@@ -88,7 +89,9 @@ def test_no_ego_prevents_a_recorded_follower_that_drives_into_it() -> None:
     hit = first_touch(ego, follower)
     found = prevention_of(ego.part(0, hit + 1), follower, hit, STEP_S)
     assert not found.possible
-    assert found.in_words() == "no reference driver prevents it (full braking, UN R157's careful driver, RSS)"
+    assert found.in_words() == (
+        "no reference driver prevents it (full braking, UN R157's careful and fuzzy drivers, RSS)"
+    )
 
 
 def test_what_drives_onto_a_standing_ego_is_prevented_by_none() -> None:
@@ -121,7 +124,7 @@ def test_words_name_those_that_prevent_it_and_those_that_do_not() -> None:
     hit = first_touch(ego, standing)
     words = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S).in_words()
     assert words.startswith("preventable by full braking until ")
-    assert words.endswith(" s and by RSS, not by UN R157's careful driver")
+    assert words.endswith(" s, UN R157's fuzzy driver and RSS, not by UN R157's careful driver")
 
 
 def test_a_contact_that_the_tracks_do_not_show_is_not_judged() -> None:
@@ -132,3 +135,55 @@ def test_an_ego_that_stands_turned_keeps_its_heading_in_the_reference_drivers_pl
     ego = track(-1, (0.0, 0.0), 0.0, 60, heading_rad=math.pi / 2)
     passing = track(7, (-30.0, 2.5), 10.0, 60)
     assert not prevention_of(ego, passing, 29, STEP_S).possible
+
+
+@pytest.mark.parametrize(
+    ("gap_m", "careful", "fuzzy"),
+    [(150.0, False, True), (70.0, False, False)],
+    ids=["far enough to begin early", "too near for both"],
+)
+def test_the_fuzzy_driver_begins_earlier_than_the_careful_one(gap_m: float, careful: bool, fuzzy: bool) -> None:
+    # 30 m/s to a stop by 4 m/s² take 22.5 + 112.5 m with the response; by 6 m/s² 22.5 + 75 m
+    ego, standing = track(-1, (0.0, 0.0), 30.0, 300), track(7, (gap_m + LENGTH_M, 0.0), 0.0, 300)
+    hit = first_touch(ego, standing)
+    found = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S)
+    assert (found.by_careful_driver, found.by_fuzzy_driver) == (careful, fuzzy)
+
+
+def test_the_fuzzy_driver_ignores_one_that_keeps_to_the_lane_beside() -> None:
+    ego, standing = track(-1, (0.0, 0.0), 10.0, 200), track(7, (60.0, 0.0), 0.0, 200)
+    hit = first_touch(ego, standing)
+    beside = track(7, (60.0, 3.5), 0.0, 200)
+    beside.positions[hit:, 1] = 0.0  # jumps into the way as the ego is there
+    assert not prevention_of(ego.part(0, hit + 1), beside, hit, STEP_S).by_fuzzy_driver
+    assert prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S).by_fuzzy_driver
+
+
+ROAD = shapely.box(-50, -1.75, 500, 5.25)
+"""Two lanes of 3.5 m; the ego's is the right one."""
+
+
+def test_steering_aside_helps_where_braking_cannot_any_more() -> None:
+    ego, standing = track(-1, (0.0, 0.0), 30.0, 200), track(7, (45.0, 0.0), 0.0, 200)
+    hit = first_touch(ego, standing)
+    found = prevention_or_none(ego.part(0, hit + 1), standing, hit, STEP_S, Surroundings([], ROAD))
+    assert found is not None
+    assert not found.possible
+    # 0.5 m beside half of both widths: 1.8 m aside after sqrt(2 · 1.8 / 5) = 0.85 s
+    assert found.by_steering_until_s == pytest.approx((45.0 - LENGTH_M) / 30.0 - 0.87, abs=0.25)
+    assert found.in_words().endswith("; steering aside until 0.4 s does")
+
+
+@pytest.mark.parametrize(
+    ("others", "road"),
+    [((track(8, (2.0, 3.5), 30.0, 200),), ROAD), ((), shapely.box(-50, -1.75, 500, 1.75))],
+    ids=["another in the lane beside", "no lane beside"],
+)
+def test_steering_aside_is_no_way_out_where_someone_is_or_no_road(
+    others: tuple[Track, ...], road: shapely.Polygon
+) -> None:
+    ego, standing = track(-1, (0.0, 0.0), 30.0, 200), track(7, (45.0, 0.0), 0.0, 200)
+    hit = first_touch(ego, standing)
+    found = prevention_or_none(ego.part(0, hit + 1), standing, hit, STEP_S, Surroundings(others, road))
+    assert found is not None
+    assert (found.by_steering_until_s, found.steering_tried) == (None, True)

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 from support.builders import town_road
-from support.runs import DEFAULT, SAFE, metrics, record, source
+from support.runs import DEFAULT, SAFE, driven, metrics, record, source
 
 from plannerforge.engine.analysis.summary import analyse
 from plannerforge.engine.execution.executor import silent
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, ResourceFailure, UnknownName
 from plannerforge.schemas.results import AnalyseRequest, AnalyzeResultsResult
-from plannerforge.schemas.runs import LostCell, RunSource, ScenarioSource
+from plannerforge.schemas.runs import LimitExcess, LostCell, RunSource, ScenarioSource
 
 
 def analysed(*runs: RunSource, **changes: object) -> AnalyzeResultsResult:
@@ -273,3 +273,39 @@ def test_a_finding_counts_all_of_its_runs_and_names_the_first() -> None:
     finding = next(finding for finding in result.findings if finding.name == "uncomfortable_turns")
     assert (len(finding.run_ids), finding.run_count) == (8, 12)
     assert f"Runs: {runs[0].record.run_id} {runs[1].record.run_id} +10" in result.to_text()
+
+
+STEERING = LimitExcess(name="steering rate", value=0.75, limit=0.4, unit="rad/s", time_s=2.3)
+
+
+def test_motions_beyond_the_vehicle_are_told_of_one_run_and_counted_of_several(tmp_path: Path) -> None:
+    wild = record().model_copy(update={"beyond_vehicle": (STEERING,)})
+    calm = record("ZAM_B-1_1_T-1").model_copy(update={"beyond_vehicle": ()})
+    one = analysed(source(wild, tmp_path)).to_text()
+    assert "steering rate 0.75 rad/s at 2.3 s (limit 0.4); a solution exported of it may be refused" in one
+    several = analysed(source(wild), source(calm), source(record("ZAM_C-1_1_T-1")))
+    assert several.beyond_vehicle is not None
+    assert several.beyond_vehicle.in_words() == (
+        "Beyond what the vehicle can drive: 1 of 2 driven motions (steering rate 1)."
+    )
+    assert analysed(source(calm), source(record("ZAM_C-1_1_T-1"))).beyond_vehicle is None
+
+
+def test_traffic_rules_are_told_of_one_run_and_shares_of_several(tmp_path: Path) -> None:
+    road = town_road().with_vehicles()
+    scenario = ScenarioSource(scenario_id="ZAM_Town-1_1_T-1", path=str(road.write(tmp_path / "road.xml")))
+    runs = [source(record(), tmp_path, (driven(50.0, 0.0, 9.0),)), source(record(seed=1), tmp_path)]
+    one = analysed(runs[0], scenarios=(scenario,))
+    broken = [verdict for verdict in one.rules if verdict.violated]
+    assert [verdict.rule for verdict in broken] == ["R_G1"]
+    safe_m = 10.0 * 0.4 + 10.0**2 / 20 - 9.0**2 / 21
+    assert broken[0].degree == pytest.approx(safe_m - (10.0 - 4.0 - (4.508 + 4.5) / 2), abs=0.01)
+    assert "traffic rules broken: R_G1 safe distance by" in one.to_text()
+    all_rules = analysed(runs[0], scenarios=(scenario,), detail="rules").to_text()
+    assert "nothing there that they are about" in all_rules.splitlines()[-1]
+    assert "R_G3 speed limit" in all_rules.splitlines()[-1]
+    two = analysed(*runs, scenarios=(scenario,), detail="rules")
+    safe = next(share for share in two.rule_shares if share.rule == "R_G1")
+    assert (safe.violated.count, safe.violated.of, safe.run_ids) == (1, 1, (runs[0].record.run_id,))
+    assert "R_G1 safe distance: broken in 1/1 = 100 %" in two.to_text()
+    assert "R_G3 speed limit" in two.to_text().partition("in no run anything that they are about: ")[2]

@@ -11,8 +11,9 @@ from frenetix.trajectory_functions import FillCoordinates
 from frenetix.trajectory_functions.feasability_functions import CheckCurvatureConstraint
 from support.planning import configuration, drive, goal_state, lanelet_along, network_of, problem_for, scenario_on
 
+from plannerforge.engine.commonroad import Track
 from plannerforge.engine.geometry.polyline import Points
-from plannerforge.engine.planners.drivability import violated_limit
+from plannerforge.engine.planners.drivability import exceeded_limits, violated_limit
 from plannerforge.engine.planners.frenetix import core as frenet_frame
 from plannerforge.engine.planners.frenetix import planner as planner_module
 from plannerforge.engine.planners.frenetix.core import (
@@ -181,3 +182,53 @@ def test_the_core_lets_a_swerve_pass_that_is_twice_as_tight_as_it_takes_it_for()
     assert np.abs(np.array(sample.cartesian.kappa)).max() == pytest.approx(true / 2, rel=0.1)
     assert sample.feasible
     assert violated_limit(trajectory, BMW_320I, STEP_S) == "curvature"
+
+
+def turning(steering_rad: Points, speed_mps: Points) -> Track:
+    """A vehicle 2 that drives with these steering angles, in a fine step: its centre at every 0.1 s."""
+    fine = 100
+    x = y = heading = 0.0
+    states = []
+    rear_m, wheelbase_m = BMW_320I.rear_axle_behind_center_m, BMW_320I.wheelbase_m
+    for step in range(len(speed_mps) - 1):
+        states.append((x + rear_m * math.cos(heading), y + rear_m * math.sin(heading), heading))
+        for part in range(fine):
+            share = part / fine
+            speed = speed_mps[step] + share * (speed_mps[step + 1] - speed_mps[step])
+            angle = steering_rad[step] + share * (steering_rad[step + 1] - steering_rad[step])
+            x += speed * math.cos(heading) * STEP_S / fine
+            y += speed * math.sin(heading) * STEP_S / fine
+            heading += speed * math.tan(angle) / wheelbase_m * STEP_S / fine
+    states = np.array(states)
+    speeds = speed_mps[:-1]
+    return Track(-1, "car", BMW_320I.length_m, BMW_320I.width_m, 0, states[:, :2], states[:, 2], speeds)
+
+
+def test_what_a_vehicle_can_drive_exceeds_none_of_its_limits() -> None:
+    steering = 0.2 * np.sin(np.arange(60) / 10)
+    assert list(exceeded_limits(turning(steering, np.full(60, 8.0)), BMW_320I, STEP_S)) == []
+
+
+def test_wheels_that_turn_too_fast_are_told_with_their_moment() -> None:
+    ramp = np.concatenate([np.zeros(20), np.arange(1, 5) * 0.08, np.full(20, 0.32)])
+    found = {one.name: one for one in exceeded_limits(turning(ramp, np.full(44, 4.0)), BMW_320I, STEP_S)}
+    assert set(found) == {"steering rate"}
+    assert found["steering rate"].value == pytest.approx(0.8, rel=0.02)
+    assert found["steering rate"].time_s == pytest.approx(2.2, abs=0.11)
+    assert found["steering rate"].in_words().startswith("steering rate 0.8 rad/s at 2.")
+
+
+def test_braking_beyond_the_tyres_is_told() -> None:
+    speed = np.maximum(20.0 - 1.4 * np.arange(20), 0.0)
+    found = {one.name: one for one in exceeded_limits(turning(np.zeros(20), speed), BMW_320I, STEP_S)}
+    assert found["friction"].value == pytest.approx(14.0)
+    assert found["friction"].limit == 11.5
+
+
+def test_a_body_that_moves_aside_slides() -> None:
+    count = np.arange(30)
+    aside = np.column_stack([count * 1.0, count * 0.1])
+    track = Track(-1, "car", 4.5, 1.6, 0, aside, np.zeros(30), np.full(30, 10.0))
+    (found,) = exceeded_limits(track, BMW_320I, STEP_S)
+    assert (found.name, found.value) == ("rolling", 1.0)
+    assert "slide in 100 % of the steps" in found.in_words()

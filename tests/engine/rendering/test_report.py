@@ -10,12 +10,12 @@ from support.runs import DEFAULT, SAFE, record, source
 
 from plannerforge.engine.analysis.summary import analyse
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.rendering.reports import overview_section, run_section, write_report
+from plannerforge.engine.rendering.reports import overview_section, rules_section, run_section, write_report
 from plannerforge.engine.rendering.words import DEFINED, words_used
 from plannerforge.schemas.errors import ResourceFailure, UnsafeInput
 from plannerforge.schemas.rendering import ReportImage, ReportRequest, ReportSection, ReportTable
-from plannerforge.schemas.results import AnalyseRequest
-from plannerforge.schemas.runs import BatchRecord, ContactKind, Outcome, Prediction, RunMetrics, Traffic
+from plannerforge.schemas.results import AnalyseRequest, Rate, RuleShare
+from plannerforge.schemas.runs import BatchRecord, ContactKind, Outcome, Prediction, RuleVerdict, RunMetrics, Traffic
 
 HOSTILE = '<script>alert("x")</script>'
 
@@ -120,6 +120,32 @@ def test_the_overview_says_what_was_tested_what_came_out_and_what_is_next() -> N
     assert [(row[0], row[1], row[4]) for row in rows.values()] == [("7", "6 (86 %)", "1"), ("8", "8 (100 %)", "0")]
 
 
-def test_a_run_in_detail_says_how_it_ended() -> None:
-    section = run_section(record(outcome="timeout"), None)
+def test_a_run_in_detail_says_how_it_ended_and_which_rules_it_broke() -> None:
+    late = record(outcome="timeout")
+    analysis = analyse(AnalyseRequest(results=(late.run_id,), runs=(source(late),)), silent)
+    section = run_section(late, analysis)
     assert section.text == ("It ended so: timeout: ended as timeout.",)
+    fast = RuleVerdict(rule="R_G3", name="speed limit", unit="m/s", robustness=-2.0, time_s=3.0, first_s=1.0)
+    section = run_section(late, analysis.model_copy(update={"rules": (fast,)}))
+    assert section.text[1] == "Traffic rules broken: R_G3 speed limit by 2 m/s at 3.0 s (from 1.0 s on)."
+
+
+def test_rules_stand_by_configuration_with_those_that_nothing_was_about() -> None:
+    runs = [record(f"ZAM_Town-{n}_1_T-1") for n in range(2)]
+    result = analyse(AnalyseRequest(results=("batch_a",), runs=tuple(map(source, runs))), silent)
+    rate = Rate(count=1, of=2, share=0.5, low=0.09, high=0.91)
+    told = {"unit": "m", "config_id": "cfg_a", "config_name": "Default"}
+    shares = (
+        RuleShare(rule="R_G1", name="safe distance", violated=rate, worst=3.2, run_ids=("run_1",), **told),
+        RuleShare(
+            rule="R_IN2",
+            name="red light",
+            violated=Rate(count=0, of=0, share=None, low=None, high=None),
+            worst=None,
+            run_ids=(),
+            **told,
+        ),
+    )
+    section = rules_section(result.model_copy(update={"rule_shares": shares}))
+    assert section.tables[0].rows == (("R_G1 safe distance", "1 of 2", "9 to 91 %", "3.2 m", "run_1"),)
+    assert section.text == ("In no run was there anything that these are about: R_IN2 red light.",)

@@ -1,0 +1,491 @@
+"""A drive as traffic rules look at it: who is ahead on its way, which lines it passes, who has the right of way.
+
+What is looked at are the lanelets of the scenario's network, its signs and lights, and the tracks of all road users.
+Lengths are in m, arrays have a value a state of the drive.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...schemas.runs import RunRecord, RunSteps
+from ..commonroad import Track, limits_mps, signs_of
+from ..criticality import encounters, gaps_ahead_m, times_to_collision_s
+from ..geometry import Points, Values, arc_length, headings, project_all, wrap_angles
+
+if TYPE_CHECKING:
+    from commonroad.scenario.intersection import Intersection, IntersectionIncomingElement
+    from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
+    from commonroad.scenario.traffic_light import TrafficLight
+    from shapely import STRtree
+    from shapely.geometry.base import BaseGeometry
+
+_ALIGNED_RAD = math.radians(60.0)
+"""Chosen, as for planners: a lanelet whose direction differs by less from a heading is one of its direction."""
+_NEAR_M, _ON_M = 20.0, 80.0
+"""Chosen: lanelets within this of the drive are looked at; a drive's path goes on along lanes for so long."""
+_LEAST_CONFLICT_M2 = 0.5
+"""Chosen: ways that overlap less touch along a line."""
+_CROSSING_RAD = (math.radians(30.0), math.radians(150.0))
+"""Chosen: incoming lanes whose directions differ by more or less meet as merging lanes or oncoming ones."""
+_SIGNED = {"PRIORITY": 2, "RIGHT_OF_WAY": 2, "YIELD": 0, "STOP": 0}
+"""CommonRoad's names of the signs that decide who goes first: the higher goes; without one it is 1."""
+_TURNS = {
+    "left": ("left", "leftStraight", "leftRight", "all"),
+    "straight": ("straight", "leftStraight", "straightRight", "all"),
+    "right": ("right", "straightRight", "leftRight", "all"),
+    "": ("all",),
+}
+"""By turn, the directions of traffic lights that are for it; an unknown turn is governed by lights for all."""
+YieldsBy = Literal["right before left", "signs", "left turn"]
+"""Why the ego gives way to another at an intersection."""
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """Another on the ego's path at each state: how far ahead, bumper to bumper (infinite: not ahead), and its motion.
+
+    ``seen``: whether it was within 60 m; ``collision_s``: until both touch on their courses, infinite where never.
+    """
+
+    obstacle_id: int
+    gap_m: Values
+    seen: NDArray[np.bool_]
+    speed_mps: Values
+    acceleration_mps2: Values
+    collision_s: Values
+
+    @property
+    def is_ahead(self) -> NDArray[np.bool_]:
+        """Where it is ahead on the ego's path."""
+        return np.isfinite(self.gap_m)
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line across the ego's way: how far ahead of its front at each state, and what it is the line of."""
+
+    lanelet: "Lanelet"
+    before_m: Values
+    turn: str
+
+
+@dataclass(frozen=True)
+class _Passage:
+    """A way through an intersection: over which incoming lanes, with which turn, over which lanelets inside."""
+
+    incoming_id: int
+    incoming: tuple[int, ...]
+    turn: str
+    inside: frozenset[int]
+    heading_rad: float
+    left_of: int | None
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """Another to which the ego gives way at an intersection: where both ways overlap, at each state.
+
+    ``is_there``: whether the ego's body is; ``until_s``, ``since_s``: how long until the other's is there, and since it
+    was; 0 while it is, infinite where it is never.
+    """
+
+    by: YieldsBy
+    obstacle_id: int
+    is_there: NDArray[np.bool_]
+    until_s: Values
+    since_s: Values
+
+
+class RuledDrive:
+    """A drive among others on a lanelet network, as the rules look at it; each view is made once, when asked for."""
+
+    def __init__(
+        self,
+        ego: Track,
+        acceleration_mps2: Values,
+        others: Mapping[int, Track],
+        network: "LaneletNetwork",
+        step_s: float,
+    ) -> None:
+        self.ego, self.others, self.network, self.step_s = ego, dict(others), network, step_s
+        self.acceleration_mps2 = acceleration_mps2
+
+    @classmethod
+    def of(
+        cls, record: RunRecord, steps: RunSteps, others: Mapping[int, Track], network: "LaneletNetwork"
+    ) -> "RuledDrive":
+        """The drive of a run."""
+        ego = Track(
+            obstacle_id=-1,
+            kind="car",
+            length_m=record.ego_length_m,
+            width_m=record.ego_width_m,
+            first_step=steps.first_step,
+            positions=np.column_stack([steps.x_m, steps.y_m]),
+            headings_rad=np.asarray(steps.heading_rad, dtype=float),
+            speeds_mps=np.asarray(steps.speed_mps, dtype=float),
+        )
+        return cls(ego, np.asarray(steps.acceleration_mps2, dtype=float), others, network, record.step_s)
+
+    def steps(self, duration_s: float) -> int:
+        """So many steps."""
+        return round(duration_s / self.step_s)
+
+    @property
+    def count(self) -> int:
+        """The number of states."""
+        return len(self.ego.positions)
+
+    @cached_property
+    def roads(self) -> "_Roads":
+        """The lanelets near the drive."""
+        from shapely import MultiPoint
+
+        return _Roads(self.network, MultiPoint(self.ego.positions).envelope.buffer(_NEAR_M))
+
+    @cached_property
+    def lanelets(self) -> list[tuple[int, ...]]:
+        """The lanelets of its direction under the ego's centre at each state."""
+        return self.roads.under(self.ego.positions, self.ego.headings_rad)
+
+    @cached_property
+    def path(self) -> Track:
+        """The driven path, going on along the lanes behind its end, as a track."""
+        ego, on = self.ego, self.roads.onwards(self.lanelets[-1], self.ego.positions[-1])
+        positions = np.concatenate([ego.positions, on])
+        turned = headings(positions[-2:]) if len(on) else ego.headings_rad[-1:]
+        return Track(
+            obstacle_id=ego.obstacle_id,
+            kind=ego.kind,
+            length_m=ego.length_m,
+            width_m=ego.width_m,
+            first_step=ego.first_step,
+            positions=positions,
+            headings_rad=np.concatenate([ego.headings_rad, np.repeat(turned, len(on))]),
+            speeds_mps=np.concatenate([ego.speeds_mps, np.zeros(len(on))]),
+        )
+
+    @cached_property
+    def near(self) -> tuple[Ahead, ...]:
+        """All others that come within 60 m."""
+        tracks = list(self.others.values())
+        met = encounters(self.ego, tracks)
+        if not len(met.state):
+            return ()
+        gaps, times = gaps_ahead_m(self.path, met), times_to_collision_s(met.ego, met.other)
+        found = []
+        for number in np.unique(met.track):
+            pairs = np.flatnonzero(met.track == number)
+            states, track = met.state[pairs], tracks[int(number)]
+            gap, speed, collision, braking = (np.full(self.count, value) for value in (np.inf, 0.0, np.inf, 0.0))
+            gap[states], collision[states] = gaps[pairs], times[pairs]
+            at = states + self.ego.first_step - track.first_step
+            speed[states] = met.other.speeds_mps[pairs]
+            if len(track.speeds_mps) > 1:
+                changes = np.diff(track.speeds_mps, prepend=track.speeds_mps[:1]) / self.step_s
+                braking[states] = changes[np.clip(at, 0, len(changes) - 1)]
+            seen = np.zeros(self.count, dtype=bool)
+            seen[states] = True
+            found.append(Ahead(track.obstacle_id, gap, seen, speed, braking, collision))
+        return tuple(found)
+
+    @cached_property
+    def nearest_ahead(self) -> NDArray[np.intp]:
+        """The entry of ``near`` that is next ahead at each state; meaningless where none is."""
+        if not self.near:
+            return np.zeros(self.count, dtype=np.intp)
+        nearest: NDArray[np.intp] = np.argmin([other.gap_m for other in self.near], axis=0)
+        return nearest
+
+    @cached_property
+    def lines(self) -> tuple[Line, ...]:
+        """The stop lines of the lanelets that the ego was on, where its path meets them; those behind its start not."""
+        front = self.ego.length_m / 2
+        path = self.path
+        along = np.stack([np.cos(path.headings_rad), np.sin(path.headings_rad)], axis=1)
+        way = path.positions + front * along
+        stations = arc_length(way)[: self.count]
+        found = []
+        for key in dict.fromkeys(lanelet for under in self.lanelets for lanelet in under):
+            lanelet = self.network.find_lanelet_by_id(key)
+            if not (lanelet.traffic_lights or lanelet.traffic_signs):
+                continue
+            station = _meeting_m(way, self.roads.stop_line(lanelet))
+            if station is None or station < stations[0]:
+                continue
+            at = min(int(np.searchsorted(stations, station)), self.count - 1)
+            if key in self.lanelets[at] or key in self.lanelets[max(at - 1, 0)]:
+                found.append(Line(lanelet, station - stations, self._turn_after(key)))
+        return tuple(found)
+
+    def _turn_after(self, lanelet_id: int) -> str:
+        steps_on = Counter(key for under in self.lanelets for key in under)
+        for intersection in self.network.intersections:
+            for incoming in intersection.incomings:
+                if lanelet_id in incoming.incoming_lanelets:
+                    return _turn(incoming, steps_on)[0]
+        return ""
+
+    @cached_property
+    def conflicts(self) -> tuple[Conflict, ...]:
+        """The others that come across at the intersections of the drive, to which the ego gives way."""
+        found: list[Conflict] = []
+        for intersection in self.network.intersections:
+            own = _passage(intersection, self.lanelets, self.network)
+            if own is None:
+                continue
+            is_lit = bool(self.lights_of(own.incoming))
+            for other in self._near_intersection(own):
+                under = self.roads.under(other.positions, other.headings_rad)
+                theirs = _passage(intersection, under, self.network)
+                by = None if theirs is None else _yields_by(own, theirs, is_lit, self.network)
+                area = None if theirs is None or by is None else self.roads.conflict(own.inside, theirs.inside)
+                if by is not None and area is not None:
+                    found.append(self._conflict(by, other, area))
+        return tuple(found)
+
+    def lights_of(self, lanelets: Sequence[int]) -> list["TrafficLight"]:
+        """The active lights of lanelets that have a cycle."""
+        wanted = {light for key in lanelets for light in self.network.find_lanelet_by_id(key).traffic_lights}
+        lights = (self.network.find_traffic_light_by_id(key) for key in sorted(wanted))
+        return [light for light in lights if light is not None and light.active and light.traffic_light_cycle]
+
+    def _near_intersection(self, own: _Passage) -> Iterator[Track]:
+        """Others that move and come near the ego's way through an intersection."""
+        inside = self.roads.union(own.inside).buffer(_NEAR_M).bounds
+        low, high = np.array(inside[:2]), np.array(inside[2:])
+        for track in self.others.values():
+            if len(track.positions) > 1 and ((track.positions >= low) & (track.positions <= high)).all(axis=1).any():
+                yield track
+
+    def _conflict(self, by: YieldsBy, other: Track, area: "BaseGeometry") -> Conflict:
+        steps = np.arange(self.ego.first_step, self.ego.first_step + self.count)
+        theirs = _inside(other, np.arange(steps[0], max(steps[-1], other.last_step) + 1), area)
+        until, since = _until(theirs), _until(theirs[::-1])[::-1]
+        return Conflict(
+            by=by,
+            obstacle_id=other.obstacle_id,
+            is_there=_inside(self.ego, steps, area),
+            until_s=until[: self.count] * self.step_s,
+            since_s=since[: self.count] * self.step_s,
+        )
+
+    def shown(self, light: "TrafficLight", colours: Sequence[str]) -> NDArray[np.bool_]:
+        """Where a light has one of some colours, by CommonRoad's names of them."""
+        steps = range(self.ego.first_step, self.ego.first_step + self.count)
+        return np.array([light.get_state_at_time_step(step).name in colours for step in steps])
+
+    def lights_for(self, line: Line) -> Iterator["TrafficLight"]:
+        """The active lights of a line that are for the ego's turn."""
+        for light in self.lights_of([line.lanelet.lanelet_id]):
+            if light.direction.value in _TURNS[line.turn]:
+                yield light
+
+
+class _Roads:
+    """The lanelets in an area: which of them are under points, their bounds, lines and overlaps."""
+
+    def __init__(self, network: "LaneletNetwork", area: "BaseGeometry") -> None:
+        self._network = network
+        self._near = [lane for lane in network.lanelets if lane.polygon.shapely_object.intersects(area)]
+        self._tree_made: STRtree | None = None
+        self._inner = {
+            key
+            for intersection in network.intersections
+            for incoming in intersection.incomings
+            for key in (*incoming.successors_left, *incoming.successors_straight, *incoming.successors_right)
+        }
+
+    @property
+    def _tree(self) -> "STRtree":
+        from shapely import STRtree
+
+        if self._tree_made is None:
+            self._tree_made = STRtree([lane.polygon.shapely_object for lane in self._near])
+        return self._tree_made
+
+    def under(self, points: Points, headings_rad: Values) -> list[tuple[int, ...]]:
+        """The lanelets under each point (n, 2) whose direction there is within 60° of its heading, ids ascending."""
+        import shapely
+
+        found: list[list[int]] = [[] for _ in points]
+        at, lanes = self._tree.query(shapely.points(points), predicate="intersects")
+        for number in np.unique(lanes):
+            lane, mine = self._near[int(number)], at[lanes == number]
+            center = np.asarray(lane.center_vertices, dtype=float)
+            stations, _ = project_all(center, points[mine])
+            segment = np.clip(np.searchsorted(arc_length(center), stations, side="right") - 1, 0, len(center) - 2)
+            turned = np.abs(wrap_angles(headings(center)[segment] - headings_rad[mine]))
+            for index in mine[turned <= _ALIGNED_RAD]:
+                found[int(index)].append(int(lane.lanelet_id))
+        return [tuple(sorted(keys)) for keys in found]
+
+    def onwards(self, under: Sequence[int], position: Points) -> Points:
+        """Points of the centre lines behind a position on lanelets, always onto the straightest successor, 80 m far."""
+        known = {int(lane.lanelet_id) for lane in self._network.lanelets}
+        points: list[Points] = []
+        reached, key, before = 0.0, under[0] if under else None, position
+        visited: set[int] = set()
+        while key is not None and key not in visited and reached < _ON_M:
+            visited.add(key)
+            lane = self._network.find_lanelet_by_id(key)
+            center = np.asarray(lane.center_vertices, dtype=float)
+            if not points:
+                station = float(project_all(center, before[None])[0][0])
+                center = center[arc_length(center) > station + 2.0]
+            for point in center:
+                moved = float(np.linalg.norm(point - before))
+                if moved > 0.5:
+                    points.append(point)
+                    reached, before = reached + moved, point
+            following = [one for one in lane.successor if one in known]
+            key = min(
+                following, key=lambda one: (_bend(lane, self._network.find_lanelet_by_id(one)), one), default=None
+            )
+        return np.array(points).reshape(-1, 2)
+
+    def limit_mps(self, keys: Sequence[int]) -> float:
+        """The highest of the speed limits that are posted on lanelets; infinite where none is."""
+        posted = [
+            speed
+            for key in keys
+            for sign in signs_of(self._network, [key])
+            for element in sign.traffic_sign_elements
+            for speed in limits_mps(element)
+        ]
+        return max(posted, default=math.inf)
+
+    def stop_line(self, lanelet: "Lanelet") -> Points:
+        """Where one stops (2, 2): the stop line of a lanelet; else its end, or its begin within an intersection."""
+        line = lanelet.stop_line
+        if line is not None and line.start is not None and line.end is not None:
+            return np.array([line.start, line.end], dtype=float)
+        end = 0 if lanelet.lanelet_id in self._inner else -1
+        return np.array([lanelet.left_vertices[end], lanelet.right_vertices[end]], dtype=float)
+
+    def solid_bounds(self, key: int) -> list[tuple[Points, float]]:
+        """The bounds of a lanelet that must not be crossed, each with the sign of offsets on its inner side."""
+        lane = self._network.find_lanelet_by_id(key)
+        sides = (
+            (lane.left_vertices, lane.line_marking_left_vertices, -1.0),
+            (lane.right_vertices, lane.line_marking_right_vertices, 1.0),
+        )
+        solid = ("solid", "broad_solid")
+        return [(np.asarray(line, dtype=float), sign) for line, marking, sign in sides if marking.value in solid]
+
+    def union(self, keys: frozenset[int]) -> "BaseGeometry":
+        """Lanelets as one area."""
+        import shapely
+
+        parts = [self._network.find_lanelet_by_id(key).polygon.shapely_object for key in sorted(keys)]
+        return shapely.union_all([shapely.make_valid(part) for part in parts])
+
+    def conflict(self, ours: frozenset[int], theirs: frozenset[int]) -> "BaseGeometry | None":
+        """Where two ways through an intersection overlap; None where they do not."""
+        area = self.union(ours).intersection(self.union(theirs))
+        return area if area.area >= _LEAST_CONFLICT_M2 else None
+
+
+def _bend(lane: "Lanelet", following: "Lanelet") -> float:
+    """How far the way turns from the end of a lanelet to that of the next."""
+    ends = [headings(np.asarray(one.center_vertices, dtype=float)[-2:])[0] for one in (lane, following)]
+    return abs(float(wrap_angles(np.array([ends[1] - ends[0]]))[0]))
+
+
+def _meeting_m(way: Points, line: Points) -> float | None:
+    """Where along a way it first meets a line; None where it does not."""
+    from shapely import LineString, Point
+
+    crossing = LineString(way).intersection(LineString(line))
+    if crossing.is_empty:
+        return None
+    points = [Point(part.coords[0]) for part in getattr(crossing, "geoms", [crossing])]
+    return min(float(LineString(way).project(point)) for point in points)
+
+
+def _inside(track: Track, steps: NDArray[np.int_], area: "BaseGeometry") -> NDArray[np.bool_]:
+    """At which steps the body of a track overlaps an area."""
+    import shapely
+
+    at = steps - track.first_step
+    there = np.flatnonzero((at >= 0) & (at < len(track.positions)))
+    result = np.zeros(len(steps), dtype=bool)
+    if len(there):
+        corners = np.array([track.corners_at(int(index)) for index in at[there]])
+        result[there] = shapely.intersects(shapely.polygons(corners), area)
+    return result
+
+
+def _until(condition: NDArray[np.bool_]) -> Values:
+    """Steps until a condition next holds, 0 where it does, infinite where it never does again."""
+    result, next_at = np.full(len(condition), np.inf), np.inf
+    for index in range(len(condition) - 1, -1, -1):
+        next_at = 0.0 if condition[index] else next_at + 1.0
+        result[index] = next_at
+    return result
+
+
+def _turn(incoming: "IntersectionIncomingElement", steps_on: Counter[int]) -> tuple[str, frozenset[int]]:
+    """The turn from an incoming on whose lanelets a road user was longest, and those of them that it was on."""
+    ways = {
+        "straight": incoming.successors_straight,
+        "left": incoming.successors_left,
+        "right": incoming.successors_right,
+    }
+    longest = {turn: sum(steps_on[key] for key in keys) for turn, keys in ways.items()}
+    turn = max(longest, key=lambda name: longest[name])
+    return (turn, frozenset(key for key in ways[turn] if steps_on[key])) if longest[turn] else ("", frozenset())
+
+
+def _passage(
+    intersection: "Intersection", under: Sequence[tuple[int, ...]], network: "LaneletNetwork"
+) -> _Passage | None:
+    """How a road user on these lanelets, one entry a step, passes an intersection; None where it does not.
+
+    Of several incomings the one whose lanes it was on longest.
+    """
+    steps_on = Counter(key for keys in under for key in keys)
+    found: list[tuple[int, _Passage]] = []
+    for incoming in intersection.incomings:
+        came = sorted(key for key in incoming.incoming_lanelets if steps_on[key])
+        turn, inside = _turn(incoming, steps_on)
+        if not inside:
+            continue
+        lane = network.find_lanelet_by_id(came[0] if came else min(incoming.incoming_lanelets))
+        heading = float(headings(np.asarray(lane.center_vertices, dtype=float)[-2:])[0])
+        lanes = tuple(sorted(incoming.incoming_lanelets))
+        on = sum(not inside.union(came).isdisjoint(keys) for keys in under)
+        found.append((on, _Passage(incoming.incoming_id, lanes, turn, inside, heading, incoming.left_of)))
+    return max(found, key=lambda item: item[0])[1] if found else None
+
+
+def _yields_by(own: _Passage, theirs: _Passage, is_lit: bool, network: "LaneletNetwork") -> YieldsBy | None:
+    """Why the ego gives way to another at an intersection; None where it need not. A light stands above all signs."""
+    if own.incoming_id == theirs.incoming_id:
+        return None
+    turned = abs(float(wrap_angles(np.array([theirs.heading_rad - own.heading_rad]))[0]))
+    ours, other = (0, 0) if is_lit else (_signed(own.incoming, network), _signed(theirs.incoming, network))
+    if ours != other:
+        return "signs" if other > ours else None
+    if turned > _CROSSING_RAD[1]:
+        return "left turn" if own.turn == "left" and theirs.turn != "left" else None
+    comes_from_right = own.left_of == theirs.incoming_id and turned > _CROSSING_RAD[0]
+    return "right before left" if comes_from_right and not is_lit else None
+
+
+def _signed(lanelets: Sequence[int], network: "LaneletNetwork") -> int:
+    """Who goes first by the signs on incoming lanes: 2 with priority, 0 who gives way, 1 without a sign."""
+    names = {
+        element.traffic_sign_element_id.name
+        for sign in signs_of(network, lanelets)
+        for element in sign.traffic_sign_elements
+    }
+    ranks = [_SIGNED[name] for name in names if name in _SIGNED]
+    return min(ranks, default=1)
