@@ -1,4 +1,4 @@
-"""The server's part of the command line: ``plannerforge serve | call | tools | prompts | maps | planner | check | …``.
+"""The server's part of the command line: ``plannerforge serve | call | view | tools | prompts | maps | planner | …``.
 
 Clients join it in ``agent/command_line.py``, evaluations in ``evals/command_line.py``.
 
@@ -107,6 +107,22 @@ def call(
 
     settings = settings_from(workspace=workspace, roots=roots, map_folders=map_folders, workers=workers, warm_up=False)
     raise typer.Exit(make_call(settings, tool, arguments, as_json=as_json))
+
+
+@application.command()
+def view(
+    ids: Annotated[list[str], typer.Argument(help="A scenario or run, or two of them, side by side; `latest` too.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the page to this file.")] = None,
+    no_open: Annotated[
+        bool, typer.Option("--no-open", help="Write the page and print its path, and open nothing.")
+    ] = False,
+    workspace: Workspace = None,
+) -> None:
+    """Show a scenario or a run in motion, in a browser: one HTML file that needs nothing else."""
+    from .commands.view import view_artifacts
+
+    settings = settings_from(workspace=workspace, workers=1, warm_up=False)
+    view_artifacts(ids, settings, output=output, open_it=not no_open)
 
 
 @application.command(name="tools")
