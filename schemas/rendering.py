@@ -130,8 +130,8 @@ class ViewPane(Model):
 class ViewRequest(Model):
     """What the operation for views needs, and the JSON file that it writes.
 
-    ``panes``: of a player, one or two; ``batches``, ``runs`` and ``configs``: of a board, with the files of the
-    scenarios in ``scenarios``.
+    ``panes``: of a player, one or two; ``runs``: of a board, with their scenarios in ``scenarios``, the ``batches``
+    that they are of, if any. ``whole``: a board holds what its player shows, for a page that has nobody to ask for it.
     """
 
     kind: ViewKind
@@ -140,6 +140,7 @@ class ViewRequest(Model):
     batches: tuple[BatchRecord, ...] = ()
     runs: tuple[RunSource, ...] = ()
     scenarios: tuple[ScenarioSource, ...] = ()
+    whole: bool = True
     path: str
 
 
@@ -294,4 +295,66 @@ class PlayerView(Model):
     title: str
     scenes: tuple[SceneView, ...]
     panes: tuple[PaneView, ...]
+    notes: tuple[str, ...] = ()
+
+
+class BoardColumn(Model):
+    """One side of a board: a configuration under one prediction and traffic, of one batch where there are several.
+
+    ``success``: the rate in words, with its interval; ``outcomes``: how many runs ended so.
+    """
+
+    title: str
+    success: str
+    outcomes: dict[Outcome, int]
+
+
+class BoardRow(Model):
+    """One problem of a board: ``about``: its road and road users in words."""
+
+    title: str
+    scenario_id: str
+    about: str
+
+
+class BoardMetric(Model):
+    """A metric of a board; ``better``: which direction is, where one is."""
+
+    words: str
+    unit: str
+    better: Literal["lower", "higher"] | None
+
+
+class BoardRun(Model):
+    """A run of a board: its place, how it ended, its metrics in the board's order.
+
+    ``flip``: whether it reached the goal where the first column's run of its row did not, or the other way round; both
+    could be attempted.
+    """
+
+    run_id: str
+    row: int
+    column: int
+    outcome: Outcome
+    ending: str
+    flip: Literal["to_success", "to_failure"] | None
+    values: tuple[float | None, ...]
+
+
+class BoardView(Model):
+    """All that a board shows; ``format`` rises when its meaning changes.
+
+    ``scenes`` and ``drives`` (by run): what its player shows without asking anybody; ``lost``: cells without a run.
+    """
+
+    format: Literal[1] = 1
+    kind: Literal["board"] = "board"
+    title: str
+    columns: tuple[BoardColumn, ...]
+    rows: tuple[BoardRow, ...]
+    metrics: tuple[BoardMetric, ...]
+    runs: tuple[BoardRun, ...]
+    lost: tuple[str, ...] = ()
+    scenes: tuple[SceneView, ...] = ()
+    drives: dict[str, DriveView] = Field(default_factory=dict)
     notes: tuple[str, ...] = ()

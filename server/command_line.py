@@ -111,14 +111,16 @@ def call(
 
 @application.command()
 def view(
-    ids: Annotated[list[str], typer.Argument(help="A scenario or run, or two of them, side by side; `latest` too.")],
+    ids: Annotated[
+        list[str], typer.Argument(help="A scenario, run or batch; two of the first, side by side; several runs.")
+    ],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the page to this file.")] = None,
     no_open: Annotated[
         bool, typer.Option("--no-open", help="Write the page and print its path, and open nothing.")
     ] = False,
     workspace: Workspace = None,
 ) -> None:
-    """Show a scenario or a run in motion, in a browser: one HTML file that needs nothing else."""
+    """Show a scenario or run in motion, two side by side, or the board of a batch: one HTML file, opened in a browser."""
     from .commands.view import view_artifacts
 
     settings = settings_from(workspace=workspace, workers=1, warm_up=False)

@@ -23,11 +23,11 @@ from ..schemas.rendering import (
     ViewPane,
     ViewRequest,
 )
-from ..schemas.runs import RunRecord
+from ..schemas.runs import BatchRecord, RunRecord
 from .call import Image, ImageAnswer, ToolCall
 from .configurations import resolve_configuration, store_configuration
 from .operations import RENDER, WRITE_VIEW
-from .results import WORDS, choose_results, config_weights, result_named, run_sources, scenario_sources
+from .results import WORDS, choose_results, chosen_runs, config_weights, result_named, run_sources, scenario_sources
 
 FOLDER = "pictures"
 """The folder of the drawn pictures in the workspace."""
@@ -166,16 +166,23 @@ class MadeView:
         return filled_page(self.kind, " | ".join(self.ids), self.data)
 
 
-async def make_view(words: Sequence[str], call: ToolCall) -> MadeView:
-    """The view of some artifacts: a player of a scenario or run, or of two side by side.
+async def make_view(words: Sequence[str], call: ToolCall, *, whole: bool = True) -> MadeView:
+    """The view of some artifacts: a player of a scenario or run, or of two side by side; a board of batches or runs.
+
+    Args:
+        whole: a board holds what its player shows; without it whoever shows it asks for each run.
 
     Raises:
         InvalidRequest: artifacts that no view shows, or not together.
         UnknownName: nothing of that name.
-        NotPossible: the view would be too large.
+        NotPossible: the view would be too large, or there is no run in it.
     """
-    artifacts = [named_artifact(word, call) for word in words]
-    request = _view_request(artifacts, call)
+    faults, artifacts = Faults(), list[Artifact]()
+    for word in words:
+        with faults.collecting():
+            artifacts.append(named_artifact(word, call))
+    faults.raise_all()
+    request = _view_request(artifacts, call, whole=whole)
     note = call.workspace.root / VIEWS / f"{_view_digest(request)}.json"
     if not note.is_file():
         with call.workspace.scratch() as folder:
@@ -186,20 +193,32 @@ async def make_view(words: Sequence[str], call: ToolCall) -> MadeView:
     return MadeView(ids, request.kind, note.read_text(encoding="utf-8"))
 
 
-def _view_request(artifacts: Sequence[Artifact], call: ToolCall) -> ViewRequest:
-    ids = [artifact.artifact_id for artifact in artifacts]
-    unseen = [artifact for artifact in artifacts if artifact.kind not in ("scenario", "run")]
+def _view_request(artifacts: Sequence[Artifact], call: ToolCall, *, whole: bool) -> ViewRequest:
+    title = " | ".join(artifact.artifact_id for artifact in artifacts)
+    unseen = [artifact for artifact in artifacts if artifact.kind not in ("scenario", "run", "batch")]
     if unseen:
         raise InvalidRequest(
-            f"'{unseen[0].artifact_id}' is a {unseen[0].kind}, which no view shows",
-            valid=["a scenario or run", "two of them, side by side"],
+            f"'{unseen[0].artifact_id}' is a {unseen[0].kind}, which no view shows", valid=["scenario", "run", "batch"]
         )
-    if not 1 <= len(artifacts) <= MOST_PANES:
+    kinds = {artifact.kind for artifact in artifacts}
+    if "batch" not in kinds and 1 <= len(artifacts) <= MOST_PANES:
+        panes = tuple(_pane(artifact, call) for artifact in artifacts)
+        return ViewRequest(kind="player", title=title, panes=panes, path="")
+    if not artifacts or "scenario" in kinds:
         raise InvalidRequest(
-            f"{len(artifacts)} ids were given, and a view shows one or two", next_step="name one id, or two"
+            f"{title or 'nothing'} is no view",
+            valid=["one scenario or run", "two of them, side by side", "batches and runs, as a board"],
         )
-    panes = [_pane(artifact, call) for artifact in artifacts]
-    return ViewRequest(kind="player", title=" | ".join(ids), panes=tuple(panes), path="")
+    _, runs = chosen_runs([artifact.artifact_id for artifact in artifacts], call)
+    return ViewRequest(
+        kind="board",
+        title=title,
+        batches=tuple(artifact.read(BatchRecord) for artifact in artifacts if artifact.kind == "batch"),
+        runs=runs,
+        scenarios=scenario_sources([run.record.scenario_id for run in runs], call),
+        whole=whole,
+        path="",
+    )
 
 
 def _pane(artifact: Artifact, call: ToolCall) -> ViewPane:

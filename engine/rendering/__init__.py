@@ -30,7 +30,7 @@ if TYPE_CHECKING:
         scenario_section,
         write_report,
     )
+    from .views.boards import write_view
     from .views.pages import empty_page, filled_page
-    from .views.scenes import write_view
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

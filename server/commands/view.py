@@ -1,4 +1,4 @@
-"""``plannerforge view``: the page that shows a scenario or a run in motion, written as one file and opened."""
+"""``plannerforge view``: the page that shows a scenario, a run or a batch, written as one file and opened."""
 
 import os
 import sys
@@ -18,7 +18,7 @@ from ..settings import Settings
 
 
 def view_artifacts(words: Sequence[str], settings: Settings, *, output: Path | None, open_it: bool) -> None:
-    """Write the page of one or two artifacts, print its path, and open it where there is a screen and it is wanted.
+    """Write the page of some artifacts, print its path, and open it where there is a screen and it is wanted.
 
     Raises:
         PlannerForgeError: nothing of that name, or nothing that a view shows.

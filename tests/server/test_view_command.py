@@ -47,7 +47,7 @@ def test_page_is_written_and_opened_where_there_is_a_screen(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ([SCENARIO] * 3, "name one id, or two"),
+        ([SCENARIO] * 3, "two of them, side by side"),
         (["ZAM_Nowhere-1_1_T-1"], "unknown_name"),
         (["current"], "no view shows"),
     ],

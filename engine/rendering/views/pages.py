@@ -13,8 +13,14 @@ from importlib.resources import files
 
 from ....schemas.rendering import ViewKind
 
-_SCRIPTS: dict[ViewKind, Sequence[str]] = {"player": ("scene.js", "player.js", "host.js")}
-"""The scripts of each page, in the order in which they are read; a later one uses what an earlier one names."""
+_SCRIPTS: dict[ViewKind, Sequence[str]] = {
+    "player": ("scene.js", "player.js", "host.js"),
+    "board": ("scene.js", "player.js", "board.js", "host.js"),
+}
+"""The scripts of each page, in the order in which they are read; a later one uses what an earlier one names.
+
+A board opens its runs in a player, so its page shows whatever there is to show.
+"""
 
 
 def empty_page(kind: ViewKind) -> str:

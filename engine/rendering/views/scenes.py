@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ....schemas.errors import NotPossible
 from ....schemas.rendering import (
     DriveView,
     LaneletView,
@@ -27,17 +26,15 @@ from ....schemas.rendering import (
     TrackView,
     ViewPane,
     ViewRequest,
-    ViewWritten,
 )
 from ....schemas.results import metric_words, with_unit
 from ....schemas.runs import ReviewRequest, RunReview, RunSource, ScenarioSource, ending
 from ....schemas.text import one_line
 from ...analysis import METRICS, Course, RunSet, course_of, read_steps, review_runs
 from ...commonroad import Track, kept_recording
-from ...execution import ProgressReporter, silent
+from ...execution import silent
 from ...geometry import Points, Values, length_m, point_at
 from ...vehicles import EGO_SIZE_M
-from ...workspace import write_whole
 from ..content import DrivenPath, LaneletShape, ScenarioContent, Viewport, content_of, driven_path
 from ..road import dividers, outer_edges
 
@@ -51,33 +48,8 @@ _ARROW_EVERY_M, _SHORTEST_WITH_ARROW_M = 30.0, 8.0
 """Marks of the driving direction along a lanelet (chosen)."""
 _EGO_ID = 0
 """Stands for the ego among road users: no obstacle has it, as ids are positive."""
-_LONGEST_SENTENCE = 400
+LONGEST_SENTENCE = 400
 """Characters of a sentence in a view (chosen)."""
-
-
-MOST_BYTES = 16 * 1024**2
-"""Of the data of a view: they are read as one resource (chosen)."""
-
-
-def write_view(request: ViewRequest, report: ProgressReporter) -> ViewWritten:
-    """Write the data of a view as JSON; the same request gives the same bytes.
-
-    Raises:
-        UnsafeInput: the file of a scenario cannot be read.
-        ResourceFailure: the steps of a run cannot be read, or the file not be written.
-        NotPossible: the view has more than 16 MiB.
-    """
-    view = player_view(request)
-    report(0.9, "read")
-    content = view.model_dump_json().encode()
-    if len(content) > MOST_BYTES:
-        raise NotPossible(
-            f"the view of {request.title} has {len(content):,} bytes; at most {MOST_BYTES:,} are shown",
-            next_step="name one scenario or run instead of two",
-        )
-    write_whole(Path(request.path), lambda partial: partial.write_bytes(content))
-    report(1.0, "view written")
-    return ViewWritten(kind=view.kind, path=request.path, size_bytes=len(content), notes=view.notes)
 
 
 def player_view(request: ViewRequest) -> PlayerView:
@@ -318,7 +290,7 @@ def drive_view(source: RunSource, path: DrivenPath, scenario: ScenarioSource, or
 
 def _ending(source: RunSource, review: RunReview | None) -> str:
     record = source.record
-    return one_line(ending(record.outcome, record.reason, review), _LONGEST_SENTENCE)
+    return one_line(ending(record.outcome, record.reason, review), LONGEST_SENTENCE)
 
 
 def _nearness(course: Course | None) -> dict[str, tuple[int | None, ...]]:
@@ -357,7 +329,7 @@ def _moments(source: RunSource, review: RunReview, first_step: int) -> Iterable[
         for one in review.largest
     ]
     found += [MomentView(step=step(one.time_s), words=one.in_words()) for one in review.uncomfortable]
-    printed = [one.model_copy(update={"words": one_line(one.words, _LONGEST_SENTENCE)}) for one in found]
+    printed = [one.model_copy(update={"words": one_line(one.words, LONGEST_SENTENCE)}) for one in found]
     return sorted(printed, key=lambda moment: moment.step)
 
 

@@ -44,6 +44,17 @@ def opened(browser: Browser, folder: Path, title: str, *panes: ViewPane, scheme:
     return page
 
 
+def opened_board(browser: Browser, folder: Path, town: ScenarioSource, *runs: RunSource) -> Page:
+    path = str(folder / "board.json")
+    request = ViewRequest(kind="board", title="two runs", runs=runs, scenarios=(town,), path=path)
+    file = folder / "board.html"
+    data = Path(write_view(request, silent).path).read_text(encoding="utf-8")
+    file.write_text(filled_page("board", "two runs", data), encoding="utf-8")
+    page = browser.open(file.as_uri())
+    page.wait_for("document.querySelector('.board')")
+    return page
+
+
 def hit(folder: Path, name: str = "frenetix:Default") -> RunSource:
     run = record(TOWN, "collision", DEFAULT, obstacle_id=31).model_copy(update={"config_name": name})
     return source(run, folder, velocity_offset=3.0, prediction=0.3)
@@ -157,6 +168,57 @@ def test_hostile_names_run_nothing_and_load_nothing(browser: Browser, folder: Pa
     assert page.value("document.querySelectorAll('script').length") == 2
     assert [url for url in page.requests if not url.startswith("file:")] == []
     assert page.errors == []
+
+
+@pytest.fixture
+def board(browser: Browser, folder: Path, town: ScenarioSource) -> Page:
+    return opened_board(browser, folder, town, hit(folder), source(record(TOWN, "goal_reached", SAFE), folder))
+
+
+def cells(page: Page) -> list[str]:
+    return list(page.value("[...document.querySelectorAll('.cell')].map(cell => cell.innerText)"))
+
+
+def test_board_shows_outcomes_and_its_filters_hide_rows(board: Page) -> None:
+    assert cells(board) == ["collision", "goal reached ▲"]
+    board.press("g")
+    assert "10" in board.value("document.querySelector('.wide tbody tr').innerText")
+    board.press("g")
+    board.press("/")
+    for letter in "nowhere":
+        board.press(letter)
+    assert cells(board) == []
+    board.press("Escape")
+    board.press("r")
+    assert len(cells(board)) == 2
+    board.value("const one = document.querySelector('.board select'); one.value = 'collision'; one.onchange()")
+    assert board.value("[...document.querySelectorAll('.cell')].map(cell => cell.classList.contains('dim'))") == [
+        False,
+        True,
+    ]
+
+
+def test_board_opens_a_run_in_the_player_and_comes_back(board: Page) -> None:
+    board.press("ArrowRight")
+    board.press("Enter")
+    board.wait_for("document.querySelector('.stage')")
+    assert "goal reached" in board.value("document.querySelector('.stage').innerText")
+    board.press("ArrowRight")
+    assert board.value("document.querySelector('.player:not(.board)').player.step") == 1
+    board.press("Escape")
+    assert board.value("document.querySelector('.board').hidden") is False
+    assert board.value("document.activeElement.innerText") == "goal reached ▲"
+
+
+def test_board_opens_a_run_beside_that_of_the_first_column(board: Page) -> None:
+    board.value("document.querySelectorAll('.cell')[1].focus()")
+    board.value(
+        "[...document.querySelectorAll('.side button')].find(one => one.innerText.startsWith('Beside')).click()"
+    )
+    board.wait_for("document.querySelectorAll('.stage').length === 2")
+    titles = board.value("[...document.querySelectorAll('.stage figcaption')].map(one => one.innerText)")
+    assert [title.split()[1] for title in titles] == ["frenetix:Default", "frenetix:Safe"]
+    assert board.errors == []
 
 
 def test_page_without_data_and_host_says_so(browser: Browser, folder: Path) -> None:

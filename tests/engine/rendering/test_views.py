@@ -20,8 +20,8 @@ from plannerforge.engine.rendering import empty_page, filled_page, write_view
 from plannerforge.engine.rendering.canvas import class_colour, outcome_colour
 from plannerforge.engine.rendering.content import content_of
 from plannerforge.engine.rendering.views.scenes import track_view
-from plannerforge.schemas.rendering import DriveView, PlayerView, TrackView, ViewPane, ViewRequest
-from plannerforge.schemas.runs import Outcome, RunRecord, ScenarioSource
+from plannerforge.schemas.rendering import BoardView, DriveView, PlayerView, TrackView, ViewKind, ViewPane, ViewRequest
+from plannerforge.schemas.runs import BatchRecord, LostCell, Outcome, RunRecord, RunSource, ScenarioSource
 
 TOWN = "ZAM_Builder-1_1_T-1"
 
@@ -131,6 +131,69 @@ def test_same_request_gives_the_same_bytes(folder: Path, town: ScenarioSource) -
     assert contents[0] == contents[1]
 
 
+def batch(*runs: RunSource, batch_id: str = "batch_1", lost: tuple[LostCell, ...] = ()) -> BatchRecord:
+    return BatchRecord(
+        batch_id=batch_id,
+        scenarios=(TOWN,),
+        configs=tuple(dict.fromkeys(run.record.config_id for run in runs)),
+        prediction="constant_velocity",
+        traffic="recorded",
+        runs=tuple(run.record.run_id for run in runs),
+        lost=lost,
+    )
+
+
+def board(
+    folder: Path, town: ScenarioSource, batches: tuple[BatchRecord, ...], *runs: RunSource, whole: bool = True
+) -> BoardView:
+    request = ViewRequest(
+        kind="board", title="b", batches=batches, runs=runs, scenarios=(town,), whole=whole, path=str(folder / "b.json")
+    )
+    return BoardView.model_validate_json(Path(write_view(request, silent).path).read_bytes())
+
+
+def test_board_has_a_column_a_configuration_and_says_what_flipped(folder: Path, town: ScenarioSource) -> None:
+    runs = source(collided(), folder), source(record(TOWN, "goal_reached", SAFE), folder)
+    lost = LostCell(scenario_id=TOWN, config_id="cfg_c", error="the worker died")
+    view = board(folder, town, (batch(*runs, lost=(lost,)),), *runs)
+    assert [column.title for column in view.columns] == ["frenetix:Default", "frenetix:Safe"]
+    assert view.columns[0].outcomes == {"collision": 1}
+    assert view.columns[1].success.startswith("1 of 1 valid runs reached the goal: 100 %")
+    assert [(run.row, run.column, run.flip) for run in view.runs] == [(0, 0, None), (0, 1, "to_success")]
+    assert view.lost == (f"{TOWN} under cfg_c: the worker died",)
+    speed = [metric.words for metric in view.metrics].index("mean speed")
+    assert view.runs[0].values[speed] == 10.0
+
+
+def test_board_that_is_whole_holds_what_its_player_shows(folder: Path, town: ScenarioSource) -> None:
+    runs = source(collided(), folder, velocity_offset=3.0), source(record(TOWN, config=SAFE), folder)
+    whole = board(folder, town, (batch(*runs),), *runs)
+    lean = board(folder, town, (batch(*runs),), *runs, whole=False)
+    assert set(whole.drives) == {run.record.run_id for run in runs}
+    assert [scene.scenario_id for scene in whole.scenes] == [TOWN]
+    assert whole.drives[runs[0].record.run_id] == player(folder, ViewPane(scenario=town, run=runs[0])).panes[0].drive
+    assert (lean.scenes, lean.drives) == ((), {})
+    assert lean.runs == whole.runs
+
+
+def test_two_batches_of_one_configuration_are_two_columns(folder: Path, town: ScenarioSource) -> None:
+    runs = [source(record(TOWN, prediction=mode), folder) for mode in ("constant_velocity", "ground_truth")]
+    batches = tuple(batch(run, batch_id=f"batch_{i}") for i, run in enumerate(runs))
+    view = board(folder, town, batches, *runs, whole=False)
+    assert [column.title for column in view.columns] == [
+        "frenetix:Default, constant velocity, batch_0",
+        "frenetix:Default, ground truth, batch_1",
+    ]
+
+
+def test_invalid_run_is_no_flip(folder: Path, town: ScenarioSource) -> None:
+    runs = source(record(TOWN, "goal_reached")), source(record(TOWN, "invalid", SAFE))
+    view = board(folder, town, (), *runs)
+    assert [run.flip for run in view.runs] == [None, None]
+    assert view.columns[1].success == "no run could be attempted"
+    assert view.drives == {}  # no states were kept
+
+
 class Tags(HTMLParser):
     """The tags of a page with their attributes, and the text inside scripts and the title."""
 
@@ -167,8 +230,9 @@ def test_hostile_names_stay_text_in_the_page(folder: Path, town: ScenarioSource)
     assert "\u202e" not in view.model_dump_json()
 
 
-def test_page_loads_nothing_and_runs_its_own_script_alone() -> None:
-    page = filled_page("player", "town", "{}")
+@pytest.mark.parametrize("kind", get_args(ViewKind))
+def test_page_loads_nothing_and_runs_its_own_script_alone(kind: ViewKind) -> None:
+    page = filled_page(kind, "town", "{}")
     tags = Tags(page)
     assert not [tag for tag, attributes in tags.tags if {"src", "href", "srcset", "action"} & set(attributes)]
     loading = r"url\(|@import|\bfetch\(|XMLHttpRequest|WebSocket"
