@@ -120,7 +120,7 @@ def view(
     ] = False,
     workspace: Workspace = None,
 ) -> None:
-    """Show a scenario or run in motion, two side by side, or the board of a batch: one HTML file, opened in a browser."""
+    """Show a scenario or run in motion, two side by side, or the board of a batch: one HTML file, opened."""
     from .commands.view import view_artifacts
 
     settings = settings_from(workspace=workspace, workers=1, warm_up=False)

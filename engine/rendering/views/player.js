@@ -127,7 +127,7 @@ class Player {
   side() {
     this.now = element("tbody");
     const heads = this.panes.map(pane => element("th", { className: "number", scope: "col" }, pane.letter || "now"));
-    const nowTable = element("table", {}, element("thead", {}, element("tr", {}, element("th", { scope: "col" }, "at this moment"), ...heads)), this.now);
+    const nowTable = element("table", {}, element("thead", {}, element("tr", {}, element("th", { scope: "col" }, "at the moment"), ...heads)), this.now);
     this.picked = element("div", {}, element("p", { className: "muted" }, "Click a vehicle, or press V."));
     const parts = [element("section", { className: "now" }, nowTable), element("section", { className: "picked", "aria-live": "polite" }, element("h2", {}, "Selected"), this.picked)];
     const moments = this.moments();
@@ -442,7 +442,8 @@ class Player {
     rows.push(row("speed", this.panes.map(pane => pane.ego && pane.ego.at(this.moment(pane, pane.ego), state) ? figure(state.speed, 1, "m/s") : "–")));
     if (this.panes.some(pane => pane.drive)) {
       rows.push(row("acceleration", each(series => figure(series.acceleration(step), 2, "m/s²"))));
-      rows.push(row("gap", each(series => { const id = series.nearest(step); return `${figure(series.gap(step), 2, "m")}${id === null ? "" : ` to ${id}`}`; })));
+      rows.push(row("gap", each(series => figure(series.gap(step), 2, "m"))));
+      rows.push(row("nearest", each(series => String(series.nearest(step) ?? "–"))));
       rows.push(row("time to collision", each(series => figure(series.collision(step), 2, "s"))));
       rows.push(row("cost", each(series => figure(series.total(step), 3, ""))));
       const terms = termsOf(this.panes);
