@@ -1,4 +1,4 @@
-"""The server's part of the command line: ``plannerforge serve | call | tools | prompts | maps | planner | check | …``.
+"""The server's part of the command line: ``plannerforge serve | call | view | tools | prompts | maps | planner | …``.
 
 Clients join it in ``agent/command_line.py``, evaluations in ``evals/command_line.py``.
 
@@ -136,6 +136,24 @@ def token(
     typer.echo(f"The client sends: Authorization: Bearer {text}", err=True)
     typer.echo("The file of --token-file holds this line:", err=True)
     typer.echo(line)
+
+
+@application.command()
+def view(
+    ids: Annotated[
+        list[str], typer.Argument(help="A scenario, run or batch; two of the first, side by side; several runs.")
+    ],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the page to this file.")] = None,
+    no_open: Annotated[
+        bool, typer.Option("--no-open", help="Write the page and print its path, and open nothing.")
+    ] = False,
+    workspace: Workspace = None,
+) -> None:
+    """Show a scenario or run in motion, two side by side, or the board of a batch: one HTML file, opened."""
+    from .commands.view import view_artifacts
+
+    settings = settings_from(workspace=workspace, workers=1, warm_up=False)
+    view_artifacts(ids, settings, output=output, open_it=not no_open)
 
 
 @application.command(name="tools")

@@ -48,7 +48,7 @@ from ..schemas.generation import (
 from ..schemas.maps import LocatedPlace, LocateRequest
 from ..schemas.modification import ModificationOutcome, ModificationRequest
 from ..schemas.planning import RunRequest, RunResponse
-from ..schemas.rendering import Rendered, RenderRequest, ReportRequest, ReportWritten
+from ..schemas.rendering import Rendered, RenderRequest, ReportRequest, ReportWritten, ViewRequest, ViewWritten
 from ..schemas.results import AnalyseRequest, AnalyzeResultsResult
 from ..schemas.runs import ReviewRequest, ReviewResponse
 from ..schemas.scenarios import DescribeRequest, Description, ReadFactsRequest, ScenarioFacts
@@ -113,6 +113,8 @@ SENSITIVITY_EFFECTS = Operation(
 # Pictures and pages
 RENDER = Operation("plannerforge.engine.rendering:render", RenderRequest, Rendered, timeout_s=50.0)
 WRITE_REPORT = Operation("plannerforge.engine.rendering:write_report", ReportRequest, ReportWritten)
+
+WRITE_VIEW = Operation("plannerforge.engine.rendering:write_view", ViewRequest, ViewWritten, timeout_s=120.0)
 
 # Scenarios for other tools
 WRITE_OPENDRIVE = Operation("plannerforge.engine.scenarios:write_opendrive", ForeignExportRequest, ForeignExport)

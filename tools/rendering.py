@@ -1,23 +1,40 @@
-"""The tool that draws; what was drawn of the same artifacts before is not drawn again."""
+"""The tool that draws, and views in motion; what was made of the same artifacts before is not made again."""
 
 import hashlib
 import shutil
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from ..engine.rendering import filled_page
 from ..engine.workspace import Artifact, versions_of, write_whole
 from ..resources.templates import picture_link
 from ..schemas.analysis.optimization import StudyRecord
 from ..schemas.errors import Faults, InvalidRequest, UnknownName
-from ..schemas.rendering import PictureKind, RenderArguments, Rendered, RenderedImage, RenderRequest
+from ..schemas.rendering import (
+    PictureKind,
+    PlayerView,
+    RenderArguments,
+    Rendered,
+    RenderedImage,
+    RenderRequest,
+    ViewKind,
+    ViewPane,
+    ViewRequest,
+)
+from ..schemas.runs import BatchRecord, RunRecord
 from .call import Image, ImageAnswer, ToolCall
 from .configurations import resolve_configuration, store_configuration
-from .operations import RENDER
-from .results import WORDS, choose_results, config_weights, result_named, run_sources, scenario_sources
+from .operations import RENDER, WRITE_VIEW
+from .results import WORDS, choose_results, chosen_runs, config_weights, result_named, run_sources, scenario_sources
 
 FOLDER = "pictures"
 """The folder of the drawn pictures in the workspace."""
+VIEWS = "views"
+"""The folder of the data of views in the workspace."""
+MOST_PANES = 2
+"""Scenarios or runs side by side in a player (chosen)."""
 
 
 async def render(arguments: RenderArguments, call: ToolCall) -> ImageAnswer:
@@ -136,3 +153,85 @@ def _kept(made: Rendered, note: Path) -> Rendered:
     kept = made.model_copy(update={"images": tuple(images)})
     write_whole(note, lambda path: path.write_text(kept.model_dump_json(), encoding="utf-8"))
     return kept
+
+
+@dataclass(frozen=True)
+class MadeView:
+    """A view of artifacts by their ids: what kind it is, and its data as JSON."""
+
+    ids: tuple[str, ...]
+    kind: ViewKind
+    data: str
+
+    def page(self) -> str:
+        """The page that shows it in a browser, the data inside."""
+        return filled_page(self.kind, " | ".join(self.ids), self.data)
+
+
+async def make_view(words: Sequence[str], call: ToolCall, *, whole: bool = True) -> MadeView:
+    """The view of some artifacts: a player of a scenario or run, or of two side by side; a board of batches or runs.
+
+    Args:
+        whole: a board holds what its player shows; without it whoever shows it asks for each run.
+
+    Raises:
+        InvalidRequest: artifacts that no view shows, or not together.
+        UnknownName: nothing of that name.
+        NotPossible: the view would be too large, or there is no run in it.
+    """
+    faults, artifacts = Faults(), list[Artifact]()
+    for word in words:
+        with faults.collecting():
+            artifacts.append(named_artifact(word, call))
+    faults.raise_all()
+    request = _view_request(artifacts, call, whole=whole)
+    note = call.workspace.root / VIEWS / f"{_view_digest(request)}.json"
+    if not note.is_file():
+        with call.workspace.scratch() as folder:
+            path = folder / "view.json"
+            await call.run(WRITE_VIEW, request.model_copy(update={"path": str(path)}))
+            write_whole(note, partial(shutil.copyfile, path))
+    ids = tuple(artifact.artifact_id for artifact in artifacts)
+    return MadeView(ids, request.kind, note.read_text(encoding="utf-8"))
+
+
+def _view_request(artifacts: Sequence[Artifact], call: ToolCall, *, whole: bool) -> ViewRequest:
+    title = " | ".join(artifact.artifact_id for artifact in artifacts)
+    unseen = [artifact for artifact in artifacts if artifact.kind not in ("scenario", "run", "batch")]
+    if unseen:
+        raise InvalidRequest(
+            f"'{unseen[0].artifact_id}' is a {unseen[0].kind}, which no view shows", valid=["scenario", "run", "batch"]
+        )
+    kinds = {artifact.kind for artifact in artifacts}
+    if "batch" not in kinds and 1 <= len(artifacts) <= MOST_PANES:
+        panes = tuple(_pane(artifact, call) for artifact in artifacts)
+        return ViewRequest(kind="player", title=title, panes=panes, path="")
+    if not artifacts or "scenario" in kinds:
+        raise InvalidRequest(
+            f"{title or 'nothing'} is no view",
+            valid=["one scenario or run", "two of them, side by side", "batches and runs, as a board"],
+        )
+    _, runs = chosen_runs([artifact.artifact_id for artifact in artifacts], call)
+    return ViewRequest(
+        kind="board",
+        title=title,
+        batches=tuple(artifact.read(BatchRecord) for artifact in artifacts if artifact.kind == "batch"),
+        runs=runs,
+        scenarios=scenario_sources([run.record.scenario_id for run in runs], call),
+        whole=whole,
+        path="",
+    )
+
+
+def _pane(artifact: Artifact, call: ToolCall) -> ViewPane:
+    if artifact.kind == "scenario":
+        return ViewPane(scenario=scenario_sources([artifact.artifact_id], call)[0])
+    record = artifact.read(RunRecord)
+    (run,) = run_sources([artifact.artifact_id], call)
+    return ViewPane(scenario=scenario_sources([record.scenario_id], call)[0], run=run)
+
+
+def _view_digest(request: ViewRequest) -> str:
+    """Names the data of a view after what they show; another format of the data has another name."""
+    content = request.model_dump_json() + repr(PlayerView.model_fields["format"].default) + repr(versions_of("shapely"))
+    return hashlib.sha256(content.encode()).hexdigest()[:12]

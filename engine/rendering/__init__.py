@@ -1,7 +1,10 @@
-"""Pictures, animations, charts and reports.
+"""Pictures, animations, charts, reports and views.
 
 ``render``: an operation: draws a picture, an animation or a chart into a folder.
 ``write_report``: an operation: writes sections as one HTML page.
+``write_view``: an operation: writes the data of a view, which its page shows.
+``empty_page``: the page of a kind of view without data, for a host that brings them.
+``filled_page``: the page with its data, to be opened in a browser.
 ``analysis_section``: a section of findings with the runs behind them.
 ``batch_section``: a section of the runs of a batch, with outcome, reason and figures of each.
 ``overview_section``: a section on what was tested, what came out, whose fault it was and what is next.
@@ -29,5 +32,7 @@ if TYPE_CHECKING:
         scenario_section,
         write_report,
     )
+    from .views.boards import write_view
+    from .views.pages import empty_page, filled_page
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

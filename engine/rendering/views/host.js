@@ -1,0 +1,98 @@
+/* The page's beginning: its own data, or those that an MCP host brings (MCP Apps, JSON-RPC by postMessage). */
+
+const APPS_PROTOCOL = "2026-01-26";
+const VIEW_KEY = "plannerforge/view";
+
+/* ---------- Themes ---------- */
+
+const isDark = () => (document.documentElement.dataset.theme ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light")) === "dark";
+
+function setTheme(theme) {
+  document.documentElement.dataset.theme = theme;
+  dispatchEvent(new Event("themechange"));
+}
+
+/* ---------- The host ---------- */
+
+class Host {
+  constructor(onView) {
+    this.onView = onView;
+    this.waiting = new Map();
+    this.count = 0;
+    this.capabilities = {};
+    addEventListener("message", event => { if (event.source === parent && event.data?.jsonrpc === "2.0") this.receive(event.data); });
+  }
+
+  send(message) { parent.postMessage({ jsonrpc: "2.0", ...message }, "*"); }
+
+  request(method, params) {
+    const id = ++this.count;
+    this.send({ id, method, params });
+    return new Promise((resolve, reject) => this.waiting.set(id, { resolve, reject }));
+  }
+
+  async connect() {
+    const answer = await this.request("ui/initialize", { protocolVersion: APPS_PROTOCOL, appInfo: { name: "plannerforge-view", version: "1" }, appCapabilities: { availableDisplayModes: ["inline", "fullscreen"] } });
+    this.capabilities = answer.hostCapabilities ?? {};
+    this.adopt(answer.hostContext ?? {});
+    this.send({ method: "ui/notifications/initialized" });
+    const told = () => this.send({ method: "ui/notifications/size-changed", params: { width: document.documentElement.scrollWidth, height: Math.ceil(document.body.getBoundingClientRect().height) } });
+    new ResizeObserver(told).observe(document.body);
+  }
+
+  adopt(context) {
+    if (context.theme === "dark" || context.theme === "light") setTheme(context.theme);
+  }
+
+  receive(message) {
+    if (message.method === undefined) {
+      const waiting = this.waiting.get(message.id);
+      this.waiting.delete(message.id);
+      if (waiting) message.error ? waiting.reject(new Error(message.error.message)) : waiting.resolve(message.result);
+    } else if (message.method === "ui/notifications/tool-result") this.toolResult(message.params);
+    else if (message.method === "ui/notifications/tool-cancelled") say("The call was cancelled.");
+    else if (message.method === "ui/notifications/host-context-changed") this.adopt(message.params ?? {});
+    else if (message.method === "ui/resource-teardown" || message.method === "ping") this.send({ id: message.id, result: {} });
+    else if (message.id !== undefined) this.send({ id: message.id, error: { code: -32601, message: "Method not found" } });
+  }
+
+  /* The result of a tool names the view that shows it; the data come as a resource, not through the model. */
+  async toolResult(result) {
+    const uri = result._meta?.[VIEW_KEY];
+    if (!uri) { say(result.isError ? "The call was refused: there is nothing to show." : "This answer has no view."); return; }
+    try { this.onView(await this.read(uri)); } catch (error) { say(`The view cannot be read: ${error.message}`); }
+  }
+
+  async read(uri) {
+    const answer = await this.request("resources/read", { uri });
+    return JSON.parse(answer.contents[0].text);
+  }
+
+  /* What the user looks at, for the model's next turn, where the host passes it on. */
+  tell(text) {
+    if (this.capabilities.updateModelContext) this.request("ui/update-model-context", { content: [{ type: "text", text: `The user looks at ${text}` }] }).catch(() => {});
+  }
+}
+
+/* ---------- The beginning ---------- */
+
+function say(text) { document.getElementById("view").replaceChildren(element("p", { className: "message", role: "status" }, text)); }
+
+function begin() {
+  const own = document.getElementById("data").textContent.trim();
+  let shown = null;
+  const show = (data, host) => {
+    shown?.destroy();
+    const root = document.getElementById("view"), tell = text => host?.tell(text);
+    if (!VIEWS[data.kind]) { say(`This page does not show a ${data.kind}.`); return; }
+    shown = new VIEWS[data.kind](root, data, tell, host);
+  };
+  if (own) { show(JSON.parse(own), null); return; }
+  if (parent === window) { say("This page has no data: it is shown by an MCP host, or written by plannerforge view."); return; }
+  document.documentElement.style.setProperty("--stage-height", "340px");
+  const host = new Host(data => show(data, host));
+  say("Waiting for the host.");
+  host.connect().then(() => { if (!shown) say("Waiting for an answer to show."); }, error => say(`The host refused: ${error.message}`));
+}
+
+begin();

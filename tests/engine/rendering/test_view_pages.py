@@ -1,0 +1,228 @@
+"""The pages of views in a real browser: keys, clicks, and that hostile text does nothing there."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from support.browser import CHROMIUM, HOSTILE, Browser, Page, chromium
+from support.builders import town_road
+from support.runs import DEFAULT, SAFE, record, source
+
+from plannerforge.engine.execution import silent
+from plannerforge.engine.rendering import empty_page, filled_page, write_view
+from plannerforge.schemas.rendering import ViewPane, ViewRequest
+from plannerforge.schemas.runs import RunSource, ScenarioSource
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+TOWN = "ZAM_Builder-1_1_T-1"
+PLAYER = "document.querySelector('.player').player"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("pages")
+
+
+@pytest.fixture(scope="module")
+def browser(folder: Path) -> Iterator[Browser]:
+    with chromium(folder / "profile") as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def town(folder: Path) -> ScenarioSource:
+    return ScenarioSource(scenario_id=TOWN, path=str(town_road().write(folder / "town.xml")))
+
+
+def opened(browser: Browser, folder: Path, title: str, *panes: ViewPane, scheme: str = "light") -> Page:
+    request = ViewRequest(kind="player", title=title, panes=panes, path=str(folder / "view.json"))
+    data = Path(write_view(request, silent).path).read_text(encoding="utf-8")
+    file = folder / "page.html"
+    file.write_text(filled_page("player", title, data), encoding="utf-8")
+    page = browser.open(file.as_uri(), scheme=scheme)
+    page.wait_for("document.querySelector('.player')")
+    return page
+
+
+def opened_board(browser: Browser, folder: Path, town: ScenarioSource, *runs: RunSource) -> Page:
+    path = str(folder / "board.json")
+    request = ViewRequest(kind="board", title="two runs", runs=runs, scenarios=(town,), path=path)
+    file = folder / "board.html"
+    data = Path(write_view(request, silent).path).read_text(encoding="utf-8")
+    file.write_text(filled_page("board", "two runs", data), encoding="utf-8")
+    page = browser.open(file.as_uri())
+    page.wait_for("document.querySelector('.board')")
+    return page
+
+
+def hit(folder: Path, name: str = "frenetix:Default") -> RunSource:
+    run = record(TOWN, "collision", DEFAULT, obstacle_id=31).model_copy(update={"config_name": name})
+    return source(run, folder, velocity_offset=3.0, prediction=0.3)
+
+
+@pytest.fixture(scope="module")
+def page(browser: Browser, folder: Path, town: ScenarioSource) -> Page:
+    return opened(browser, folder, "one run", ViewPane(scenario=town, run=hit(folder)))
+
+
+def shown(page: Page, selector: str) -> str:
+    page.wait_for(f"!{PLAYER}.stale")
+    return str(page.value(f"document.querySelector('{selector}').innerText"))
+
+
+def test_arrows_and_ends_move_through_time(page: Page) -> None:
+    page.press("Home")
+    page.press("ArrowRight")
+    assert page.value(f"{PLAYER}.step") == 1
+    assert shown(page, ".time").startswith("0.1 s of")
+    page.press("End")
+    assert page.value(f"{PLAYER}.step") == 40
+    page.press("ArrowLeft")
+    assert page.value(f"{PLAYER}.step") == 39
+
+
+def test_space_plays_to_the_end_and_stops_there(page: Page) -> None:
+    page.value(f"{PLAYER}.seek(35)")
+    page.press(" ")
+    page.wait_for(f"{PLAYER}.step > 36")
+    page.wait_for(f"!{PLAYER}.playing")
+    assert page.value(f"{PLAYER}.step") == 40
+
+
+def test_figures_of_the_moment_are_those_of_the_run(page: Page) -> None:
+    page.value(f"{PLAYER}.seek(10)")
+    figures = shown(page, ".now")
+    for part in ("10.0 m/s", "velocity offset\t3.000", "prediction\t0.300", "cost\t3.300"):
+        assert part in figures
+
+
+def test_click_on_a_vehicle_shows_its_data(page: Page) -> None:
+    page.press("Home")
+    page.press("0")
+    page.wait_for(f"!{PLAYER}.stale")
+    left, top = page.corner(".stage canvas")
+    x, y = page.value(f"""(() => {{
+        const {{ camera, canvas, tracks }} = {PLAYER}.panes[0], track = tracks.find(one => one.id === 31);
+        return camera.toPixels(track.x[0], track.y[0], canvas.clientWidth, canvas.clientHeight); }})()""")
+    page.click(left + x, top + y)
+    assert "31" in shown(page, ".picked")
+    assert "collision\twith the ego at 4.0 s" in shown(page, ".picked")
+    page.press("e")
+    assert "4.51 × 1.61 m" in shown(page, ".picked")
+    page.press("Escape")
+    assert "Click a vehicle" in shown(page, ".picked")
+
+
+def test_moments_lead_to_their_step(page: Page) -> None:
+    page.press("Home")
+    assert "collided with" in shown(page, ".moments .decisive") or "4.0 s" in shown(page, ".moments .decisive")
+    page.value("document.querySelector('.moments .decisive').click()")
+    assert page.value(f"{PLAYER}.step") == 40
+
+
+def test_pointer_on_the_chart_tells_figures_and_a_click_goes_there(page: Page) -> None:
+    page.value(f"{PLAYER}.chartSelect.selectedIndex = {PLAYER}.charts.length - 1; {PLAYER}.chartSelect.onchange()")
+    left, y = page.corner(".chart canvas")
+    x, y = left + page.value("document.querySelector('.chart canvas').clientWidth") / 2, y + 40
+    page.move(x, y)
+    assert "velocity offset 3.000" in shown(page, ".chart .tip")
+    page.click(x, y)
+    assert 18 <= page.value(f"{PLAYER}.step") <= 22
+
+
+def test_dragging_moves_the_view_and_ends_following(page: Page) -> None:
+    page.value(f"{PLAYER}.setFollow(true)")
+    x, y = (at + 100 for at in page.corner(".stage canvas"))
+    before = page.value(f"{PLAYER}.panes[0].camera.x")
+    page.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", buttons=1, clickCount=1)
+    page.call("Input.dispatchMouseEvent", type="mouseMoved", x=x + 60, y=y, button="left", buttons=1)
+    page.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + 60, y=y, button="left", clickCount=1)
+    assert page.value(f"[{PLAYER}.follow, {PLAYER}.panes[0].camera.x < {before}]") == [False, True]
+
+
+def test_theme_key_changes_ground_and_canvas(page: Page) -> None:
+    colour = f"[getComputedStyle(document.body).backgroundColor, {PLAYER}.colours.road]"
+    before = page.value(colour)
+    page.press("t")
+    after = page.value(colour)
+    page.press("t")
+    assert before[0] != after[0]
+    assert before[1] != after[1]
+    assert page.value(colour) == before
+
+
+def test_two_panes_move_together(browser: Browser, folder: Path, town: ScenarioSource) -> None:
+    panes = [ViewPane(scenario=town, run=run) for run in (hit(folder), source(record(TOWN, config=SAFE), folder))]
+    page = opened(browser, folder, "two runs", *panes, scheme="dark")
+    page.press("End")
+    page.press("+")
+    assert len(page.value("[...document.querySelectorAll('.stage')].map(one => one.innerText)")) == 2
+    assert page.value(f"{PLAYER}.panes[0].camera.scale === {PLAYER}.panes[1].camera.scale")
+    assert page.errors == []
+
+
+def test_hostile_names_run_nothing_and_load_nothing(browser: Browser, folder: Path, town: ScenarioSource) -> None:
+    page = opened(browser, folder, HOSTILE, ViewPane(scenario=town, run=hit(folder, HOSTILE)))
+    assert page.value("window.broken") is None
+    assert "</script><script>window.broken=1</script>" in page.value("document.querySelector('.stage').innerText")
+    assert page.value("document.querySelectorAll('script').length") == 2
+    assert [url for url in page.requests if not url.startswith("file:")] == []
+    assert page.errors == []
+
+
+@pytest.fixture
+def board(browser: Browser, folder: Path, town: ScenarioSource) -> Page:
+    return opened_board(browser, folder, town, hit(folder), source(record(TOWN, "goal_reached", SAFE), folder))
+
+
+def cells(page: Page) -> list[str]:
+    return list(page.value("[...document.querySelectorAll('.cell')].map(cell => cell.innerText)"))
+
+
+def test_board_shows_outcomes_and_its_filters_hide_rows(board: Page) -> None:
+    assert cells(board) == ["collision", "goal reached ▲"]
+    board.press("g")
+    assert "10" in board.value("document.querySelector('.wide tbody tr').innerText")
+    board.press("g")
+    board.press("/")
+    for letter in "nowhere":
+        board.press(letter)
+    assert cells(board) == []
+    board.press("Escape")
+    board.press("r")
+    assert len(cells(board)) == 2
+    board.value("const one = document.querySelector('.board select'); one.value = 'collision'; one.onchange()")
+    assert board.value("[...document.querySelectorAll('.cell')].map(cell => cell.classList.contains('dim'))") == [
+        False,
+        True,
+    ]
+
+
+def test_board_opens_a_run_in_the_player_and_comes_back(board: Page) -> None:
+    board.press("ArrowRight")
+    board.press("Enter")
+    board.wait_for("document.querySelector('.stage')")
+    assert "goal reached" in board.value("document.querySelector('.stage').innerText")
+    board.press("ArrowRight")
+    assert board.value("document.querySelector('.player:not(.board)').player.step") == 1
+    board.press("Escape")
+    assert board.value("document.querySelector('.board').hidden") is False
+    assert board.value("document.activeElement.innerText") == "goal reached ▲"
+
+
+def test_board_opens_a_run_beside_that_of_the_first_column(board: Page) -> None:
+    board.value("document.querySelectorAll('.cell')[1].focus()")
+    board.value(
+        "[...document.querySelectorAll('.side button')].find(one => one.innerText.startsWith('Beside')).click()"
+    )
+    board.wait_for("document.querySelectorAll('.stage').length === 2")
+    titles = board.value("[...document.querySelectorAll('.stage figcaption')].map(one => one.innerText)")
+    assert [title.split()[1] for title in titles] == ["frenetix:Default", "frenetix:Safe"]
+    assert board.errors == []
+
+
+def test_page_without_data_and_host_says_so(browser: Browser, folder: Path) -> None:
+    file = folder / "empty.html"
+    file.write_text(empty_page("player"), encoding="utf-8")
+    page = browser.open(file.as_uri())
+    assert "no data" in page.value("document.body.innerText")

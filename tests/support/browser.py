@@ -1,0 +1,172 @@
+"""A headless Chromium that tests press keys and click in, by the DevTools protocol on two pipes."""
+
+import json
+import os
+import shutil
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+    "--remote-debugging-pipe",
+)
+GUARD_S = 120.0
+"""A browser that does not answer for so long hangs: it is killed, and the test fails instead of hanging as well."""
+HOSTILE = "</script><script>window.broken=1</script><!--{{ scripts }}{{ policy }}\u2028&lt;'\"\u202e]]>"
+"""A name that would get out of its place in a page, were it put there as it is."""
+_KEYS = {" ": ("Space", 32), "ArrowLeft": ("ArrowLeft", 37), "ArrowRight": ("ArrowRight", 39), "Enter": ("Enter", 13)}
+
+
+class Page:
+    """One page of the browser, of a size in CSS pixels; ``errors``: what its scripts threw, ``requests``: its loads."""
+
+    def __init__(self, browser: "Browser", session: str) -> None:
+        self._browser, self._session = browser, session
+        self.errors: list[str] = []
+        self.requests: list[str] = []
+
+    def call(self, method: str, **parameters: Any) -> Any:
+        """A command of the DevTools protocol."""
+        return self._browser.call(method, parameters, self._session)
+
+    def value(self, expression: str) -> Any:
+        """What an expression is, once a promise that it may be has come true.
+
+        Raises:
+            AssertionError: it threw.
+        """
+        answer = self.call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
+        assert "exceptionDetails" not in answer, answer["exceptionDetails"]
+        return answer["result"].get("value")
+
+    def wait_for(self, expression: str) -> None:
+        """Until an expression is true; the page itself looks, once a frame."""
+        self.value(f"(async () => {{ while (!({expression})) await new Promise(requestAnimationFrame); }})()")
+
+    def corner(self, selector: str) -> tuple[float, float]:
+        """The upper left corner in CSS pixels of the first element that a selector finds."""
+        box = f"document.querySelector({json.dumps(selector)}).getBoundingClientRect()"
+        x, y = self.value(f"[{box}.left, {box}.top]")
+        return x, y
+
+    def press(self, key: str) -> None:
+        """Press and release a key."""
+        code, number = _KEYS.get(key, (f"Key{key.upper()}", ord(key.upper()[0])))
+        text = {"text": key} if len(key) == 1 else {}
+        parts = {"key": key, "code": code, "windowsVirtualKeyCode": number}
+        self.call("Input.dispatchKeyEvent", type="keyDown", **parts, **text)
+        self.call("Input.dispatchKeyEvent", type="keyUp", **parts)
+
+    def click(self, x: float, y: float) -> None:
+        """Click at a point in CSS pixels."""
+        for kind in ("mousePressed", "mouseReleased"):
+            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
+
+    def move(self, x: float, y: float) -> None:
+        """Move the pointer there."""
+        self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+
+
+class Browser:
+    """A running Chromium."""
+
+    def __init__(self, process: subprocess.Popen[bytes], incoming: int, outgoing: int) -> None:
+        self._process, self._in, self._out = process, os.fdopen(incoming, "rb"), os.fdopen(outgoing, "wb")
+        self._count, self._pages, self._rest = 0, dict[str, Page](), b""
+
+    def open(self, url: str, width: int = 1280, height: int = 800, scheme: str = "light") -> Page:
+        """A new page with a URL, once it is loaded."""
+        target = self.call("Target.createTarget", {"url": "about:blank"})["targetId"]
+        session = self.call("Target.attachToTarget", {"targetId": target, "flatten": True})["sessionId"]
+        page = self._pages[session] = Page(self, session)
+        for domain in ("Runtime", "Page", "Network"):
+            page.call(f"{domain}.enable")
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        page.call("Emulation.setDeviceMetricsOverride", **size)
+        page.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        page.call("Page.navigate", url=url)
+        page.wait_for("document.readyState === 'complete' && location.href !== 'about:blank'")
+        return page
+
+    def call(self, method: str, parameters: dict[str, Any], session: str | None = None) -> Any:
+        """A command and its result; what happens meanwhile is noted on the pages.
+
+        Raises:
+            AssertionError: the browser refused, or ended.
+        """
+        self._count += 1
+        message = {"id": self._count, "method": method, "params": parameters}
+        self._out.write(json.dumps(message | ({"sessionId": session} if session else {})).encode() + b"\0")
+        self._out.flush()
+        guard = threading.Timer(GUARD_S, self._process.kill)
+        guard.start()
+        try:
+            while (answer := self._next()).get("id") != self._count:
+                self._note(answer)
+        finally:
+            guard.cancel()
+        assert "error" not in answer, (method, answer)
+        return answer["result"]
+
+    def close(self) -> None:
+        """End the browser and its processes."""
+        try:
+            self.call("Browser.close", {})
+        finally:
+            self._process.wait(GUARD_S)
+            self._in.close()
+            self._out.close()
+
+    def _next(self) -> dict[str, Any]:
+        while b"\0" not in self._rest:
+            more = self._in.read1(1 << 20)  # type: ignore[attr-defined]
+            assert more, "the browser ended"
+            self._rest += more
+        text, _, self._rest = self._rest.partition(b"\0")
+        read: dict[str, Any] = json.loads(text)
+        return read
+
+    def _note(self, event: dict[str, Any]) -> None:
+        page, told = self._pages.get(event.get("sessionId", "")), event.get("params", {})
+        if page is None:
+            return
+        if event["method"] == "Runtime.exceptionThrown":
+            page.errors.append(json.dumps(told["exceptionDetails"]))
+        elif event["method"] == "Network.requestWillBeSent":
+            page.requests.append(told["request"]["url"])
+
+
+@contextmanager
+def chromium(folder: Path) -> Iterator[Browser]:
+    """A browser with a profile of its own in a folder; ended with the block."""
+    assert CHROMIUM is not None
+    to_browser, from_us = os.pipe()
+    from_browser, to_us = os.pipe()
+    command = [CHROMIUM, *FLAGS, f"--user-data-dir={folder}", "about:blank"]
+    # Chromium reads its descriptor 3 and writes to 4.
+    shell = f'exec "$@" 3<&{to_browser} 4>&{to_us}'
+    process = subprocess.Popen(
+        ["bash", "-c", shell, "chromium", *command],
+        pass_fds=(to_browser, to_us),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    os.close(to_browser)
+    os.close(to_us)
+    browser = Browser(process, from_browser, from_us)
+    try:
+        yield browser
+    finally:
+        browser.close()
