@@ -26,7 +26,7 @@ def add(
     workspace: Workspace = None,
 ) -> None:
     """Take maps into the workspace's library."""
-    from ..map_library import add_maps
+    from .map_library import add_maps
 
     settings = settings_from(workspace=workspace, warm_up=False)
     raise typer.Exit(add_maps(settings, files, place=place, country=country))
@@ -40,7 +40,7 @@ def fetch(
     workspace: Workspace = None,
 ) -> None:
     """Fetch a map from OpenStreetMap's services, to have it beside you without a net."""
-    from ..map_library import fetch_map
+    from .map_library import fetch_map
 
     settings = settings_from(workspace=workspace, warm_up=False)
     raise typer.Exit(fetch_map(settings, place, country=country, scenario_type=scenario_type))
@@ -49,6 +49,6 @@ def fetch(
 @maps.command(name="list")
 def _list_all(workspace: Workspace = None, map_folders: MapFolders = None) -> None:
     """List the maps at hand with what sites they hold."""
-    from ..map_library import list_maps
+    from .map_library import list_maps
 
     raise typer.Exit(list_maps(settings_from(workspace=workspace, map_folders=map_folders, warm_up=False)))

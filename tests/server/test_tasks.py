@@ -157,7 +157,7 @@ async def test_question_within_the_first_moment_is_asked_as_ever(connect: Any) -
     assert answer.structured_content["said"]["text"] == "left"
 
 
-async def test_nobody_else_finds_a_task(settings: Settings, tmp_path: Path, warm_workers: None) -> None:
+async def test_a_task_is_found_by_its_own_client_alone(settings: Settings, tmp_path: Path, warm_workers: None) -> None:
     keys = {"one": "o" * 32, "two": "t" * 32}
     own = settings.model_copy(
         update={"http_tokens": tuple(SecretStr(f"{name} {token}") for name, token in keys.items())}

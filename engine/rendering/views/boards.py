@@ -173,7 +173,7 @@ def _board_run(
         column=column,
         outcome=record.outcome,
         ending=one_line(ending(record.outcome, record.reason, contact=contact), LONGEST_SENTENCE),
-        flip=flip,  # type: ignore[arg-type]
+        flip=flip,
         values=tuple(_rounded(metric.value(record)) for metric in METRICS),
     )
 

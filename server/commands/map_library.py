@@ -11,16 +11,16 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 from rich.table import Column, Table
 
-from ..engine.execution import CallThreads
-from ..schemas.errors import InvalidRequest, PlannerForgeError, UnsafeInput
-from ..schemas.generation import MapFacts, ScenarioType
-from ..schemas.importing import ImportedItem
-from ..schemas.text import counted
-from ..tools.call import Services, ToolCall
-from ..tools.generation.online import fetch_beside
-from ..tools.maps import MapInventory, import_map, known_country, maps_at_hand
-from .assembly import open_services
-from .settings import Settings
+from ...engine.execution import CallThreads
+from ...schemas.errors import InvalidRequest, PlannerForgeError, UnsafeInput
+from ...schemas.generation import MapFacts, ScenarioType
+from ...schemas.importing import ImportedItem
+from ...schemas.text import counted
+from ...tools.call import Services, ToolCall
+from ...tools.generation.online import fetch_beside
+from ...tools.maps import MapInventory, import_map, known_country, maps_at_hand
+from ..assembly import open_services
+from ..settings import Settings
 
 _SHOWN_STREETS = 3
 """Streets that a row lists; chosen."""
