@@ -79,12 +79,26 @@ def plan_walks(
 
 
 def _approaches(net: WalkNet, crossing: Crossing) -> list[tuple[Pavement, str, Pavement]]:
-    """Pavements from which a crossing is reached, the corner there, and those behind it."""
+    """Pavements from which a crossing is reached, the corner there, and those behind it.
+
+    Both sides of one road come last: SUMO takes the way between them for the one round the road's other end.
+    """
     ways = []
     for near, far in (crossing.corners, crossing.corners[::-1]):
         behind = net.pavements_at(far)
         ways += [(before, near, after) for before in net.pavements_at(near) for after in behind if after != before]
-    return ways
+    return [way for way in ways if not _meet_elsewhere(way[0], way[2], _junction(way[1]))] or ways
+
+
+def _meet_elsewhere(one: Pavement, other: Pavement, junction: str) -> bool:
+    """Whether two pavements that meet at a junction end at another one together too."""
+    ends = [{_junction(end) for end in (way.begins_at, way.ends_at) if end is not None} for way in (one, other)]
+    return bool((ends[0] & ends[1]) - {junction})
+
+
+def _junction(corner: str) -> str:
+    """The junction that a corner belongs to."""
+    return corner.rpartition("_w")[0]
 
 
 def _walk_over(net: WalkNet, crossing: Crossing, key: str, duration_s: float, choice: random.Random) -> Walk:
@@ -104,19 +118,23 @@ def _walk_along(net: WalkNet, pavement: Pavement, key: str, duration_s: float, c
 
 
 def _onward(net: WalkNet, walk: Walk, entered_at: str | None, duration_s: float, choice: random.Random) -> Walk:
-    """The walk with pavements that follow the last one round its far corner, without another crossing."""
+    """The walk with pavements that follow the last one round its far corner, without another crossing.
+
+    It ends where the fastest do not come in time: from the far end of a long pavement another way might be shorter.
+    """
     wanted_m = _FASTEST * WALKING_MPS * (duration_s + WARM_UP_S - INSERTED_S)
     edges, walked_m = list(walk.edges), 0.0
     while True:
         last = net.pavements[edges[-1]]
-        walked_m += last.length_m
         ahead = last.begins_at == entered_at
         corner = last.ends_at if ahead else last.begins_at
         onward = [] if corner is None or corner in net.open_ends else net.pavements_at(corner)
         onward = [one for one in onward if one.edge_id not in edges]
-        if not onward or len(edges) >= MOST_EDGES or walked_m >= wanted_m:
-            end_m = max(last.length_m - _MARGIN_M, 0.0) if ahead else min(_MARGIN_M, last.length_m)
-            return replace(walk, edges=tuple(edges), end_m=end_m)
+        if not onward or len(edges) >= MOST_EDGES or walked_m + last.length_m >= wanted_m:
+            most_m = max(last.length_m - _MARGIN_M, 0.0)
+            along_m = most_m if len(edges) == 1 else min(wanted_m - walked_m, most_m)
+            return replace(walk, edges=tuple(edges), end_m=along_m if ahead else last.length_m - along_m)
+        walked_m += last.length_m
         edges.append(choice.choice(onward).edge_id)
         entered_at = corner
 

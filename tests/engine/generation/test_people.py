@@ -146,7 +146,7 @@ def test_without_people_a_marked_crossing_is_no_junction(tmp_path: Path) -> None
     assert len(read_net(net).drivable_edges("passenger")) == 2, "one in each direction"
 
 
-def test_people_of_a_real_extract_cross_between_junctions_and_cars_wait(shared_data: Path, tmp_path: Path) -> None:
+def test_people_of_a_real_extract_cross_between_junctions(shared_data: Path, tmp_path: Path) -> None:
     request = request_for(
         "Kreiselheim",
         tmp_path,
@@ -160,10 +160,9 @@ def test_people_of_a_real_extract_cross_between_junctions_and_cars_wait(shared_d
     assert any("between junctions, as the map marks them" in note for note in scenario.notes)
     assert scenario.checks.network_errors == ()
     counts = judge_file(tmp_path / "scenario.xml")
-    assert counts["on_crossings"] >= 1
+    assert counts["on_crossings"] >= 4, "SUMO leads no walk round the end of a road that the map cuts off"
     assert counts["overlaps"] == 0
     assert counts["on_ways"] >= 0.99 * counts["positions"]
-    assert counts["yielded"] == counts["encounters"]
 
 
 def test_drawn_ways_cover_pavements_and_crossings_of_the_net(tmp_path: Path) -> None:
