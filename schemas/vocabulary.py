@@ -98,7 +98,7 @@ CIRCUMSTANCES: Final[dict[str, str]] = {
     "snow": "the file's weather",
     "hail": "the file's weather",
 }
-"""When and in what weather a scenario is, as its file or the request that it was made for says.
+"""When and in what weather a scenario of this program is, as its file or the request that it was made for says.
 
 CommonRoad's schema has no tags for them; they are found where ``tags`` name them, in a catalogue that holds some.
 """
