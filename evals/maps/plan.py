@@ -87,7 +87,7 @@ class _Watch:
 
 
 @dataclass(frozen=True)
-class _End:
+class End:
     """When a server is killed: once so many scenarios are there, or at a moment of ``perf_counter``."""
 
     made: int | None
@@ -150,7 +150,7 @@ async def _carry_out(bench: MapsBench, folder: Path, watch: _Watch) -> None:
     workspace = folder / "workspace"
     for number in range(_KILLS + 1):
         share = (number + 1) / (_KILLS + 1)
-        end = _End(
+        end = End(
             made=int(bench.scenarios * share) if number < _KILLS else None,
             moment_s=None if bench.minutes is None else started + 60 * bench.minutes * share,
         )
@@ -167,6 +167,8 @@ async def _carry_out(bench: MapsBench, folder: Path, watch: _Watch) -> None:
             watch.plan = (await ask(client, "generate_scenarios", **{**wish, "count": watch.asked}))["plan"]
     if not watch.plan:
         raise RuntimeError("the plan did not come to its end")
+    if not any(watch.server):
+        raise RuntimeError(f"no server made {_WARM} scenarios, so nobody looked at its memory: give it more minutes")
 
 
 def _server(bench: MapsBench, folder: Path) -> Client:
@@ -178,7 +180,7 @@ def _server(bench: MapsBench, folder: Path) -> Client:
     return Client(stdio_client(server), cache=None)
 
 
-async def _one_server(client: Client, wish: Mapping[str, Any], workspace: Path, watch: _Watch, end: _End) -> None:
+async def _one_server(client: Client, wish: Mapping[str, Any], workspace: Path, watch: _Watch, end: End) -> None:
     """Have one server carry the plan on, look at its memory, and kill it when its end is reached."""
     process = next(child for child in psutil.Process().children() if str(workspace) in child.cmdline())
     begun = _count_made(workspace)

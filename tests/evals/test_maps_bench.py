@@ -1,5 +1,6 @@
 """``make bench-maps``: which parts are measured, and what is told of those that are not."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ import pytest
 from plannerforge.evals.harness import Figures
 from plannerforge.evals.maps.__main__ import PARTS
 from plannerforge.evals.maps.bench import MapsBench
+from plannerforge.evals.maps.plan import End
 
 
 def test_a_key_or_the_name_of_a_part_chooses_the_part() -> None:
@@ -37,3 +39,10 @@ def test_a_part_that_is_not_there_or_fails_is_told_and_the_others_are_measured(t
         "country: failed: no maps in osm",
         "plan: batch_per_min was not measured",
     ]
+
+
+def test_a_server_of_the_plan_is_killed_at_its_number_or_when_its_time_is_up() -> None:
+    assert End(made=10, moment_s=None).is_reached(10)
+    assert not End(made=10, moment_s=math.inf).is_reached(9)
+    assert End(made=10, moment_s=-math.inf).is_reached(0)
+    assert not End(made=None, moment_s=None).is_reached(10**6)
