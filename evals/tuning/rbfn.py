@@ -1,12 +1,13 @@
 """What MP-RBFN's primitives are worth, and how the planner fares beside Frenetix.
 
-**Primitives.** Problems of a seed that the network was not trained with are solved by optimal control
-(``planners/rbfn_samples.py``) and brought to the scale of driving: each gets a duration of 1 to 3 s and a mean speed of
+**Primitives.** Problems of a seed that the network was not trained with (``planners/rbfn_samples.py``) are
+brought to the scale of driving: each gets a duration of 1 to 3 s and a mean speed of
 2 to 20 m/s. The judge drives what the network gives, curvatures and speeds at nodes, with a Runge–Kutta integration of
 its own, and compares the end with the one asked for: that is the miss before it is closed. By how much closing it
 takes a primitive away from the single-track model is told by the angle between heading and motion. Times are processor
-times of one thread, for 1,000 primitives of 31 states to different ends at once: the network's, analytic quintics in x
-and y between the same boundary values (position, velocity, acceleration), and the solver, one after the other.
+times of one thread, for 1,000 primitives of 31 states to different ends, in 11 durations, at once: the network's,
+analytic quintics in x and y between the same boundary values (position, velocity, acceleration), and the solver, one
+after the other.
 
 **Planner.** MP-RBFN and Frenetix, each with ``Default``, on every public scenario with ``ground_truth``; runs on
 problems that no planner can solve are in no share. Whether each weight acts is judged by
@@ -68,6 +69,9 @@ CONFIGS = ("mp_rbfn:Default", "frenetix:Default")
 SITUATIONS, CHECKED = 12, 5
 """Scenarios whose starts decide which weights act, and on which the contract is checked (chosen)."""
 _SECONDS, _SPEEDS_MPS = (1.0, 3.0), (2.0, 20.0)
+_GRID_S = 0.2
+"""Durations whose time is taken are multiples of it: a planner samples few of them, and the network's cost grows with
+their number (chosen)."""
 _TIMED, _SOLVED, _STATES = 1000, 100, 31
 _SUBSTEPS = 20
 """Of the integration, between two nodes."""
@@ -199,7 +203,7 @@ def _times(
 ) -> dict[str, float]:
     """Processor time in µs for one of 1,000 primitives that begin alike, by the three ways."""
     rows = np.resize(np.arange(len(inputs)), _TIMED)
-    ends = _ends(inputs[rows], duration_s[rows], chord_m[rows])
+    ends = _ends(inputs[rows], np.round(duration_s[rows] / _GRID_S) * _GRID_S, chord_m[rows])
     first, bend = float(np.median(inputs[:, 0] * chord_m / duration_s)), float(np.median(inputs[:, 1] / chord_m))
     times = np.linspace(0.0, _SECONDS[1], _STATES)
     solved = inputs[:_SOLVED]

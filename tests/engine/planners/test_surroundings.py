@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from commonroad.geometry.shape import Circle, Polygon, Rectangle, ShapeGroup
+from commonroad.scenario.obstacle import ObstacleType, StaticObstacle
 from hypothesis import given
 from hypothesis import strategies as st
 from support.builders import driving, town_road
@@ -235,3 +237,37 @@ def test_read_rectangles_are_hit_where_commonroad_dc_says_so(tmp_path: Path, ahe
         assert hits[-1] == by_objects.hit_by(ego, BMW_320I)
     assert abs(ahead_m) > 5.0 or any(hits)
     assert read.hit_by(EgoState(41, np.array([20.0, 0.0]), 0.0, 8.0), BMW_320I) is None
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        Rectangle(6.0, 2.0),
+        Rectangle(6.0, 2.0, np.array([0.5, 0.2]), 0.3),
+        Circle(1.6, np.array([0.4, -0.3])),
+        Polygon(np.array([[-2.0, -1.0], [2.5, -1.2], [1.0, 1.6]])),
+        Polygon(np.array([[-2.0, -1.0], [2.5, -1.2], [2.8, 0.3], [0.2, 1.9]])),
+        ShapeGroup([Circle(1.0, np.array([-3.0, 0.0])), Rectangle(2.0, 2.0, np.array([3.0, 0.0]), 0.8)]),
+    ],
+    ids=("rectangle", "turned", "circle", "triangle", "polygon", "group"),
+)
+def test_bodies_of_any_shape_are_hit_where_commonroad_dc_says_so(shape: Any) -> None:
+    from commonroad_dc import pycrcc
+    from commonroad_dc.collision.collision_detection.pycrcc_collision_dispatch import create_collision_object
+
+    standing = parked_car(31, (20.0, 0.0), 0.7)
+    standing = StaticObstacle(31, ObstacleType.PARKED_VEHICLE, shape, standing.initial_state)
+    moving = moving_car(32, (20.0, 20.0), (3.0, 1.0), steps=12)
+    moving.prediction.shape = shape
+    traffic = RecordedTraffic(scenario_on(straight_road(100.0), standing, moving))
+    verdicts = []
+    for obstacle, step, dx, dy in itertools.product((standing, moving), (0, 12), np.arange(-6, 7, 1.5), (-3, -1, 1, 2)):
+        centre = (20.0, 0.0) if obstacle is standing else (20.0 + 0.3 * step, 20.0 + 0.1 * step)
+        ego = EgoState(step, np.add(centre, (dx, dy)), 0.2, 5.0)
+        body = pycrcc.TimeVariantCollisionObject(step)
+        body.append_obstacle(rectangle(ego, BMW_320I))
+        verdicts.append(bool(create_collision_object(obstacle).collide(body)))
+        hit = traffic.hit_by(ego, BMW_320I)
+        assert (hit is not None and hit[0] == obstacle.obstacle_id) == verdicts[-1]
+    assert True in verdicts
+    assert False in verdicts
