@@ -322,3 +322,11 @@ def test_program_says_in_one_line_why_it_does_not_serve(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert done.stderr.startswith("[invalid_request] http_host 0.0.0.0 lets other machines in")
     assert done.stderr.count("\n") == 1
+
+
+async def test_pictures_that_are_too_large_for_an_event_are_linked_by_http(serve: Serve, era: str) -> None:
+    async with serve() as server, server.client(era) as client:
+        answer = await client.call_tool("draw_much", {})
+    kinds = [block.type for block in answer.content]
+    assert kinds == ["text", "resource_link"]
+    assert "too large for this answer" in str(answer.content[0])
