@@ -29,7 +29,8 @@ _RUNS = {
 _TIMEOUT_S = 900.0
 _SCENARIO = re.compile(r"^[✓✗] ([\w-]+): (\d+) passed, (\d+) failed", re.MULTILINE)
 REASONS = {
-    "server-sse-polling": "the server keeps no events of a stream to send again: a client that lost one asks anew",
+    "server-sse-polling": "no event of a stream is kept to be sent again: the SDK has one store for all sessions, with "
+    "streams known by the ids of requests, which clients share; a client whose connection broke asks anew",
     "tasks-status-notifications": "the suite itself makes no check of it in this version",
 }
 """Why scenarios without a check do not apply."""
