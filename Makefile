@@ -13,7 +13,7 @@ SEED ?= 1
 
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
-	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning \
+	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning bench-serve \
 	starter house chat-page train-rbfn format clean
 
 help:
@@ -69,10 +69,10 @@ layers: $(DEV_STAMP)
 	@$(VENV)/bin/lint-imports
 
 bench: bench-server bench-planners bench-faults bench-reactive bench-responsibility bench-weights bench-modification bench-generation \
-	bench-selection bench-drivable bench-import-crashes bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning
+	bench-selection bench-drivable bench-import-crashes bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning bench-serve
 
 bench-server: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.server
+	@$(PYTHON) -m plannerforge.evals.serve.workers
 
 bench-selection: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.selection
@@ -142,6 +142,9 @@ bench-analysis: $(DEV_STAMP)
 
 bench-tuning: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.tuning $(addprefix --reference ,$(REFERENCE)) $(addprefix --reference-python ,$(REFERENCE_PYTHON))
+
+bench-serve: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.serve
 
 train-rbfn: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.planners.rbfn_training

@@ -62,6 +62,8 @@ answers with runs, or with a job for get_job when it takes long. analyze_results
 against B, render draws. Everything made is kept under its id; "latest" means the newest of its kind. Pass the user's \
 words and units on; a refusal names what is valid and the next call. Figures in answers are computed: quote them with \
 their ids, and never invent ids or numbers."""
+MOST_EVENT_BYTES = 700_000
+"""Of all pictures of an answer by HTTP: clients built on the SDK take no event of more than 1 MiB, in base64."""
 _MOST_CALLS = 32
 """Calls that are carried out at once; others wait for their turn. Chosen: clients send a few, and each has a thread."""
 _Entry = TypeVar("_Entry")
@@ -126,6 +128,11 @@ class PlannerForgeServer(MCPServer[Services]):
     def protocol(self) -> Server[Services]:
         """The protocol's side of the server, which a transport speaks to."""
         return self._lowlevel_server
+
+    @property
+    def news(self) -> WorkspaceNews:
+        """Tells clients that subscribed what changed."""
+        return self._news
 
     async def is_ready(self) -> bool:
         """Whether the services run and the workspace can be read."""
@@ -198,6 +205,8 @@ class PlannerForgeServer(MCPServer[Services]):
         services = self.services_for(client, context.request_context.lifespan_context)
         call = ToolCall(services, PacedProgress(context).send, Asker(context).ask)
         try:
+            if client.key:
+                call.most_image_bytes = MOST_EVENT_BYTES
             return await self.carry_out(spec, arguments, call, client)
         except InputNeeded as needed:
             return question_result(needed)

@@ -25,8 +25,15 @@ _WARM_UP_DELAY_S = 1.0
 """The first answers come before the first worker: both want the same cores."""
 
 
-def create_server(settings: Settings, start_folder: Path | None = None) -> PlannerForgeServer:
-    """A server for these settings; its services start with its first connection and end with it."""
+def create_server(
+    settings: Settings, start_folder: Path | None = None, *, beside: tuple[ToolSpec, ...] = ()
+) -> PlannerForgeServer:
+    """A server for these settings; its services start with its first connection and end with it.
+
+    Args:
+        start_folder: from where paths lead that are not absolute; the working folder where it is left out.
+        beside: tools that it offers beside its own.
+    """
     logging.basicConfig(stream=sys.stderr, level=settings.log_level, format="%(levelname)s %(name)s: %(message)s")
     workspace_root = settings.workspace.expanduser().resolve()
     folder = start_folder or Path.cwd()
@@ -47,7 +54,7 @@ def create_server(settings: Settings, start_folder: Path | None = None) -> Plann
             if journal is not None:
                 journal.close()
 
-    return PlannerForgeServer(offered_tools(settings), services, threads, journal)
+    return PlannerForgeServer((*offered_tools(settings), *beside), services, threads, journal)
 
 
 @asynccontextmanager

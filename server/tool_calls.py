@@ -3,9 +3,10 @@
 import base64
 import json
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
+from mcp import MCPError
 from mcp.types import CallToolResult, ContentBlock, ImageContent, Resource, ResourceLink, TextContent
 
 from ..resources.templates import artifact_link, job_link
@@ -38,14 +39,15 @@ async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> Ca
 
     Raises:
         InputNeeded: the tool has a question that only the next attempt of the call can answer.
+        MCPError: the call breaks the protocol.
     """
     try:
         arguments = read_arguments(spec.arguments_type, given, call.remarks)
         if made := [name for name in spec.refused if getattr(arguments, name)]:
             raise NotPossible(f"this server makes nothing, and {made[0]} does", next_step=f"leave {made[0]} out")
         result = await spec.load_function()(arguments, call)
-        return _shaped(result, call.remarks, linked_by(call))
-    except InputNeeded:
+        return _shaped(result, call)
+    except (InputNeeded, MCPError):
         raise
     except Exception as raised:  # noqa: BLE001 - the boundary of a call: it becomes the error of this one call
         error = as_told(raised, spec.name)
@@ -77,10 +79,11 @@ def _as_link(resource: Resource) -> ResourceLink:
     return ResourceLink(type="resource_link", **resource.model_dump(exclude_none=True, exclude={"meta"}))
 
 
-def _shaped(result: Result | ImageAnswer, remarks: Sequence[str], links: Sequence[ResourceLink]) -> CallToolResult:
+def _shaped(result: Result | ImageAnswer, call: ToolCall) -> CallToolResult:
     """The answer as content blocks and structured content, each of which says the whole; remarks come last."""
+    remarks = call.remarks
     if isinstance(result, ImageAnswer):
-        shown, left_out = _shown_images(result)
+        shown, left_out = _shown_images(result, min(call.most_image_bytes, MOST_IMAGE_BYTES))
         notes = [f"Note: too large for this answer, to be opened by their links: {left_out}"] if left_out else []
         text = _bounded(printable("\n".join([result.text, *notes, *remarks])))
         blocks: list[ContentBlock] = [TextContent(type="text", text=text), *shown]
@@ -88,7 +91,9 @@ def _shaped(result: Result | ImageAnswer, remarks: Sequence[str], links: Sequenc
     text = _bounded(printable("\n".join([result.to_text(), *remarks])))
     structured = _printable_parts(result.model_dump(mode="json"))
     _bounded(json.dumps(structured, ensure_ascii=False))
-    return CallToolResult(content=[TextContent(type="text", text=text), *links], structured_content=structured)
+    return CallToolResult(
+        content=[TextContent(type="text", text=text), *linked_by(call)], structured_content=structured
+    )
 
 
 def _bounded(text: str) -> str:
@@ -106,13 +111,13 @@ def _bounded(text: str) -> str:
     return text
 
 
-def _shown_images(result: ImageAnswer) -> tuple[list[ImageContent], int]:
+def _shown_images(result: ImageAnswer, most_bytes: int) -> tuple[list[ImageContent], int]:
     """The first pictures, as many as an answer holds, and the number of the others."""
     shown: list[ImageContent] = []
     size = 0
     for image in result.images:
         size += image.path.stat().st_size
-        if size > MOST_IMAGE_BYTES:
+        if size > most_bytes:
             break
         data = base64.b64encode(image.path.read_bytes()).decode()
         shown.append(ImageContent(type="image", data=data, mime_type=image.mime_type))

@@ -1,5 +1,6 @@
 """What a tool function is given beside its arguments, and what it may answer."""
 
+import sys
 import threading
 from collections.abc import Awaitable, Callable, Collection
 from dataclasses import dataclass, field
@@ -111,6 +112,8 @@ class ToolCall:
         self.services, self.ask = services, ask
         self.remarks: list[str] = []
         """Sentences that the answer tells besides."""
+        self.most_image_bytes = sys.maxsize
+        """Of all pictures that the answer shows; others are linked only."""
         self.links: dict[tuple[MadeKind, str], None] = {}
         """What the answer links: what was made or asked for again, in this order."""
         self._send_progress = send_progress

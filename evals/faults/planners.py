@@ -41,7 +41,7 @@ from ...tools.call import Services, ToolCall
 from ...tools.configurations import store_configuration
 from ...tools.planning import run_planner
 from ..harness import built_in, print_figures
-from ..server import workers_of_this_process
+from ..serve.workers import workers_of_this_process
 from .fault_injection import CRASH, HANG, FaultInjector, RunOperation
 
 _SCENARIOS, _CONFIGS, _FAULTY_CONFIGS = 10, 20, 4

@@ -95,6 +95,7 @@ class Gate:
         if scope["type"] != "http":
             await self._application(scope, receive, send)
             return
+        scope["headers"] = [(name, value.strip(b" \t")) for name, value in scope["headers"]]  # RFC 9110, 5.5
         headers = Headers(scope=scope)
         is_stream = scope["method"] == "GET" or headers.get("mcp-method") in _LISTENING
         client = self._client(scope)

@@ -39,8 +39,9 @@ _ANY_ADDRESS = {"0.0.0.0", "::"}  # noqa: S104 - what is looked for, not what is
 _MOST_SESSIONS = 256
 _SESSION_IDLE_S = 1800.0
 """Sessions at once, and seconds until one that asks nothing is forgotten; chosen: a client simply begins another."""
+_BACKLOG = 256
 _CONNECTIONS_END_S = 2.0
-"""How long connections have to close once nothing is under way; chosen."""
+"""Connections that wait to be taken, and how long they have to close once nothing is under way; chosen."""
 
 
 class HttpServer:
@@ -245,11 +246,20 @@ def bound(host: str, port: int) -> socket.socket:
     Raises:
         InvalidRequest: the address is none of this machine, or the port is taken.
     """
+    listener: socket.socket | None = None
     try:
-        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        return socket.create_server((host, port), family=family)
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        # with its protocol named, or asyncio leaves Nagle's algorithm on, and each answer waits 40 ms for an
+        # acknowledgement
+        listener = socket.socket(family, kind, protocol or socket.IPPROTO_TCP)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+        listener.listen(_BACKLOG)
     except OSError as error:
+        if listener is not None:
+            listener.close()
         raise InvalidRequest(
             f"http_host {host} and http_port {port} cannot be bound: {error.strerror or error}",
             next_step="choose another http_port; 0 takes a free one",
         ) from error
+    return listener

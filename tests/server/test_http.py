@@ -160,8 +160,15 @@ async def test_what_is_no_request_is_answered_as_such(serve: Serve, body: bytes)
 
 async def test_client_that_is_too_fast_is_told_when_to_come_again(serve: Serve) -> None:
     body, headers = called("echo", text="x")
-    async with serve(http_rate=2.0, http_tokens=TOKENS) as server:
-        answers = [await post(server, body, headers, Authorization=f"Bearer {WRITER}") for _ in range(8)]
+    answers: list[httpx.Response] = []
+    async with serve(http_rate=1.0, http_calls=256, http_tokens=TOKENS) as server:
+
+        async def ask() -> None:
+            answers.append(await post(server, body, headers, Authorization=f"Bearer {WRITER}"))
+
+        async with anyio.create_task_group() as tasks:
+            for _ in range(40):
+                tasks.start_soon(ask)
         other = await post(server, body, headers, Authorization=f"Bearer {READER}")
     late = [answer for answer in answers if answer.status_code == 429]
     assert late
@@ -322,3 +329,11 @@ def test_program_says_in_one_line_why_it_does_not_serve(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert done.stderr.startswith("[invalid_request] http_host 0.0.0.0 lets other machines in")
     assert done.stderr.count("\n") == 1
+
+
+async def test_pictures_that_are_too_large_for_an_event_are_linked_by_http(serve: Serve, era: str) -> None:
+    async with serve() as server, server.client(era) as client:
+        answer = await client.call_tool("draw_much", {})
+    kinds = [block.type for block in answer.content]
+    assert kinds == ["text", "resource_link"]
+    assert "too large for this answer" in str(answer.content[0])

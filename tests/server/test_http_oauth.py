@@ -137,7 +137,7 @@ async def test_scope_decides_what_is_offered(oauth: Settings, issuer: Issuer, tm
             reading = {tool.name for tool in (await client.list_tools()).tools}
         async with server.client("legacy", issuer.token()) as client:
             everything = {tool.name for tool in (await client.list_tools()).tools}
-    assert everything - reading == {"cancel_job", "export_artifacts"}
+    assert everything - reading == {"cancel_job", "export_artifacts", "make_long", "ask_late"}
 
 
 async def test_client_that_is_refused_is_told_whose_tokens_are_taken(

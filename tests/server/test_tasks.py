@@ -1,6 +1,8 @@
 """Tasks: a call that takes long goes on without its request, its session and its server, and is found by its id."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +86,20 @@ async def test_task_begun_in_one_session_is_found_in_the_next(connect: Any) -> N
         found = await ask(client, "tasks/get", task_id)
         ended = await once_it(client, task_id, "completed")
     assert found.status == "working"
+    assert ended.result is not None
+    assert ended.result["structuredContent"]["said"]["text"] == "done"
+
+
+async def test_task_of_a_server_that_was_killed_is_taken_up_again(connect: Any, settings: Settings) -> None:
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    workspace = Workspace(settings.workspace)
+    task_id = TaskStore(workspace.database).begin("", "make_long", {"text": "3"}).task_id
+    with workspace.database.writing() as connection:
+        connection.execute("UPDATE tasks SET owner_pid = ?", (gone.pid,))
+    workspace.close()
+    async with connect(extensions=[KnowsTasks()]) as client:
+        ended = await once_it(client, task_id, "completed")
     assert ended.result is not None
     assert ended.result["structuredContent"]["said"]["text"] == "done"
 

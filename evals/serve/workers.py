@@ -20,9 +20,9 @@ import psutil
 from mcp import Client, StdioServerParameters
 from rich.progress import track
 
-from ..server.assembly import create_server
-from ..server.settings import Settings
-from .harness import call_ms, print_figures, spread
+from ...server.assembly import create_server
+from ...server.settings import Settings
+from ..harness import call_ms, print_figures, spread
 
 _STARTS, _CALLS, _FAULT_REPEATS = 9, 300, 5
 """Repetitions (chosen): the figures are medians, of the faults the worst."""

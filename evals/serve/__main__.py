@@ -1,0 +1,57 @@
+"""``make bench-serve``: the server by standard input and by HTTP, as clients meet it.
+
+Each part is a module of this package with a function ``measure(bench: ServeBench) -> Figures``, which explains its
+keys. The keys that count:
+
+``latency``: ``memory_ms``, ``stdio_ms``, ``http_ms`` (medians of a call that reads the workspace), ``start_ratio``
+(process start to first answer, against a bare server of the SDK); goals: at most 1, 4, 8 ms and 1.4.
+``http_load``: ``http_errors`` (answers that are neither right nor a stated limit), ``memory_slope_mb_per_h`` of the
+server after its warm-up, ``slowest_share`` (calls of the client that got fewest, of an equal share).
+``conformance``: ``conformance_2026``, ``conformance_2025``, ``conformance_all`` (checks that hold, of all).
+
+What a killed worker, a cancelled call and a client that left cost is ``make bench-server`` (``workers.py``).
+
+``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too; then the status is
+1. ``--limit`` makes the load last so many minutes. ``--json`` prints the last line alone.
+"""
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+from ..harness import Parts, add_part_options, print_parts
+from .bench import ServeBench
+
+PARTS: Parts[ServeBench] = Parts(
+    package=__package__ or "",
+    keys={
+        "latency": ("memory_ms", "stdio_ms", "http_ms", "start_ratio"),
+        "http_load": ("http_errors", "memory_slope_mb_per_h", "slowest_share"),
+        "conformance": ("conformance_2026", "conformance_2025", "conformance_all"),
+    },
+)
+"""The parts in the order in which they are measured, and the keys that each owes."""
+_MINUTES = 10.0
+
+
+def _main() -> int:
+    """Read the command line, measure, print; the status."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add_part_options(parser)
+    parser.add_argument("--limit", type=float, default=_MINUTES, help="minutes of load (default: 10)")
+    parser.add_argument("--clients", type=int, default=8, help="clients that load the server at once (default: 8)")
+    parser.add_argument("--node", default="", help="program of Node 22 or newer (default: one is fetched from PyPI)")
+    given = parser.parse_args()
+    try:
+        parts = PARTS.chosen(given.only)
+    except ValueError as error:
+        parser.error(str(error))
+    with tempfile.TemporaryDirectory() as scratch:
+        bench = ServeBench(Path(scratch), given.limit, given.clients, given.node)
+        figures, faults = PARTS.measured(parts, bench)
+    return print_parts("Serve", figures, faults, as_json=given.json)
+
+
+if __name__ == "__main__":
+    sys.exit(_main())

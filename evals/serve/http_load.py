@@ -1,0 +1,210 @@
+"""Several clients on one server by HTTP for some minutes: reading, searching, editing and running, all mixed.
+
+Half of the clients speak the revision without sessions, half one with; each has a token and works on what it made.
+What a call answers is checked: a search finds something, a run is one run, and ``latest`` and ``current`` are what this
+client made last. A refusal that names a bound of the server (429) is counted apart.
+
+Keys: ``http_errors`` (calls that failed, or answered something else than they should), ``http_limited`` (refused by a
+stated bound), ``http_calls``, ``http_minutes``, ``memory_slope_mb_per_h`` (of the server's own process, least squares
+over the last two thirds), ``memory_start_mb``, ``memory_end_mb`` (at the beginning and end of these),
+``slowest_share`` (calls of the client that got fewest, of an equal share), ``slowest_call_s``.
+"""
+
+import random
+import sys
+import time
+from collections import Counter
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import anyio
+import psutil
+from mcp import Client, MCPError
+
+from ..harness import Figures
+from .bench import HttpProcess, ServeBench, http_client, http_process
+
+_SAMPLE_S = 2.0
+_WARM_UP_SHARE = 1 / 3
+"""Of the time, which does not count for the slope of memory; chosen: caches and worker pools fill in it."""
+_MOST_TOLD = 10
+_RANDOM_SEED = 21
+_READ_BYTES = 700_000
+"""Largest resource that is read: the SDK's client takes no event of more than 1 MiB (docs/http.md)."""
+
+
+@dataclass
+class _Tally:
+    """What came of the calls of all clients."""
+
+    calls: Counter[str] = field(default_factory=Counter)
+    limited: int = 0
+    slowest_s: float = 0.0
+    errors: list[str] = field(default_factory=list)
+    memory: list[tuple[float, float]] = field(default_factory=list)
+    """Seconds from the beginning, megabytes of the server's process."""
+
+
+class _Worker:
+    """One client: what it knows, and what it does in turn."""
+
+    def __init__(self, name: str, client: Client, tally: _Tally) -> None:
+        self._name, self._client, self._tally = name, client, tally
+        self._chance = random.Random(f"{_RANDOM_SEED} {name}")  # noqa: S311 - the mix of a benchmark
+        self._scenario, self._vehicle = "", ""
+
+    async def work_until(self, end: float) -> None:
+        """Call tools, one after the other, until the time is over."""
+        kinds: list[Callable[[], Awaitable[None]]] = [
+            *[self._read] * 6,
+            *[self._search] * 4,
+            *[self._edit] * 3,
+            self._run,
+            *[self._configure] * 2,
+            *[self._resources] * 2,
+        ]
+        await self._search()
+        while time.monotonic() < end:
+            before = time.monotonic()
+            await self._chance.choice(kinds)()
+            self._tally.slowest_s = max(self._tally.slowest_s, time.monotonic() - before)
+
+    async def _call(self, tool: str, **arguments: Any) -> Any:
+        """The structured answer of a tool; None where it failed, which is written down."""
+        try:
+            result = await self._client.call_tool(tool, arguments)
+        except MCPError as error:
+            self._fail(tool, str(error))
+            return None
+        self._tally.calls[self._name] += 1
+        if result.is_error or result.structured_content is None:
+            self._fail(tool, str(result.content[0]))
+            return None
+        return result.structured_content
+
+    def _fail(self, tool: str, message: str) -> None:
+        if "http_429" in message:
+            self._tally.limited += 1
+        else:
+            self._tally.errors.append(f"{self._name} {tool}: {message[:300]}")
+
+    def _expect(self, holds: bool, tool: str, message: str) -> None:
+        if not holds:
+            self._fail(tool, message)
+
+    async def _read(self) -> None:
+        tool = self._chance.choice(["list_artifacts", "describe_catalog", "list_planners"])
+        await self._call(tool)
+
+    async def _search(self) -> None:
+        found = await self._call("find_scenarios", obstacles=["car>=2"], limit=20)
+        matches = (found or {}).get("matches", [])
+        self._expect(found is None or bool(matches), "find_scenarios", "nothing was found in the starter catalogue")
+        if matches:
+            chosen = self._chance.choice(matches)["scenario_id"].partition("#")[0]
+            told = await self._call("describe_scenario", scenario_id=chosen, detail="vehicles")
+            cars = [
+                one for one in (told or {}).get("vehicles", []) if one.get("vehicle_class", one.get("kind")) == "car"
+            ]
+            if cars:
+                self._scenario, self._vehicle = chosen, str(cars[0].get("vehicle_id"))
+
+    async def _edit(self) -> None:
+        """Make an own scenario; then ``latest`` is that one, whatever others made meanwhile."""
+        if not self._vehicle:
+            return
+        speed = f"{self._chance.uniform(2.0, 12.0):.2f}m/s"
+        edit = {"op": "set_speed", "vehicles": [self._vehicle], "speed": speed}
+        made = await self._call("modify_scenario", scenario_id=self._scenario, edits=[edit], on_conflict="yield")
+        if made is None:
+            return
+        told = await self._call("describe_scenario", scenario_id="latest")
+        own = (told or {}).get("scenario_id")
+        self._expect(told is None or own == made["scenario_id"], "latest", f"{own} is not {made['scenario_id']}")
+
+    async def _configure(self) -> None:
+        weight = f"jerk={self._chance.uniform(0.1, 2.0):.4f}"
+        made = await self._call("configure_planner", base="frenetix:Default", weights=[weight])
+        told = await self._call("list_planners") if made is not None else None
+        own = (told or {}).get("config_id")
+        self._expect(told is None or own == (made or {}).get("config_id"), "current", f"{own} is not the own one")
+
+    async def _run(self) -> None:
+        if not self._scenario:
+            return
+        ran = await self._call("run_planner", scenarios=[self._scenario], configs=["idm"], wait_s=50)
+        self._expect(ran is None or ran["finished"] == 1, "run_planner", f"not one run: {ran}")
+
+    async def _resources(self) -> None:
+        try:
+            listed = await self._client.list_resources()
+            small = [one.uri for one in listed.resources if (one.size or 0) < _READ_BYTES]
+            content = await self._client.read_resource(self._chance.choice(small))
+        except MCPError as error:
+            self._fail("resources", str(error))
+            return
+        self._tally.calls[self._name] += 2
+        self._expect(bool(content.contents), "resources/read", "nothing was read")
+
+
+def measure(bench: ServeBench) -> Figures:
+    """Load a server, watch its memory, count."""
+    tally = _Tally()
+    folder = bench.folder("load")
+    tokens = {f"client-{number}": f"{number:02d}-" + "l" * 32 for number in range(bench.clients)}
+    listed = ",".join(f"{name} {token}" for name, token in tokens.items())
+    with http_process(folder, settings={"PLANNERFORGE_HTTP_TOKENS": listed}) as server:
+        anyio.run(_load, server, tokens, bench.minutes * 60.0, tally)
+    for error in tally.errors[:_MOST_TOLD]:
+        sys.stderr.write(f"{error}\n")
+    calls = sum(tally.calls.values())
+    fewest = min(tally.calls[name] for name in tokens)
+    return {
+        "http_errors": len(tally.errors),
+        "http_limited": tally.limited,
+        "http_calls": calls,
+        "http_minutes": bench.minutes,
+        "memory_slope_mb_per_h": slope_per_h(tally.memory),
+        "memory_start_mb": round(settled(tally.memory)[0][1], 1),
+        "memory_end_mb": round(tally.memory[-1][1], 1),
+        "slowest_share": round(fewest * len(tokens) / calls, 3) if calls else 0.0,
+        "slowest_call_s": round(tally.slowest_s, 2),
+    }
+
+
+async def _load(server: HttpProcess, tokens: dict[str, str], duration_s: float, tally: _Tally) -> None:
+    end = time.monotonic() + duration_s
+    async with anyio.create_task_group() as watching:
+        watching.start_soon(_watch_memory, server.process, tally)
+        async with anyio.create_task_group() as tasks:
+            for number, (name, token) in enumerate(tokens.items()):
+                tasks.start_soon(_one_client, server.url, name, token, "legacy" if number % 2 else "auto", end, tally)
+        watching.cancel_scope.cancel()
+
+
+async def _one_client(url: str, name: str, token: str, mode: str, end: float, tally: _Tally) -> None:
+    async with http_client(url, token, mode) as client:
+        await _Worker(name, client, tally).work_until(end)
+
+
+async def _watch_memory(process: psutil.Process, tally: _Tally) -> None:
+    started = time.monotonic()
+    while True:
+        tally.memory.append((time.monotonic() - started, process.memory_info().rss / 1024**2))
+        await anyio.sleep(_SAMPLE_S)
+
+
+def settled(memory: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """What was measured after the warm-up."""
+    begin_s = memory[-1][0] * _WARM_UP_SHARE
+    return [sample for sample in memory if sample[0] >= begin_s]
+
+
+def slope_per_h(memory: list[tuple[float, float]]) -> float:
+    """Growth of memory after the warm-up in MB an hour, by least squares."""
+    import numpy as np
+
+    times_s, sizes_mb = np.array(settled(memory)).T
+    slope_mb_per_s = float(np.polyfit(times_s, sizes_mb, 1)[0]) if len(times_s) > 1 else 0.0
+    return round(slope_mb_per_s * 3600.0, 2)

@@ -1,0 +1,46 @@
+"""``make bench-serve``: its parts, the slope that it tells, and the real server with what the official suite calls."""
+
+from pathlib import Path
+
+import pytest
+from mcp import Client
+
+from plannerforge.evals.serve.__main__ import PARTS
+from plannerforge.evals.serve.conformance_server import add_fixtures
+from plannerforge.evals.serve.http_load import settled, slope_per_h
+from plannerforge.server.assembly import create_server
+from plannerforge.server.settings import Settings
+
+
+def test_every_part_is_there_and_chosen_by_its_keys() -> None:
+    assert [part for part in PARTS.keys if PARTS.find(part) is None] == []
+    assert PARTS.chosen(["http_ms"]) == ("latency",)
+    assert PARTS.chosen(["conformance", "http_errors"]) == ("http_load", "conformance")
+
+
+def test_slope_of_memory_is_told_of_what_comes_after_the_warm_up() -> None:
+    rising = [(float(second), 100.0 + second / 36.0) for second in range(0, 600, 2)]
+    filling = [(second, 20.0 if second < 150 else 200.0) for second, _ in rising]
+    assert slope_per_h(rising) == pytest.approx(100.0)
+    assert slope_per_h(filling) == 0.0
+    assert settled(rising)[0][0] >= 598 / 3
+
+
+@pytest.mark.anyio
+@pytest.mark.usefixtures("warm_workers")
+async def test_fixtures_of_the_suite_stand_beside_the_server_s_own(
+    settings: Settings, era: str, tmp_path: Path
+) -> None:
+    server = create_server(settings, start_folder=tmp_path)
+    add_fixtures(server)
+    async with Client(server, mode=era) as client:  # type: ignore[arg-type]
+        tools = {tool.name for tool in (await client.list_tools()).tools}
+        said = await client.call_tool("test_simple_text", {})
+        own = await client.call_tool("list_artifacts", {})
+        prompts = {prompt.name for prompt in (await client.list_prompts()).prompts}
+        (resource,) = (await client.read_resource("test://static-text")).contents
+    assert {"test_simple_text", "run_planner"} <= tools
+    assert {"test_simple_prompt", "generation"} <= prompts
+    assert said.content[0].text == "This is a simple text response for testing."  # type: ignore[union-attr]
+    assert own.structured_content == {"artifacts": [], "more": False}
+    assert "static text resource" in resource.text  # type: ignore[union-attr]
