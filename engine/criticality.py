@@ -84,12 +84,12 @@ def drive_criticality(ego: Track, moving: Iterable[Track], standing: Iterable[Tr
         return _Criticality()
     gaps = gaps_m(met)
     times = times_to_collision_s(met.ego, met.other)
-    ahead = gaps_ahead_m(ego, met)
+    ahead = ahead_of(ego, met).gaps_m
     return _Criticality(
         minimum_distance_m=float(gaps.min()),
         minimum_time_to_collision_s=_least(times),
-        minimum_time_headway_s=_least(_times_s(ahead + met.other.sizes_m[:, 0], met)),
-        minimum_time_gap_s=_least(_times_s(ahead, met)),
+        minimum_time_headway_s=_least(driving_times_s(ahead + met.other.sizes_m[:, 0], met)),
+        minimum_time_gap_s=_least(driving_times_s(ahead, met)),
         risk_score=int(risk_scores(gaps, times).min()),
     )
 
@@ -174,7 +174,7 @@ def gaps_m(met: _Encounters) -> Values:
     return gaps
 
 
-def _times_s(ahead_m: Values, met: _Encounters) -> Values:
+def driving_times_s(ahead_m: Values, met: _Encounters) -> Values:
     """Seconds in which the ego at its speed drives so far; infinite while it stands.
 
     Time headway as in Vogel 2003 (a comparison of headway and time to collision) is that from front to front, the time
@@ -185,8 +185,20 @@ def _times_s(ahead_m: Values, met: _Encounters) -> Values:
     return np.where(moving & np.isfinite(ahead_m), times, np.inf)
 
 
-def gaps_ahead_m(ego: Track, met: _Encounters) -> Values:
-    """How far ahead along the ego's path others are, from its front to their rear; infinite for all who are not ahead.
+@dataclass(frozen=True)
+class _Ahead:
+    """Others along the ego's path, a value a pair: ``gaps_m`` from its front to their rear, infinite for all not ahead.
+
+    ``speeds_mps``: theirs along the path; ``aside_m``: how far their centres are from it.
+    """
+
+    gaps_m: Values
+    speeds_mps: Values
+    aside_m: Values
+
+
+def ahead_of(ego: Track, met: _Encounters) -> _Ahead:
+    """How far ahead along the ego's path others are, and how fast they move along it.
 
     The path is what the ego drove from then on, straight on behind its end; a vehicle is ahead when it is on that path
     (sideways overlap of the bodies) and heads within 45° of it.
@@ -196,10 +208,10 @@ def gaps_ahead_m(ego: Track, met: _Encounters) -> Values:
     stations = arc_length(path)
     station, distance, heading = _on_path(path, stations, met)
     on_it = distance < (met.ego.sizes_m[:, 1] + met.other.sizes_m[:, 1]) / 2
-    along = np.abs(wrap_angles(met.other.headings_rad - heading)) < SAME_DIRECTION_RAD
-    in_front = (station - stations[met.state] > _BESIDE_M) & on_it & along
+    turned = wrap_angles(met.other.headings_rad - heading)
+    in_front = (station - stations[met.state] > _BESIDE_M) & on_it & (np.abs(turned) < SAME_DIRECTION_RAD)
     gap = station - stations[met.state] - (met.other.sizes_m[:, 0] + met.ego.sizes_m[:, 0]) / 2
-    return np.where(in_front, gap, np.inf)
+    return _Ahead(np.where(in_front, gap, np.inf), met.other.speeds_mps * np.cos(turned), distance)
 
 
 def risk_scores(gaps_m: Values, times_to_collision: Values) -> NDArray[np.intp]:

@@ -9,7 +9,7 @@ from pydantic import Field
 from .base import LONGEST_PATH, Answer, Arguments, Model, Result, first_of
 from .planning import PlannerConfiguration
 from .results import Rate
-from .runs import LostCell, Prediction, RunRecord, Traffic
+from .runs import LostCell, Prediction, RunRecord, ScenarioSource, Traffic
 from .text import counted
 
 ExportFormat = Literal[
@@ -210,9 +210,11 @@ class SolutionRequest(Model):
 
 
 class RunTableRequest(Model):
-    """The cells of a batch that are to be written as a table."""
+    """The cells of a batch that are to be written as a table; with steps and scenarios, all measures are computed."""
 
     records: tuple[RunRecord, ...]
+    steps_paths: dict[str, str] = Field(default_factory=dict, description="by run id")
+    scenarios: tuple[ScenarioSource, ...] = ()
     lost: tuple[LostCell, ...]
     configurations: tuple[PlannerConfiguration, ...]
     form: Literal["csv", "parquet"]

@@ -1,11 +1,12 @@
 """Analysis of planner runs: arguments, results and the figures they are made of; the answer's text at the end."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result
+from .measures import MeasuredValue, MeasureSpread, measure_named, metric_words
 from .runs import (
     Contact,
     ContactKind,
@@ -26,7 +27,7 @@ from .runs import (
 Breakdown = Literal[
     "none", "planner", "config", "prediction", "country", "scenario", "obstacle_count", "obstacle_class"
 ]
-AnalysisDetail = Literal["summary", "findings", "costs", "rows", "timeline", "rules"]
+AnalysisDetail = Literal["summary", "findings", "costs", "rows", "timeline", "rules", "measures"]
 if TYPE_CHECKING:
     MetricName = str
 else:
@@ -323,7 +324,7 @@ class TimelineStep(Model):
 
 
 class AnalyzeResultsArguments(Arguments):
-    """Rates, failure modes, costs, criticality, traffic rules, findings with run ids; of one run the timeline. A against B: compare_results."""  # noqa: E501 - the text that the model reads
+    """Rates, failure modes, costs, measures, traffic rules, findings; of one run the timeline. A against B: compare_results."""  # noqa: E501 - the text that the model reads
 
     results: list[str] = Field(
         ["latest"],
@@ -378,6 +379,8 @@ class AnalyzeResultsResult(Result):
     timeline: tuple[TimelineStep, ...] = ()
     timeline_of: Literal["end", "moment", "window"] = Field("end", description="window: that of where=time_s=…")
     review: RunReview | None = None
+    measures: tuple[MeasuredValue, ...] = Field((), description="of a single run, detail=measures")
+    spreads: tuple[MeasureSpread, ...] = Field((), description="of several runs, detail=measures")
     causes: CollisionCauses | None = None
     trivial: TrivialGoals | None = None
     beyond_vehicle: BeyondVehicle | None = None
@@ -391,23 +394,6 @@ class AnalyzeResultsResult(Result):
         return _one_run(self) if self.runs == 1 and self.rows else _several_runs(self)
 
 
-_WORDS = {
-    "minimum_distance_m": "minimum distance",
-    "minimum_time_to_collision_s": "time to collision",
-    "minimum_time_headway_s": "time headway",
-    "minimum_time_gap_s": "time gap",
-    "risk_score": "risk score (0 a collision, 5 negligible)",
-    "duration_s": "duration",
-    "distance_m": "distance driven",
-    "mean_speed_mps": "mean speed",
-    "maximum_jerk_mps3": "largest jerk",
-    "mean_squared_jerk": "mean squared jerk",
-    "maximum_planar_jerk_mps3": "largest planar jerk",
-    "maximum_braking_mps2": "hardest braking",
-    "maximum_steering_rate_radps": "fastest steering",
-    "maximum_lateral_acceleration_mps2": "largest lateral acceleration",
-    "mean_total_cost": "mean total cost",
-}
 _LARGEST = {
     "jerk": "maximum_jerk_mps3",
     "braking": "maximum_braking_mps2",
@@ -416,11 +402,6 @@ _LARGEST = {
 """Metrics that stand among the largest motions, by their names there."""
 _SHOWN_FINDINGS, _SHOWN_EXCESSES, _SHOWN_INVALID, _SHOWN_RULES = 2, 2, 2, 3
 """Entries of the brief answer (chosen)."""
-
-
-def metric_words(name: str) -> str:
-    """The metric's name as people say it."""
-    return _WORDS.get(name, name)
 
 
 def with_unit(text: str, unit: str) -> str:
@@ -448,7 +429,8 @@ def _one_run(result: AnalyzeResultsResult) -> Answer:
         warnings += [f"traffic rules broken: {words}{rest}."] if broken else []
     if row.beyond_vehicle:
         warnings.append(f"{excesses_in_words(row.beyond_vehicle)}.")
-    listed = [*_groups(result), *_timeline(result), *_correlations(result), *_rules(result)]
+    listed = [*_groups(result), *_timeline(result), *_measured(result.measures), *_correlations(result)]
+    listed += _rules(result)
     if result.detail == "costs":
         listed += _costs(result)
     listed += [*(_finding_text(finding) for finding in _stated(result)), *_no_suggestion(result)]
@@ -513,7 +495,7 @@ def _several_runs(result: AnalyzeResultsResult) -> Answer:
     figures += [part.in_words() for part in told if part is not None]
     if result.detail == "summary":
         figures += _metrics(result)
-    listed = [*_rows(result), *_groups(result), *_rules(result)]
+    listed = [*_rows(result), *_spreads(result.spreads), *_groups(result), *_rules(result)]
     if result.detail == "costs":
         listed += _costs(result)
     listed += _correlations(result)
@@ -686,6 +668,53 @@ def _timeline(result: AnalyzeResultsResult) -> list[str]:
         lines.append(f"- {step.time_s:.1f} s: {step.speed_mps:.1f} m/s, {step.acceleration_mps2:+.1f} m/s²{gap}{cost}")
     of = {"end": "Before the end", "moment": "Around the most critical moment", "window": "In the span asked for"}
     return [f"{of[result.timeline_of]}:", *lines] if lines else []
+
+
+def _measured(measures: Sequence[MeasuredValue]) -> list[str]:
+    """A line a measure of one run, with the other, its relation and the moment; what there is not in one, by reason."""
+    lines, absent = list[str](), dict[str, list[str]]()
+    for one in measures:
+        if one.value is None:
+            absent.setdefault(one.why, []).append(_short_words(one.name))
+        else:
+            beside = [one.partner, "" if one.time_s is None else f"at {one.time_s:.1f} s", one.note]
+            lines.append(f"- {_short_words(one.name)} {measured_figure(one)}{_behind_colon(beside)}")
+    lines += [f"- none: {', '.join(names)}: {why}" for why, names in absent.items()]
+    return ["Measures (docs/measures.md):", *lines] if lines else []
+
+
+def _behind_colon(parts: Iterable[str]) -> str:
+    told = ", ".join(part for part in parts if part)
+    return f": {told}" if told else ""
+
+
+def _spreads(spreads: Sequence[MeasureSpread]) -> list[str]:
+    """A line a measure of several runs: median, range, and the run in which it is worst."""
+    lines, absent = list[str](), dict[str, list[str]]()
+    for one in spreads:
+        known = measure_named(one.name)
+        if not one.runs or known is None:
+            absent.setdefault(one.why, []).append(_short_words(one.name))
+            continue
+        spread = "" if one.lowest == one.highest else f" ({figure(one.lowest)}–{figure(one.highest)})"
+        span = with_unit(f"{figure(one.median)}{spread}", known.unit)
+        beside = "" if one.worst is None else one.worst.partner
+        worst = f"; {one.worst_run_id}{f' {beside}' if beside else ''}" if one.worst_run_id else ""
+        lines.append(f"- {_short_words(one.name)} {span}, n={one.runs}{worst}")
+    lines += [f"- none: {', '.join(names)}: {why}" for why, names in absent.items()]
+    return ["Measures, median (range), and the worst run (docs/measures.md):", *lines] if lines else []
+
+
+def _short_words(name: str) -> str:
+    """The abbreviation of the field where there is one, else the name without what is explained behind it."""
+    known = measure_named(name)
+    return metric_words(name).partition(" (")[0] if known is None or not known.abbreviation else known.abbreviation
+
+
+def measured_figure(one: MeasuredValue) -> str:
+    """A measured value with its unit; a dash where there is none."""
+    known = measure_named(one.name)
+    return figure(one.value) if known is None or one.value is None else with_unit(figure(one.value), known.unit)
 
 
 _ONE_PERCENT = 0.01

@@ -15,7 +15,7 @@ from ..schemas.errors import NotPossible, PlannerForgeError, UnexpectedFailure, 
 from ..schemas.text import printable
 from ..tools.call import ImageAnswer, Question, ToolCall
 from ..tools.registry import ToolSpec
-from .argument_errors import read_arguments
+from .arguments.checking import read_arguments
 
 logger = logging.getLogger(__name__)
 LONGEST_ANSWER = 400_000

@@ -10,7 +10,7 @@ What a test puts into a registry is what you write into the source; the function
 - a planner: its class, its line in ``PLANNERS`` (``engine/planners/registry.py``), its ``PlannerTuning`` in
   ``TUNINGS`` (``engine/tuning/tunings.py``)
 - a metric of a run: its figure (``engine/planners/runs.py``), its field in ``RunMetrics`` (``schemas/runs.py``), its
-  line in ``METRICS`` (``engine/analysis/run_set.py``)
+  definition in ``MEASURES`` (``schemas/measures.py``), of which ``METRICS`` is made
 - a finding: its function and its place in ``FINDINGS`` (``engine/analysis/findings.py``)
 - a rule for road networks: a function under ``@rule`` in a module of ``engine/network/rules``
 - a map source: its reader, its line in ``MAP_READERS`` (``engine/maps/map_file.py``), its ending in ``MAP_ENDINGS``

@@ -28,6 +28,7 @@ from ..schemas.artifacts import (
     SolutionRequest,
 )
 from ..schemas.errors import Faults, InvalidRequest, NotPossible
+from ..schemas.measures import MeasuredValue
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.rendering import PictureKind, ReportRequest, ReportSection, ReportWritten
 from ..schemas.results import AnalyzeResultsArguments, AnalyzeResultsResult
@@ -38,7 +39,7 @@ from .analysis.tool import analyze_results, compare_results
 from .call import ToolCall
 from .operations import WRITE_OPENDRIVE, WRITE_OPENSCENARIO, WRITE_REPORT, WRITE_RUN_TABLE, WRITE_SOLUTION
 from .rendering import draw, named_artifact
-from .results import run_sources
+from .results import run_sources, scenario_sources
 
 _FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "goal_late", "goal_early")
 """Outcomes whose run a report shows first, whatever the order: any of them is a failure of the planner."""
@@ -139,8 +140,11 @@ def _solution(call: ToolCall, export: Export, target: Path) -> SolutionRequest:
 
 def _table(call: ToolCall, export: Export, target: Path) -> RunTableRequest:
     batch = export.artifact.read(BatchRecord)
+    runs = run_sources(batch.runs, call)
     return RunTableRequest(
-        records=tuple(call.workspace.get(run_id, "run").read(RunRecord) for run_id in batch.runs),
+        records=tuple(run.record for run in runs),
+        steps_paths={run.record.run_id: run.steps_path for run in runs if run.steps_path is not None},
+        scenarios=scenario_sources((run.record.scenario_id for run in runs), call),
         lost=batch.lost,
         configurations=tuple(call.workspace.get(key, "config").read(PlannerConfiguration) for key in batch.configs),
         form="csv" if export.format == "csv" else "parquet",
@@ -208,8 +212,17 @@ async def _batch(call: ToolCall, artifact: Artifact) -> list[ReportSection]:
     shown = _telling(runs, whole)
     together = [run.record.run_id for run in runs if run.record.scenario_id == shown.scenario_id]
     looked_at = await analyze_results(AnalyzeResultsArguments(results=[shown.run_id]), call)
-    detail = await _illustrated(run_section(shown, looked_at), call, [shown.run_id], _OF_ONE)
+    told = run_section(shown, looked_at, await _measures(call, shown))
+    detail = await _illustrated(told, call, [shown.run_id], _OF_ONE)
     return [*sections, await _illustrated(detail, call, together, _BESIDE), listed]
+
+
+async def _measures(call: ToolCall, record: RunRecord) -> Sequence[MeasuredValue]:
+    """What was measured of a run; nothing of one that could not be attempted."""
+    if record.outcome == "invalid":
+        return ()
+    asked = AnalyzeResultsArguments(results=[record.run_id], detail="measures")
+    return (await analyze_results(asked, call)).measures
 
 
 _OF_ALL: dict[PictureKind, str] = {

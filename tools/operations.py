@@ -94,7 +94,9 @@ RUN_PLANNER = Operation(
     "plannerforge.engine.planners:run_planner", RunRequest, RunResponse, timeout_s=120.0, reads=("scenario_path",)
 )
 WRITE_SOLUTION = Operation("plannerforge.engine.planners:write_solution", SolutionRequest, FileWritten)
-WRITE_RUN_TABLE = Operation("plannerforge.engine.analysis:write_run_table", RunTableRequest, FileWritten)
+WRITE_RUN_TABLE = Operation(
+    "plannerforge.engine.analysis:write_run_table", RunTableRequest, FileWritten, timeout_s=1800.0
+)
 ANALYSE = Operation("plannerforge.engine.analysis:analyse", AnalyseRequest, AnalyzeResultsResult, timeout_s=50.0)
 SUCCESS_RATES = Operation("plannerforge.engine.analysis:success_rates", SuccessRequest, SuccessRates, timeout_s=50.0)
 REVIEW_RUNS = Operation("plannerforge.engine.analysis:review_runs", ReviewRequest, ReviewResponse, timeout_s=50.0)

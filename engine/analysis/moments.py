@@ -31,7 +31,7 @@ from ...schemas.runs import (
     RunSteps,
 )
 from ..commonroad import Track, kept_recording, static_tracks
-from ..criticality import encounters, gaps_ahead_m, gaps_m, times_to_collision_s
+from ..criticality import ahead_of, encounters, gaps_m, times_to_collision_s
 from ..execution import ProgressReporter
 from ..geometry import Points, Values, oriented_rectangle, wrap_angle, wrap_angles
 from ..planners import Predictor, predictor
@@ -59,7 +59,7 @@ _LAST_STATES, _AROUND_M, _CLOSED_GAP_M = 40, 80.0, 0.1
 """Chosen: road that is looked at around the last states of a run, and how far lanelets of real maps lie apart."""
 _HELD_UP_S, _SLOWER = 3.0, 0.9
 """Chosen: a vehicle ahead within 3 s that is a tenth slower than the ego began decides how fast the ego can be."""
-_AGREES_M = 1e-3
+AGREES_M = 1e-3
 """A closest gap that differs by more from the run's own metric is one that the tracks here do not show."""
 
 
@@ -168,16 +168,7 @@ class _Drive:
         network: "LaneletNetwork | None" = None,
     ) -> None:
         self._record, self._tracks, self._predict, self._network = record, tracks, predict, network
-        self._ego = Track(
-            obstacle_id=-1,
-            kind="car",
-            length_m=record.ego_length_m,
-            width_m=record.ego_width_m,
-            first_step=steps.first_step,
-            positions=np.column_stack([steps.x_m, steps.y_m]),
-            headings_rad=np.asarray(steps.heading_rad, dtype=float),
-            speeds_mps=np.asarray(steps.speed_mps, dtype=float),
-        )
+        self._ego = ego_track(record, steps)
         turn = wrap_angles(np.diff(self._ego.headings_rad))
         self.motion = _Motion(
             step_s=record.step_s,
@@ -226,7 +217,7 @@ class _Drive:
                 obstacle_class=other.kind,
                 gap_m=float(gaps[pair]),
                 side=side,
-                direction=_relative_heading(self._ego, index, other, at),
+                direction=relative_heading(self._ego, index, other, at),
                 ego_speed_mps=float(self._ego.speeds_mps[index]),
                 other_speed_mps=float(other.speeds_mps[at]),
                 time_to_collision_s=float(times[pair]) if np.isfinite(times[pair]) else None,
@@ -234,7 +225,7 @@ class _Drive:
 
         order = np.lexsort((met.state, np.round(gaps, 9)))
         known = self._record.metrics.minimum_distance_m if self._record.metrics is not None else None
-        shown = known is not None and abs(float(gaps[order[0]]) - known) < _AGREES_M
+        shown = known is not None and abs(float(gaps[order[0]]) - known) < AGREES_M
         urgent = int(np.lexsort((met.state, np.round(times, 9)))[0])
         return (
             moment(int(order[0])) if shown else None,
@@ -338,7 +329,7 @@ class _Drive:
         if not len(met.state):
             return 0.0
         wanted = float(self._ego.speeds_mps[0])
-        ahead = gaps_ahead_m(self._ego, met)
+        ahead = ahead_of(self._ego, met).gaps_m
         slows = (ahead < _HELD_UP_S * wanted) & (met.other.speeds_mps < _SLOWER * wanted)
         return len(np.unique(met.state[slows])) / len(self._ego.positions)
 
@@ -350,7 +341,7 @@ class _Drive:
         other_stands = other.speeds_mps[at] < _STANDING_MPS
         if ego_stands != other_stands:
             return ("onto_standing_ego" if ego_stands else "into_standing"), None
-        heading = _relative_heading(self._ego, index, other, at)
+        heading = relative_heading(self._ego, index, other, at)
         if heading != "same":
             return heading, None
         if sides[0] == "rear" or (sides[1] == "front" and sides[0] != "front"):
@@ -406,6 +397,20 @@ class _Drive:
         return tuple(sorted(touched))
 
 
+def ego_track(record: RunRecord, steps: RunSteps) -> Track:
+    """The driven states as a track with the ego's size; its id is of no obstacle."""
+    return Track(
+        obstacle_id=-1,
+        kind="car",
+        length_m=record.ego_length_m,
+        width_m=record.ego_width_m,
+        first_step=steps.first_step,
+        positions=np.column_stack([steps.x_m, steps.y_m]),
+        headings_rad=np.asarray(steps.heading_rad, dtype=float),
+        speeds_mps=np.asarray(steps.speed_mps, dtype=float),
+    )
+
+
 def _along(heading_rad: float) -> Points:
     direction: Points = np.array([math.cos(heading_rad), math.sin(heading_rad)])
     return direction
@@ -416,17 +421,18 @@ def _velocity(track: Track, index: int) -> Points:
     return velocity
 
 
-def _relative_heading(ego: Track, index: int, other: Track, at: int) -> RelativeHeading:
+def relative_heading(ego: Track, index: int, other: Track, at: int) -> RelativeHeading:
+    """How another heads at one of its states, seen from one of the ego's."""
     turned = abs(wrap_angle(float(other.headings_rad[at]) - float(ego.headings_rad[index])))
     return "same" if turned <= _SAME_RAD else "oncoming" if turned >= _AGAINST_RAD else "crossing"
 
 
 def _sides_of_approach(ego: Track, index: int, other: Track, at: int) -> tuple[BodySide, BodySide]:
     """On which side of the ego the other is, and on which side of the other the ego is."""
-    return _side_of(ego, index, other.corners_at(at)), _side_of(other, at, ego.corners_at(index))
+    return side_of(ego, index, other.corners_at(at)), side_of(other, at, ego.corners_at(index))
 
 
-def _side_of(body: Track, index: int, corners: Points) -> BodySide:
+def side_of(body: Track, index: int, corners: Points) -> BodySide:
     """The side of a body beyond which another lies farthest: of the four gaps along its axes the largest."""
     along = _along(float(body.headings_rad[index]))
     away = corners - body.positions[index]

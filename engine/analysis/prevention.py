@@ -238,7 +238,8 @@ class _Encounter:
         """The step at which an ego of RSS brakes; None: not before the collision."""
         for place in self._places_before:
             own = self._own_mps(place)
-            if self._is_in_way(place) and self._gap_m(place) < _safe_distance_m(own, place.along_mps):
+            safe = safe_distance_m(np.array([own]), np.array([place.along_mps]))
+            if self._is_in_way(place) and self._gap_m(place) < safe[0]:
                 return place.step + round(RSS_RESPONSE_S / self.step_s)
         return None
 
@@ -405,8 +406,9 @@ def _share_between(value: float, none: float, all_: float) -> float:
     return float(value < all_) if none <= all_ else float(np.clip((none - value) / (none - all_), 0.0, 1.0))
 
 
-def _safe_distance_m(rear_mps: float, front_mps: float) -> float:
-    """RSS, definition 1, without acceleration during the response (an ego that keeps its speed)."""
+def safe_distance_m(rear_mps: Values, front_mps: Values) -> Values:
+    """RSS, definition 1, without acceleration during the response (an ego that keeps its speed); shapes (n,)."""
     response = rear_mps * RSS_RESPONSE_S
-    braking = rear_mps**2 / (2 * RSS_OWN_MPS2) - max(front_mps, 0.0) ** 2 / (2 * RSS_FRONT_MPS2)
-    return max(response + braking, 0.0)
+    braking = rear_mps**2 / (2 * RSS_OWN_MPS2) - np.maximum(front_mps, 0.0) ** 2 / (2 * RSS_FRONT_MPS2)
+    distance: Values = np.maximum(response + braking, 0.0)
+    return distance

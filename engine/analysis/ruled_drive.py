@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...schemas.runs import RunRecord, RunSteps
 from ..commonroad import Track, limits_mps, signs_of
-from ..criticality import encounters, gaps_ahead_m, times_to_collision_s
+from ..criticality import ahead_of, encounters, times_to_collision_s
 from ..geometry import Points, Values, arc_length, headings, project_all, wrap_angles
 
 if TYPE_CHECKING:
@@ -179,7 +179,7 @@ class RuledDrive:
         met = encounters(self.ego, tracks)
         if not len(met.state):
             return ()
-        gaps, times = gaps_ahead_m(self.path, met), times_to_collision_s(met.ego, met.other)
+        gaps, times = ahead_of(self.path, met).gaps_m, times_to_collision_s(met.ego, met.other)
         found = []
         for number in np.unique(met.track):
             pairs = np.flatnonzero(met.track == number)

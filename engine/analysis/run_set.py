@@ -13,9 +13,12 @@ from typing import Literal, TypeVar
 import numpy as np
 
 from ...schemas.errors import ResourceFailure
+from ...schemas.measures import MEASURES, Basis
+from ...schemas.planning import PlannerSettings
 from ...schemas.results import ConfigWeights, CostShare, MetricName, Rate
 from ...schemas.runs import Lineage, RunRecord, RunSource, RunSteps, ScenarioSource
 from ..commonroad import Track
+from ..vehicles import VehicleParameters, vehicle_of
 from .statistics import rate_by_scenario
 
 _Name = TypeVar("_Name", bound=str)
@@ -105,6 +108,12 @@ class RunSet:
         """The weights of a configuration by name; empty where it is unknown."""
         return next((config.weights for config in self.configs if config.config_id == config_id), {})
 
+    def vehicle(self, record: RunRecord) -> VehicleParameters:
+        """The ego's vehicle, by its configuration where that is known; CommonRoad's vehicle 2 elsewhere."""
+        settings = next((config.settings for config in self.configs if config.config_id == record.config_id), {})
+        vehicle = vehicle_of(PlannerSettings.model_validate(settings))
+        return replace(vehicle, length_m=record.ego_length_m, width_m=record.ego_width_m)
+
     def by_config(self, records: Iterable[RunRecord]) -> dict[str, list[RunRecord]]:
         """The records by configuration id, in order of appearance."""
         groups: dict[str, list[RunRecord]] = {}
@@ -157,21 +166,15 @@ _NOISE = 1e-9
 
 @dataclass(frozen=True)
 class MetricSpec:
-    """One metric of a run: unit, which direction is better, and over which runs it may be compared.
-
-    ``basis``: a run that ends in a collision is short and never brakes for its goal, so progress and comfort are
-    compared only where both runs reached the goal; nearness to others counts in every valid run.
-    ``within_one_configuration``: the figure depends on the weights, so it means nothing across configurations.
-    ``tolerance``: two values that differ by no more are equal: a hundredth of what is commonly told apart, and less
-    than positions written with centimetres leave open.
-    """
+    """One metric of a run: a stored measure as ``schemas/measures.py`` defines it; ``why_none``: why there is none."""
 
     name: MetricName
     unit: str
     better: Literal["lower", "higher"] | None
-    basis: Literal["valid", "both_reached_goal"]
+    basis: Basis
     within_one_configuration: bool = False
     tolerance: float = 0.0
+    why_none: str = ""
 
     def difference(self, before: float, after: float) -> float:
         """After − before; 0 where that is no more than the tolerance, or than what rounding leaves."""
@@ -184,24 +187,12 @@ class MetricSpec:
         return value
 
 
-METRICS: tuple[MetricSpec, ...] = (
-    MetricSpec("minimum_distance_m", "m", "higher", "valid", tolerance=0.01),
-    MetricSpec("minimum_time_to_collision_s", "s", "higher", "valid", tolerance=0.01),
-    MetricSpec("minimum_time_headway_s", "s", "higher", "valid", tolerance=0.01),
-    MetricSpec("minimum_time_gap_s", "s", "higher", "valid", tolerance=0.01),
-    MetricSpec("risk_score", "of 5", "higher", "valid"),
-    MetricSpec("duration_s", "s", "lower", "both_reached_goal", tolerance=0.01),
-    MetricSpec("distance_m", "m", None, "both_reached_goal", tolerance=0.01),
-    MetricSpec("mean_speed_mps", "m/s", None, "both_reached_goal", tolerance=0.01),
-    MetricSpec("maximum_jerk_mps3", "m/s³", "lower", "both_reached_goal", tolerance=0.01),
-    MetricSpec("mean_squared_jerk", "m²/s⁶", "lower", "both_reached_goal", tolerance=0.01),
-    MetricSpec("maximum_planar_jerk_mps3", "m/s³", "lower", "both_reached_goal", tolerance=0.01),
-    MetricSpec("maximum_braking_mps2", "m/s²", "lower", "both_reached_goal", tolerance=0.01),
-    MetricSpec("maximum_lateral_acceleration_mps2", "m/s²", "lower", "both_reached_goal", tolerance=0.01),
-    MetricSpec("maximum_steering_rate_radps", "rad/s", "lower", "both_reached_goal", tolerance=0.001),
-    MetricSpec("mean_total_cost", "1", "lower", "both_reached_goal", within_one_configuration=True),
+METRICS: tuple[MetricSpec, ...] = tuple(
+    MetricSpec(one.name, one.unit, one.better, one.basis, one.within_one_configuration, one.tolerance, one.none)
+    for one in MEASURES
+    if one.stored
 )
-"""The metrics in the order in which they are shown: one line for each field of ``RunMetrics``."""
+"""The stored measures in the order in which they are shown: one for each field of ``RunMetrics``."""
 
 
 def cost_shares(runs: RunSet) -> tuple[CostShare, ...]:

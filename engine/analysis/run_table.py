@@ -1,30 +1,38 @@
 """The runs of a batch as a table: CSV for people, Parquet for notebooks.
 
-One row a cell. A cell without a run has the outcome ``lost`` and the error as its reason, so that nothing is missing
-from the table without being said.
+One row a cell: what is stored of a run, its measures, weights and settings. A cell without a run has the outcome
+``lost`` and the error as its reason, so that nothing is missing from the table without being said.
 """
 
 import csv
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
 
 from ...schemas.artifacts import FileWritten, RunTableRequest
+from ...schemas.measures import MEASURES
 from ...schemas.planning import PlannerConfiguration, PlannerSettings
-from ...schemas.runs import CollisionRecord, LostCell, RunMetrics, RunRecord
+from ...schemas.results import ConfigWeights
+from ...schemas.runs import CollisionRecord, LostCell, RunMetrics, RunRecord, RunSource
 from ..execution import ProgressReporter
+from .measures import measures_of
+from .run_set import RunSet
 
 Value = str | int | float | None
+_MEASURED = tuple(f"measure_{one.name}" for one in MEASURES if not one.stored)
 _PARTS: dict[str, type[BaseModel]] = {"collision": CollisionRecord, "metrics": RunMetrics}
 
 
 def write_run_table(request: RunTableRequest, report: ProgressReporter) -> FileWritten:
     """Write the table of a batch to the request's path."""
-    kinds = _record_columns() | _tuning_columns(request.configurations)
+    kinds = _record_columns() | dict.fromkeys(_MEASURED, float) | _tuning_columns(request.configurations)
     rows = _run_rows(request.records, request.lost, request.configurations)
+    for number, (row, measured) in enumerate(zip(rows, _measured(request), strict=False)):
+        row.update(measured)
+        report((number + 1) / len(rows), str(row["run_id"]))
     target = Path(request.target_path)
     if request.form == "csv":
         _write_csv(rows, list(kinds), target)
@@ -32,6 +40,24 @@ def write_run_table(request: RunTableRequest, report: ProgressReporter) -> FileW
         _write_parquet(rows, kinds, target)
     report(1.0, f"{len(rows)} rows written")
     return FileWritten(path=request.target_path)
+
+
+def _measured(request: RunTableRequest) -> Iterator[dict[str, Value]]:
+    """What was not stored with each run, in their order, and is computed from its steps; None where there is none."""
+    known = {configuration.config_id: configuration for configuration in request.configurations}
+    for record in request.records:
+        configuration = known.get(record.config_id)
+        settings = {} if configuration is None else configuration.settings.model_dump(exclude_defaults=True)
+        weights = ConfigWeights(
+            config_id=record.config_id, name="", planner=record.planner, weights={}, settings=settings
+        )
+        source = RunSource(record=record, steps_path=request.steps_paths.get(record.run_id))
+        runs = RunSet((source,), (weights,), request.scenarios)
+        yield {
+            f"measure_{one.name}": one.value
+            for one in (measures_of(runs, record) if source.steps_path is not None else ())
+            if f"measure_{one.name}" in _MEASURED
+        }
 
 
 def _run_rows(

@@ -25,11 +25,12 @@ from ...schemas.results import (
 )
 from ...schemas.runs import Encounter, Outcome, RunRecord, RunReview
 from ..commonroad import parse_benchmark_id
-from ..execution import ProgressReporter
+from ..execution import ProgressReporter, silent
 from .causes import beyond_vehicle, collision_causes, trivial_goals
 from .correlations import correlations
 from .filters import matching, window_of
 from .findings import CRITICAL_TIME_TO_COLLISION_S, find_all
+from .measures import MOST_MEASURED, measure_spreads, measures_of
 from .moments import contact_of, review, timeline
 from .run_set import METRICS, RunSet, cost_shares, most_frequent_first
 from .traffic_rules import MOST_RUNS, rule_shares, rule_verdicts
@@ -54,6 +55,8 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
     if not runs.sources:
         raise NotPossible(f"no run meets {', '.join(request.where) or 'the request'}", next_step="drop a condition")
     detail: AnalysisDetail = request.detail
+    if detail == "measures" and not runs.valid:
+        raise NotPossible("none of the runs could be attempted, so there is nothing to measure")
     if window is not None and detail != "timeline":
         raise InvalidRequest("time_s narrows a timeline only", next_step="add detail=timeline, for one run")
     if detail == "timeline" and len(runs.sources) > 1:
@@ -100,6 +103,8 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         timeline=timeline(runs, runs.records[0], moment, window) if detail == "timeline" else (),
         timeline_of="window" if window is not None else "end" if moment is None else "moment",
         review=looked_at,
+        measures=measures_of(runs, runs.records[0]) if detail == "measures" and single else (),
+        spreads=measure_spreads(runs, silent) if detail == "measures" and not single else (),
         causes=collision_causes(runs) if summed else None,
         trivial=trivial_goals(runs) if summed else None,
         beyond_vehicle=beyond_vehicle(runs) if summed else None,
@@ -172,6 +177,8 @@ def _notes(
         notes.append(f"{_MOST_ROWS} of {len(runs.sources)} runs shown, failures first; narrow with where")
     if request.detail == "rules" and len(runs.valid) > MOST_RUNS:
         notes.append(f"traffic rules of the first {MOST_RUNS} of {len(runs.valid)} valid runs; narrow with where")
+    if request.detail == "measures" and len(runs.valid) > MOST_MEASURED:
+        notes.append(f"the first {MOST_MEASURED} of {len(runs.valid)} valid runs are measured; narrow with where")
     if group_count > _MOST_GROUPS:
         notes.append(f"{_MOST_GROUPS} of {group_count} groups shown; narrow with where")
     without = sum(record.run_id not in runs.steps for record in runs.valid) if request.detail == "costs" else 0
@@ -217,24 +224,10 @@ def _metric_summaries(runs: RunSet) -> tuple[MetricSummary, ...]:
     return tuple(summaries)
 
 
-_WHY_UNDEFINED: dict[str, str] = {
-    "minimum_distance_m": "no other came within 60 m",
-    "minimum_time_to_collision_s": "never on a course to a collision within 100 s",
-    "minimum_time_headway_s": "no vehicle ahead on the ego's way",
-    "minimum_time_gap_s": "no vehicle ahead on the ego's way",
-    "maximum_planar_jerk_mps3": "the run is of a version before it was measured",
-    "maximum_braking_mps2": "the run is of a version before it was measured",
-    "maximum_steering_rate_radps": "the run is of a version before it was measured",
-    "risk_score": "no other came within 60 m",
-    "mean_total_cost": "the planner has no costs, or planned nothing",
-}
-"""Why a run does not have a metric that others have."""
-
-
 def _undefined(runs: RunSet) -> tuple[UndefinedMetric, ...]:
     """The metrics that none of the valid runs has; empty without valid runs."""
-    absent = [spec.name for spec in METRICS if runs.valid and all(spec.value(record) is None for record in runs.valid)]
-    return tuple(UndefinedMetric(name=name, why=_WHY_UNDEFINED[name]) for name in absent if name in _WHY_UNDEFINED)
+    absent = [spec for spec in METRICS if runs.valid and all(spec.value(record) is None for record in runs.valid)]
+    return tuple(UndefinedMetric(name=spec.name, why=spec.why_none) for spec in absent)
 
 
 def _groups(runs: RunSet, breakdown: Breakdown) -> tuple[Group, ...]:

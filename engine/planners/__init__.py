@@ -11,6 +11,7 @@
 ``driven_poses``: The poses of a rear axle that drives scaled curvatures and speeds.
 ``motion_primitives``: The primitives to n ends at m times, and whether the network knows each.
 ``straight_lines``: Straight lines over the nodes between first and last values.
+``progress_to_goal``: The share of the reference path to the goal that positions came along; None without one.
 ``EgoState``: The ego at one time step: centre in m, heading in rad, speed, acceleration and yaw rate.
 ``Observation``: What a planner sees before it plans: the ego and the predicted obstacles.
 ``Plan``: The answer of a planner: a trajectory or None, with costs and what was rejected.
@@ -35,6 +36,7 @@
 ``run_planner``: An operation: runs a planner on one planning problem of a CommonRoad file.
 ``DrivenRun``: States, plans and verdict of a run.
 ``simulate``: The run of a planner on a planning problem, until the judge ends it.
+``steering_of``: The steering angle in rad at every state that the turns before and after it need on average.
 ``write_solution``: An operation: writes a run's trajectory as a CommonRoad solution file.
 ``Predictor``: A function that predicts one track.
 ``predictor``: The function that predicts one track on a network, by the name of a prediction.
@@ -54,6 +56,7 @@ if TYPE_CHECKING:
     from .external.found import Found, OwnPlanner, programs_named
     from .frenetix.costs import CandidateBatch, responsibility
     from .frenetix.planner import Frenetix
+    from .goal import progress_to_goal
     from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
     from .prediction import Predictor, predictor
     from .rbfn.network import (
@@ -79,7 +82,7 @@ if TYPE_CHECKING:
     )
     from .runs import run_planner
     from .simulation import DrivenRun, simulate
-    from .solution import write_solution
+    from .solution import steering_of, write_solution
     from .traffic.recorded import RecordedTraffic
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -18,11 +18,13 @@ from ..network import LaneletGraph
 from ..scene import find_route, start_lanelets
 from ..vehicles import VehicleParameters
 from .interface import EgoState
-from .reference_path import ReferencePath, build_reference_path
+from .reference_path import BEYOND_GOAL_M, ReferencePath, build_reference_path
 
 if TYPE_CHECKING:
     from commonroad.planning.goal import GoalRegion
+    from commonroad.planning.planning_problem import PlanningProblem
     from commonroad.scenario.lanelet import LaneletNetwork
+    from commonroad.scenario.scenario import Scenario
     from shapely.geometry.base import BaseGeometry
 
 _BEHIND_M = 0.5
@@ -318,6 +320,33 @@ def _distances_to(goal: Goal, ego: EgoState, reference: ReferencePath) -> tuple[
 
 def _outside(value: float, low: float, high: float) -> float:
     return max(low - value, value - high, 0.0)
+
+
+def progress_to_goal(
+    scenario: "Scenario", problem: "PlanningProblem", vehicle: VehicleParameters, positions: Points
+) -> float | None:
+    """The share of the reference path to the goal that positions (n, 2) of the centre came along, in 0 to 1.
+
+    None where the goal has no place, or no path leads to it.
+    """
+    ego, network = EgoState.of(problem.initial_state), scenario.lanelet_network
+    if not problem.goal.state_list:
+        return None
+    aim = select_goal_state(network, problem.goal, ego, vehicle, float(scenario.dt))
+    goal = Goal(aim)
+    if not goal.has_position:
+        return None
+    try:
+        path = path_to(goal, aim, network, ego, ahead_m=BEYOND_GOAL_M, beyond_m=BEYOND_GOAL_M).points
+    except NotPossible:
+        return None
+    stations = goal.stations_on(path)
+    if stations is None:
+        return None
+    start = project(path, ego.position)[0]
+    whole = stations[0] - start
+    reached = float(project_all(path, positions)[0].max()) - start
+    return 1.0 if whole <= 0 else min(max(reached / whole, 0.0), 1.0)
 
 
 class DesiredSpeed:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...schemas.errors import NotPossible
+from ...schemas.measures import metric_words
 from ...schemas.results import figure as in_figures
-from ...schemas.results import metric_words
 from ...schemas.runs import RunRecord
 from ..analysis import METRICS, MetricSpec, RunSet
 from ..geometry import Values

@@ -12,8 +12,9 @@ from pathlib import Path
 
 from ...schemas.analysis.comparison import CompareResultsResult, Comparison
 from ...schemas.errors import ResourceFailure, UnsafeInput
+from ...schemas.measures import MeasuredValue, measure_named, metric_words
 from ...schemas.rendering import RenderedImage, ReportImage, ReportRequest, ReportSection, ReportTable, ReportWritten
-from ...schemas.results import AnalyzeResultsResult, Group, Rate, figure, metric_words
+from ...schemas.results import AnalyzeResultsResult, Group, Rate, figure, measured_figure
 from ...schemas.runs import BatchRecord, RunMetrics, RunRecord, ending, excesses_in_words
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ..execution import ProgressReporter
@@ -195,7 +196,9 @@ def rules_section(result: AnalyzeResultsResult) -> ReportSection:
     )
 
 
-def run_section(record: RunRecord, analysis: AnalyzeResultsResult) -> ReportSection:
+def run_section(
+    record: RunRecord, analysis: AnalyzeResultsResult, measures: Sequence[MeasuredValue] = ()
+) -> ReportSection:
     """One run in detail: how it ended, how near others were, its largest motions, the traffic rules that it broke."""
     review, told = analysis.review, list[str]()
     if review is not None:
@@ -208,6 +211,28 @@ def run_section(record: RunRecord, analysis: AnalyzeResultsResult) -> ReportSect
         title=f"One run in detail: {record.run_id}",
         asked=f"{record.config_name} on {record.scenario_id}",
         text=(f"It ended so: {ending(record.outcome, record.reason, review)}.", *filter(None, told)),
+        tables=(_measured(measures),) if measures else (),
+    )
+
+
+MEASURED_CAPTION = "What was measured of it; the words are explained at the end"
+
+
+def _measured(measures: Sequence[MeasuredValue]) -> ReportTable:
+    """A row a measure: name, value or why there is none, with whom and when."""
+
+    def row(one: MeasuredValue) -> tuple[str, ...]:
+        known = measure_named(one.name)
+        words = metric_words(one.name).partition(" (")[0]
+        name = words if known is None or not known.abbreviation else f"{words} ({known.abbreviation})"
+        value = f"none: {one.why}" if one.value is None else measured_figure(one)
+        moment = "–" if one.time_s is None else f"{one.time_s:.1f} s"
+        return name, f"{value} ({one.note})" if one.note else value, one.partner or "–", moment
+
+    return ReportTable(
+        caption=MEASURED_CAPTION,
+        columns=("measure", "value", "with whom", "when"),
+        rows=tuple(row(one) for one in measures),
     )
 
 

@@ -3,8 +3,8 @@
 import re
 from collections.abc import Iterable, Sequence
 
+from ...schemas.measures import MEASURES, Measure
 from ...schemas.rendering import ReportSection
-from ...schemas.results import metric_words
 from ...schemas.runs import ContactKind, Outcome, Prediction, Traffic
 
 _OUTCOMES: dict[Outcome, str] = {
@@ -30,24 +30,6 @@ _KINDS: dict[ContactKind, str] = {
     "onto_standing_ego": "another drove into an ego that stood",
     "road_boundary": "the ego left the road",
     "unclear": "who was hit is not recorded",
-}
-_METRICS: dict[str, str] = {
-    "duration_s": "time from the first to the last driven state",
-    "distance_m": "length of the driven path",
-    "mean_speed_mps": "driven distance by time",
-    "minimum_distance_m": "smallest gap between the bodies of the ego and any other over the run",
-    "minimum_time_to_collision_s": "the least time, over the run, after which the ego and another would touch if both "
-    "kept course and speed (Hayward 1972)",
-    "minimum_time_headway_s": "the least time in which the ego is where the vehicle ahead is now",
-    "minimum_time_gap_s": "the least time in which the ego's front is where the rear of the vehicle ahead is now",
-    "risk_score": "the most dangerous moment of a run by gap and time to collision: 0 a collision, 5 negligible",
-    "maximum_jerk_mps3": "largest change of the acceleration along the way from step to step, felt as a jolt",
-    "maximum_planar_jerk_mps3": "the same of the acceleration in the plane, its sideways part included",
-    "maximum_braking_mps2": "largest deceleration of the run",
-    "maximum_steering_rate_radps": "fastest turning of the front wheels that the driven path asks for",
-    "mean_squared_jerk": "mean of the squared jerk over the run: how jolting it was as a whole",
-    "maximum_lateral_acceleration_mps2": "largest sideways acceleration: speed times yaw rate",
-    "mean_total_cost": "mean cost of the trajectories that the planner chose; it depends on the weights",
 }
 _PREDICTIONS: dict[Prediction, str] = {
     "constant_velocity": "the planner expects that others keep course and speed",
@@ -92,17 +74,21 @@ def _spoken(name: str) -> str:
     return name.replace("_", " ")
 
 
+def _defined(measure: Measure) -> str:
+    return f"{measure.meaning} ({measure.abbreviation})" if measure.abbreviation else measure.meaning
+
+
 DEFINITIONS: dict[str, str] = (
     _TERMS
     | {_spoken(name): text for name, text in _KINDS.items()}
     | {_spoken(name): text for name, text in _OUTCOMES.items()}
-    | {metric_words(name).partition(" (")[0]: text for name, text in _METRICS.items()}
+    | {one.words.partition(" (")[0]: _defined(one) for one in MEASURES}
     | {f"{_spoken(name)} prediction": text for name, text in _PREDICTIONS.items()}
     | {f"{name} traffic": text for name, text in _TRAFFIC.items()}
 )
 """Word → what it means; the words as reports write them."""
-DEFINED = frozenset((*_OUTCOMES, *_KINDS, *_METRICS, *_PREDICTIONS, *_TRAFFIC))
-"""The names of outcomes, kinds of contact, metrics, predictions and traffic modes that are defined."""
+DEFINED = frozenset((*_OUTCOMES, *_KINDS, *(one.name for one in MEASURES), *_PREDICTIONS, *_TRAFFIC))
+"""The names of outcomes, kinds of contact, measures, predictions and traffic modes that are defined."""
 _AS_WRITTEN = ("p", "RSS", "Holm", "Wilcoxon")
 """Words that are found in this spelling alone."""
 

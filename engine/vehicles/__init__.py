@@ -29,6 +29,7 @@
 ``check_drivability``: The ``Feasibility`` of a motion by commonroad-drivability-checker; slow.
 ``check_kinematics``: The ``Feasibility`` of a motion by a closed form of the same criterion; fast.
 ``drivable_motion``: The motion of the centre for a track of the front bumper, shape (n, 2), one point a step.
+``drivable_steps``: Which steps of a motion can be driven by the closed form, shape (n − 1,).
 ``steering_angles``: The steering angle in rad that turns each state into the next, shape (n,).
 ``tractrix``: The heading in rad of a rod whose front end follows a guide, shape (n,), unwrapped.
 """
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
         check_drivability,
         check_kinematics,
         drivable_motion,
+        drivable_steps,
         steering_angles,
         tractrix,
     )

@@ -165,6 +165,17 @@ def check_kinematics(
     rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
 ) -> Feasibility:
     """Judge a motion of the centre by the closed form, by default with the dimensions of CommonRoad's vehicle 2."""
+    return _verdict(drivable_steps(motion, step_s, wheelbase_m=wheelbase_m, rear_axle_m=rear_axle_m))
+
+
+def drivable_steps(
+    motion: Motion,
+    step_s: float,
+    *,
+    wheelbase_m: float = _WHEELBASE_M,
+    rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
+) -> NDArray[np.bool_]:
+    """Which steps from one state to the next can be driven by the closed form, shape (n − 1,)."""
     heading = motion.headings_rad
     direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
     moved = np.diff(motion.positions - rear_axle_m * direction, axis=0)
@@ -183,13 +194,13 @@ def check_kinematics(
     error_x = np.abs(moved[:, 0] - reachable * np.cos(course))
     error_y = np.abs(moved[:, 1] - reachable * np.sin(course))
     error_heading = np.abs(wrap_angles(turn - reachable_turn))
-    good = (
+    good: NDArray[np.bool_] = (
         (error_x < _POSITION_TOLERANCE_M)
         & (error_y < _POSITION_TOLERANCE_M)
         & (error_heading < _HEADING_TOLERANCE_RAD)
         & within_friction
     )
-    return _verdict(good)
+    return good
 
 
 def check_drivability(

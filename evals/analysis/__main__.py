@@ -14,6 +14,8 @@ something does), ``interval_coverage`` (95 % intervals that hold the truth).
 ``statements``: ``statements_recomputed`` (share of the figures in answers and reports that raw rows give once more).
 ``solutions``: ``solutions_valid`` (of runs to the goal that are told to be drivable, those whose exported solution
 CommonRoad's checker accepts).
+``measures``: ``measures_agree`` (share of the measured values that closed forms, or CriMe on recorded traffic, give
+too). CriMe runs in an environment of its own, which the part makes where it is not there.
 ``questions``: ``questions_answered`` (share of the corpora's questions about results that one call answers).
 
 ``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too; then the status is
@@ -39,6 +41,7 @@ PARTS: Parts[AnalysisBench] = Parts(
         "advice": ("advice_helped", "advice_told"),
         "statements": ("statements_recomputed",),
         "solutions": ("solutions_valid", "motions_feasible", "steering_told"),
+        "measures": ("measures_agree",),
         "questions": ("questions_answered",),
     },
 )

@@ -22,6 +22,7 @@ from typing import Any
 import anyio
 from mcp import Client
 
+from ...engine.rendering import MEASURED_CAPTION
 from ...engine.workspace import Workspace
 from ...schemas.planning import PlannerConfiguration
 from ..harness import Figures, ask, built_in
@@ -129,9 +130,10 @@ async def _rules(client: Client, raw: RawRuns) -> dict[str, dict[str, Any]]:
 def page_text(page: str) -> str:
     """What a report says of runs, a line each: paragraphs, findings, and the rows of its tables.
 
-    Lines below a heading that names a run name it too.
+    Lines below a heading that names a run name it too. The table of a run's measures is left to ``measures``.
     """
     body = page[page.index("<main>") : page.index("</main>")]
+    body = re.sub(rf"<table>\s*<caption>{MEASURED_CAPTION}</caption>.*?</table>", "", body, flags=re.DOTALL)
     lines, run = list[str](), ""
     for tag, inner in re.findall(r"<(h2|li|p|tr)>(.*?)</\1>", body, re.DOTALL):
         if tag == "h2":

@@ -15,7 +15,7 @@ from ...engine.planners import make_planner, simulate
 from ...schemas.errors import NotPossible, PlannerForgeError
 from ...schemas.generation import GeneratedScenario, GenerateScenariosArguments, GenerationRequest
 from ...schemas.runs import NO_TRAJECTORY
-from ...server.argument_errors import read_arguments
+from ...server.arguments.checking import read_arguments
 from ...tools.generation.requests import AssignedSite, SiteAssignment, assign_sites, plan_maps, request_for
 from ..harness import built_in, call_in_process
 from .figures import DEFECT, Made, Stages, print_verdict

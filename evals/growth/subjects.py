@@ -31,7 +31,7 @@ from ...schemas.planning import RunPlannerArguments
 from ...schemas.rendering import RenderRequest
 from ...schemas.runs import ScenarioSource
 from ...schemas.scenarios import DescribeRequest, ReadFactsRequest, ScenarioFacts
-from ...server.argument_errors import read_arguments
+from ...server.arguments.checking import read_arguments
 from ..harness import built_in
 from .inputs import rings, stack, star, streets, town
 from .measurement import Subject, Work

@@ -5,7 +5,8 @@ from typing import Annotated, Literal
 from pydantic import Field, WithJsonSchema
 
 from ..base import Answer, Arguments, Model, Result
-from ..results import ConfigWeights, MetricName, Rate, figure, metric_words, with_unit
+from ..measures import metric_words
+from ..results import ConfigWeights, MetricName, Rate, figure, with_unit
 from ..runs import Lineage, Outcome, RunReview, RunSource, ScenarioSource, ending
 
 UnlistedMetric = Annotated[MetricName, WithJsonSchema({"type": "string"})]

@@ -38,7 +38,7 @@ def settings_from(**flags: Any) -> Settings:
 
 def _problems(error: "ValidationError", flags: dict[str, Any]) -> str:
     """What is wrong with the settings, each with where it stands and what is valid."""
-    from ..argument_errors import problems_of
+    from ..arguments.checking import problems_of
 
     told = []
     for detail, (problem, valid) in zip(error.errors(include_url=False), problems_of(Settings, error), strict=True):

@@ -32,7 +32,7 @@ from ...schemas.generation import GenerateScenariosArguments
 from ...schemas.planning import ConfigurePlannerArguments
 from ...schemas.text import counted, one_line, quoted
 from ...tools.analysis.suite import carry_out, limits_of
-from ..argument_errors import read_arguments
+from ..arguments.checking import read_arguments
 from ..assembly import open_services
 from ..settings import Settings
 

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator
 
 from plannerforge.schemas.base import Arguments, Model
 from plannerforge.schemas.errors import InvalidRequest
-from plannerforge.server.argument_errors import read_arguments
+from plannerforge.server.arguments.checking import read_arguments
 
 ANYTHING = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),

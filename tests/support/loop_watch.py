@@ -18,7 +18,7 @@ _OFF_THE_LOOP = (
     "plannerforge.tools.",
     "plannerforge.resources.",
     "plannerforge.engine.",
-    "plannerforge.server.argument_errors",
+    "plannerforge.server.arguments.checking",
     "plannerforge.server.tool_calls",
     "plannerforge.server.tokens",
 )

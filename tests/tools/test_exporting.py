@@ -55,6 +55,14 @@ async def test_solution_of_a_run_and_tables_of_a_batch(settings: Settings, tmp_p
         assert by_outcome["goal_reached"]["metrics_duration_s"] == run["duration_s"]
         assert by_outcome["goal_reached"]["weight_lateral_jerk"] > 0
         assert by_outcome["invalid"]["metrics_duration_s"] is None
+        told = (await ask("analyze_results", results=[run["run_id"]], detail="measures"))["measures"]
+        values = {f"measure_{one['name']}": one["value"] for one in told}
+        measured = {
+            name: by_outcome["goal_reached"][name] for name in table.column_names if name.startswith("measure_")
+        }
+        assert measured == {name: values[name] for name in measured}
+        assert measured["measure_drivable_share"] == 1.0
+        assert by_outcome["invalid"]["measure_drivable_share"] is None
         again = await ask("export_artifacts", ids=[grid["batch_id"]], formats=["parquet"], folder="again")
         assert Path(again["files"][0]["path"]).read_bytes() == as_parquet.read_bytes()
 

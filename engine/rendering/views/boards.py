@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ....schemas.errors import NotPossible
+from ....schemas.measures import metric_words
 from ....schemas.rendering import (
     BoardColumn,
     BoardMetric,
@@ -17,7 +18,7 @@ from ....schemas.rendering import (
     ViewRequest,
     ViewWritten,
 )
-from ....schemas.results import Rate, metric_words
+from ....schemas.results import Rate
 from ....schemas.runs import Contact, RunRecord, RunSource, ScenarioSource, ending
 from ....schemas.text import counted, one_line
 from ...analysis import METRICS, RunSet, known_contacts

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ....schemas.measures import metric_words
 from ....schemas.rendering import (
     DriveView,
     LaneletView,
@@ -27,7 +28,7 @@ from ....schemas.rendering import (
     ViewPane,
     ViewRequest,
 )
-from ....schemas.results import metric_words, with_unit
+from ....schemas.results import with_unit
 from ....schemas.runs import ReviewRequest, RunReview, RunSource, ScenarioSource, ending
 from ....schemas.text import one_line
 from ...analysis import METRICS, Course, RunSet, course_of, read_steps, review_runs

@@ -9,8 +9,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from ....schemas.loose_arguments import read_loosely
 from ....schemas.modification import EDITS
+from ....server.arguments.loose_reading import read_loosely
 from ....tools.registry import TOOLS
 from ..attempts import Attempt, EvalRequest, MadeCall, Score
 from .common import scored

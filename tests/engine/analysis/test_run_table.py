@@ -8,7 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from support.planning import configuration
-from support.runs import record
+from support.runs import driven, record, source
 
 from plannerforge.engine.analysis.run_table import write_run_table
 from plannerforge.engine.execution.executor import silent
@@ -57,3 +57,19 @@ def test_runs_collisions_and_lost_cells_are_rows(tmp_path: Path) -> None:
     assert (hit["collision_obstacle_id"], hit["rejected_candidates"]) == ("7", '{"yaw_rate": 3}')
     assert (lost["run_id"], lost["outcome"], lost["reason"]) == ("", "lost", "[worker_failure] died")
     assert float(lost["weight_prediction"]) == CONFIG.weights["prediction"]
+
+
+def test_measures_of_runs_with_steps_are_columns(tmp_path: Path) -> None:
+    run = record().model_copy(update={"config_id": CONFIG.config_id})
+    leader = driven(70.0, 0.0, 8.0)
+    steps_path = source(run, tmp_path, others=(leader,)).steps_path
+    target = tmp_path / "runs.csv"
+    asked = request("csv", target, with_runs=False)
+    write_run_table(asked.model_copy(update={"records": (run,), "steps_paths": {run.run_id: str(steps_path)}}), silent)
+    with target.open(newline="") as stream:
+        told, lost = csv.DictReader(stream)
+    gap = 30.0 - (4.5 + run.ego_length_m) / 2 - 2.0 * 4.0
+    assert float(told["measure_leader_time_to_collision_s"]) == pytest.approx(gap / 2.0)
+    assert told["measure_post_encroachment_time_s"] == ""
+    assert lost["measure_time_to_brake_s"] == ""
+    assert "measure_minimum_distance_m" not in told  # stored: a column of the metrics

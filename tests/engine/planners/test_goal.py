@@ -8,10 +8,11 @@ import pytest
 from commonroad.geometry.shape import Circle, Polygon, ShapeGroup
 from hypothesis import given
 from hypothesis import strategies as st
-from support.planning import goal_state, problem_for, rectangle_at
+from support.planning import goal_state, problem_for, rectangle_at, scenario_on, straight_road
 
-from plannerforge.engine.planners.goal import Goal
+from plannerforge.engine.planners.goal import Goal, progress_to_goal
 from plannerforge.engine.planners.interface import EgoState
+from plannerforge.engine.vehicles import BMW_320I
 
 
 def ego(step: int = 10, x: float = 0.0, y: float = 0.0, heading: float = 0.0, speed: float = 5.0) -> EgoState:
@@ -95,3 +96,16 @@ def test_a_path_point_on_the_edge_of_the_goal_is_inside_wherever_the_map_lies() 
     for rounding in (-1e-10, 0.0, 1e-10):
         region = goal(goal_state((5, 20), rectangle_at(50.0 + rounding, 0.0)))
         assert region.stations_on(path) == (44.0, 56.0)
+
+
+@pytest.mark.parametrize(("farthest_m", "share"), [(0.0, 0.0), (47.0, 0.5), (94.0, 1.0), (120.0, 1.0)])
+def test_progress_is_the_share_of_the_path_to_where_the_goal_begins(farthest_m: float, share: float) -> None:
+    scenario, problem = scenario_on(straight_road(200.0)), problem_for(goal_state((5, 90), rectangle_at(100.0, 0.0)))
+    driven = np.array([[0.0, 0.0], [farthest_m, 0.5], [farthest_m / 2, 0.0]])  # that it was there counts
+    found = progress_to_goal(scenario, problem, BMW_320I, driven)
+    assert found == pytest.approx(share, abs=0.02)
+
+
+def test_there_is_no_progress_to_a_goal_without_a_place() -> None:
+    problem = problem_for(goal_state((5, 90)))
+    assert progress_to_goal(scenario_on(straight_road()), problem, BMW_320I, np.zeros((2, 2))) is None

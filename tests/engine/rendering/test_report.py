@@ -13,9 +13,10 @@ from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.rendering.reports import overview_section, rules_section, run_section, write_report
 from plannerforge.engine.rendering.words import DEFINED, words_used
 from plannerforge.schemas.errors import ResourceFailure, UnsafeInput
+from plannerforge.schemas.measures import MEASURES, MeasuredValue
 from plannerforge.schemas.rendering import ReportImage, ReportRequest, ReportSection, ReportTable
 from plannerforge.schemas.results import AnalyseRequest, Rate, RuleShare
-from plannerforge.schemas.runs import BatchRecord, ContactKind, Outcome, Prediction, RuleVerdict, RunMetrics, Traffic
+from plannerforge.schemas.runs import BatchRecord, ContactKind, Outcome, Prediction, RuleVerdict, Traffic
 
 HOSTILE = '<script>alert("x")</script>'
 
@@ -72,7 +73,7 @@ def test_a_missing_picture_is_named(tmp_path: Path) -> None:
 
 def test_every_outcome_kind_metric_and_condition_is_defined() -> None:
     names = [name for names in (Outcome, ContactKind, Prediction, Traffic) for name in get_args(names)]
-    assert {*names, *RunMetrics.model_fields} == DEFINED
+    assert {*names, *(measure.name for measure in MEASURES)} == DEFINED
 
 
 def test_a_report_defines_the_words_that_it_uses_and_no_others(tmp_path: Path) -> None:
@@ -149,3 +150,26 @@ def test_rules_stand_by_configuration_with_those_that_nothing_was_about() -> Non
     section = rules_section(result.model_copy(update={"rule_shares": shares}))
     assert section.tables[0].rows == (("R_G1 safe distance", "1 of 2", "9 to 91 %", "3.2 m", "run_1"),)
     assert section.text == ("In no run was there anything that these are about: R_IN2 red light.",)
+
+
+def test_a_run_in_detail_shows_what_was_measured_of_it() -> None:
+    shown = [
+        MeasuredValue(
+            name="time_to_brake_s", value=0.84, time_s=2.3, obstacle_id=39, obstacle_class="car", relation="ahead"
+        ),
+        MeasuredValue(name="post_encroachment_time_s", why="no other's path crossed the ego's within 10 s"),
+        MeasuredValue(
+            name="maximum_steering_rate_radps", value=0.5, time_s=1.0, note="the vehicle's limit is 0.4 rad/s"
+        ),
+    ]
+    done = record()
+    analysis = analyse(AnalyseRequest(results=(done.run_id,), runs=(source(done),)), silent)
+    section = run_section(done, analysis, shown)
+    assert section.tables[0].rows == (
+        ("time to brake (TTB)", "0.84 s", "car 39 ahead", "2.3 s"),
+        ("post-encroachment time (PET)", "none: no other's path crossed the ego's within 10 s", "–", "–"),
+        ("fastest steering", "0.5 rad/s (the vehicle's limit is 0.4 rad/s)", "–", "1.0 s"),
+    )
+    assert {"time to brake", "post-encroachment time", "fastest steering"} <= {
+        word for word, _ in words_used([section])
+    }

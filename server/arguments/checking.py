@@ -15,10 +15,10 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from ..schemas.base import Arguments
-from ..schemas.errors import InvalidRequest, closest
-from ..schemas.loose_arguments import read_loosely
-from ..schemas.text import LONGEST_TEXT, one_line, quoted
+from ...schemas.base import Arguments
+from ...schemas.errors import InvalidRequest, closest
+from ...schemas.text import LONGEST_TEXT, one_line, quoted
+from .loose_reading import read_loosely
 
 _Arguments = TypeVar("_Arguments", bound=BaseModel)
 _SHOWN_CHARACTERS = 60

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from plannerforge.schemas.base import Arguments, Model
 from plannerforge.schemas.errors import InvalidRequest
-from plannerforge.server.argument_errors import read_arguments
+from plannerforge.server.arguments.checking import read_arguments
 
 
 class Change(Model):

@@ -1,0 +1,463 @@
+"""The measures of runs (``schemas/measures.py``), each with the other, its relation and the moment that decide it.
+
+Computed when they are asked for, from the driven steps and the tracks of all others. A stored metric keeps the value
+that the run was stored with; it has a moment where the tracks show the same value.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...schemas.errors import UnknownName
+from ...schemas.measures import MEASURES, Measure, MeasuredValue, MeasureSpread, Relation
+from ...schemas.runs import RunRecord, RunSteps
+from ..commonroad import Track, kept_recording
+from ..criticality import (
+    MovingRectangles,
+    ahead_of,
+    driving_times_s,
+    encounters,
+    gaps_m,
+    risk_scores,
+    times_to_collision_s,
+)
+from ..execution import ProgressReporter
+from ..geometry import Points, Values, arc_length, wrap_angles
+from ..planners import progress_to_goal, steering_of
+from ..vehicles import HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2, Motion, VehicleParameters, drivable_steps
+from .conflicts import CONFLICT_S, nearest_crossing, times_left_to_crossing, worst_times_s
+from .moments import AGREES_M, ego_track, relative_heading, side_of, tracks_in
+from .prevention import safe_distance_m
+from .run_set import RunSet
+
+LONGEST_S = 100.0
+"""As in the criticality figures: a longer time is none."""
+EXPOSED_S = 3.0
+"""Threshold of time exposed and time integrated: the largest that Minderhoud and Bovy (2001) look at."""
+MOST_NEEDED_MPS2, MOST_THREAT = 20.0, 5.0
+"""Chosen: from here on more says nothing more; no road vehicle brakes harder than half of it."""
+CROSSED_WITHIN_S = 10.0
+"""Chosen: paths that cross with more time between are no encounter; 5 s and less are looked at in most studies."""
+_CLOSING_MPS = 1e-6
+"""Chosen, far above rounding: who closes in more slowly keeps the distance."""
+_MASSES_KG = {"pedestrian": 75.0, "bicycle": 90.0, "motorcycle": 250.0, "truck": 12_000.0, "bus": 12_000.0}
+_CAR_KG = 1500.0
+"""Chosen, with driver: files hold no masses. All other classes count as cars."""
+MOST_MEASURED = 60
+"""Runs of a set that are measured (chosen): each reads its scenario, and an answer has 50 s."""
+
+
+def measures_of(runs: RunSet, record: RunRecord) -> tuple[MeasuredValue, ...]:
+    """All measures of a run, in the order of ``MEASURES``."""
+    steps = runs.steps.get(record.run_id)
+    if record.metrics is None or steps is None or not steps.x_m:
+        why = "the problem is invalid" if record.metrics is None else "the steps of the run were not kept"
+        return tuple(_told(measure, record, MeasuredValue(name=measure.name, why=why)) for measure in MEASURES)
+    drive = _measured_drive(runs, record, steps)
+    found = {one.name: one for one in drive.measured()}
+    return tuple(
+        _told(measure, record, found.get(measure.name) or MeasuredValue(name=measure.name, why=measure.none))
+        for measure in MEASURES
+    )
+
+
+def measure_spreads(runs: RunSet, report: ProgressReporter) -> tuple[MeasureSpread, ...]:
+    """Every measure over the first valid runs of a set, with the run in which it is worst."""
+    records = runs.valid[:MOST_MEASURED]
+    measured: dict[str, list[tuple[str, MeasuredValue]]] = {measure.name: [] for measure in MEASURES}
+    for number, record in enumerate(records):
+        for one in measures_of(runs, record):
+            measured[one.name].append((record.run_id, one))
+        report((number + 1) / len(records), record.run_id)
+    return tuple(_spread(measure, measured[measure.name]) for measure in MEASURES)
+
+
+def _spread(measure: Measure, measured: Sequence[tuple[str, MeasuredValue]]) -> MeasureSpread:
+    there = [(one.value, run_id, one) for run_id, one in measured if one.value is not None]
+    if not there:
+        return MeasureSpread(name=measure.name, runs=0, why=measure.none)
+    values = [value for value, _, _ in there]
+    _, run_id, worst = min(there, key=lambda one: -one[0] if measure.better == "lower" else one[0])
+    return MeasureSpread(
+        name=measure.name,
+        runs=len(there),
+        median=float(np.median(values)),
+        lowest=min(values),
+        highest=max(values),
+        worst=None if measure.better is None else worst,
+        worst_run_id="" if measure.better is None else run_id,
+    )
+
+
+def _told(measure: Measure, record: RunRecord, found: MeasuredValue) -> MeasuredValue:
+    """A measure as it is told: a stored one with its stored value, and the moment only where that is the same."""
+    stored: float | None = getattr(record.metrics, measure.name, None) if measure.stored else None
+    if stored is None:
+        return found
+    if found.value is None or abs(found.value - stored) > AGREES_M:
+        return MeasuredValue(name=measure.name, value=float(stored))
+    return found.model_copy(update={"value": float(stored)})
+
+
+def _measured_drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "MeasuredDrive":
+    others = tracks_in(runs, record, steps)
+    vehicle, path = runs.vehicle(record), runs.scenario_path(record)
+    standing, progress = frozenset[int](), None
+    ego = ego_track(record, steps)
+    if path is not None:
+        loaded = kept_recording(path).loaded
+        standing = frozenset(int(one.obstacle_id) for one in loaded.scenario.static_obstacles)
+        try:
+            progress = progress_to_goal(loaded.scenario, loaded.problem(record.problem_id), vehicle, ego.positions)
+        except UnknownName:  # the file was put in the place of the one that was run
+            progress = None
+    return MeasuredDrive(
+        ego=ego,
+        accelerations_mps2=np.asarray(steps.acceleration_mps2, dtype=float),
+        others=tuple(others.values()),
+        standing=standing,
+        step_s=record.step_s,
+        vehicle=vehicle,
+        hit=record.collision.obstacle_id if record.collision is not None else None,
+        progress=progress,
+    )
+
+
+@dataclass(frozen=True)
+class Leaders:
+    """The nearest vehicle ahead on the ego's path, a value a state that has one (``state``, an index).
+
+    ``track``: an index into the others; ``gaps_m`` bumper to bumper, at least 0; ``ego_mps``, ``speeds_mps`` and
+    ``accelerations_mps2`` (of the leader) along the path; ``across_m``: how much both bodies overlap across it.
+    """
+
+    state: NDArray[np.intp]
+    track: NDArray[np.intp]
+    gaps_m: Values
+    ego_mps: Values
+    speeds_mps: Values
+    accelerations_mps2: Values
+    across_m: Values
+
+    @cached_property
+    def closing_mps(self) -> Values:
+        """How fast the gap closes, 0 where it does not."""
+        closing = self.ego_mps - self.speeds_mps
+        return np.where(closing > _CLOSING_MPS, closing, 0.0)
+
+    @cached_property
+    def times_to_collision_s(self) -> Values:
+        """Gap ÷ closing speed; infinite where it is not closing."""
+        return _ratio(self.gaps_m, self.closing_mps)
+
+    @cached_property
+    def needed_mps2(self) -> Values:
+        """The even deceleration with which the ego has the leader's speed as it touches it; 0 where it need not brake.
+
+        A leader that keeps its acceleration, and stands once it has stopped (Jansson 2005, 5.3.5).
+        """
+        gap, closing = self.gaps_m, self.ego_mps - self.speeds_mps
+        keeps = _ratio(closing**2, 2 * gap) - self.accelerations_mps2
+        slows, leader = self.accelerations_mps2 < 0, np.maximum(self.speeds_mps, 0.0)
+        stops_s = np.where(slows, _ratio(leader, -self.accelerations_mps2), np.inf)
+        stops_m = np.where(slows, _ratio(leader**2, -2 * self.accelerations_mps2), 0.0)
+        stands = _ratio(self.ego_mps**2, 2 * (gap + stops_m))
+        meets_s = np.where(closing > _CLOSING_MPS, _ratio(2 * gap, closing), np.inf)
+        needed = np.where(slows & (stops_s < meets_s), stands, np.where(closing > _CLOSING_MPS, keeps, 0.0))
+        return np.maximum(needed, 0.0)
+
+    @cached_property
+    def times_to_brake_s(self) -> Values:
+        """How long the ego may keep its speed and still brake to the leader's; infinite where it is not closing."""
+        left = self.gaps_m - self.closing_mps**2 / (2 * HARDEST_BRAKING_MPS2)
+        return np.maximum(_ratio(left, self.closing_mps), 0.0)
+
+    @cached_property
+    def times_to_swerve_s(self) -> Values:
+        """How long the ego may keep its speed and still pass beside the leader."""
+        takes_s = np.sqrt(2 * self.across_m / HARDEST_LATERAL_MPS2)
+        return np.maximum(self.times_to_collision_s - takes_s, 0.0)
+
+
+def _ratio(over: Values, under: Values) -> Values:
+    """A quotient of which the divisor is not negative; infinite where it is 0."""
+    return np.where(under > 0, over / np.where(under > 0, under, 1.0), np.inf)
+
+
+@dataclass(frozen=True)
+class MeasuredDrive:
+    """What measures are computed from: the driven states with the vehicle, and all others as they moved.
+
+    ``standing``: ids of others that never move; ``hit``: whom the ego collided with at its last state; ``progress``:
+    the share of the path to the goal, None where it is not known.
+    """
+
+    ego: Track
+    accelerations_mps2: Values
+    others: tuple[Track, ...]
+    standing: frozenset[int]
+    step_s: float
+    vehicle: VehicleParameters
+    hit: int | None = None
+    progress: float | None = None
+
+    def measured(self) -> Iterator[MeasuredValue]:
+        """The measures that there are, and those that there are not for a reason of their own."""
+        yield from self._nearness()
+        yield from self._following()
+        yield from self._time_left()
+        yield from self._crossing()
+        yield from self._crash()
+        yield from self._motion()
+        if self.progress is not None:
+            yield MeasuredValue(name="progress", value=self.progress)
+
+    @cached_property
+    def _met(self) -> "_Pairs":
+        met = encounters(self.ego, self.others)
+        ahead = ahead_of(self.ego, met) if len(met.state) else None
+        return _Pairs(
+            met.state,
+            met.track,
+            met.ego,
+            met.other,
+            gaps_m=gaps_m(met) if len(met.state) else np.zeros(0),
+            collision_s=times_to_collision_s(met.ego, met.other),
+            ahead_m=np.zeros(0) if ahead is None else ahead.gaps_m,
+            ahead_mps=np.zeros(0) if ahead is None else ahead.speeds_mps,
+            aside_m=np.zeros(0) if ahead is None else ahead.aside_m,
+            headways_s=np.zeros(0) if ahead is None else driving_times_s(ahead.gaps_m + met.other.sizes_m[:, 0], met),
+            time_gaps_s=np.zeros(0) if ahead is None else driving_times_s(ahead.gaps_m, met),
+        )
+
+    @cached_property
+    def leaders(self) -> Leaders:
+        """The nearest vehicle ahead at each state that has one."""
+        met = self._met
+        order = np.lexsort((met.ahead_m, met.state))
+        order = order[np.isfinite(met.ahead_m[order])]
+        _, first = np.unique(met.state[order], return_index=True)
+        pairs = order[first]
+        widths = (met.ego.sizes_m[pairs, 1] + met.other.sizes_m[pairs, 1]) / 2
+        return Leaders(
+            state=met.state[pairs],
+            track=met.track[pairs],
+            gaps_m=np.maximum(met.ahead_m[pairs], 0.0),
+            ego_mps=met.ego.speeds_mps[pairs],
+            speeds_mps=met.ahead_mps[pairs],
+            accelerations_mps2=self._accelerations(met.state[pairs], met.track[pairs]),
+            across_m=np.maximum(widths - met.aside_m[pairs], 0.0),
+        )
+
+    def _accelerations(self, states: NDArray[np.intp], tracks: NDArray[np.intp]) -> Values:
+        """Those of others at some states of the ego: central differences of their speeds, within ±8 m/s²."""
+        found = np.zeros(len(states))
+        for number in np.unique(tracks):
+            track, chosen = self.others[int(number)], tracks == number
+            if len(track.speeds_mps) > 1:
+                slopes = np.gradient(track.speeds_mps, self.step_s)
+                found[chosen] = slopes[states[chosen] + self.ego.first_step - track.first_step]
+        return np.clip(found, -HARDEST_BRAKING_MPS2, HARDEST_BRAKING_MPS2)
+
+    def _nearness(self) -> Iterator[MeasuredValue]:
+        met = self._met
+        if not len(met.state):
+            return
+        series = (
+            ("minimum_distance_m", met.gaps_m, np.inf),
+            ("minimum_time_to_collision_s", met.collision_s, LONGEST_S),
+            ("minimum_time_headway_s", met.headways_s, LONGEST_S),
+            ("minimum_time_gap_s", met.time_gaps_s, LONGEST_S),
+            ("risk_score", risk_scores(met.gaps_m, met.collision_s).astype(float), np.inf),
+            ("worst_time_to_collision_s", worst_times_s(met.ego, met.other, self._stands(met.track)), np.inf),
+        )
+        for name, values, longest in series:
+            pair = int(np.lexsort((met.state, np.round(values, 9)))[0])
+            if np.isfinite(values[pair]) and values[pair] <= longest:
+                yield self._with(name, values[pair], met.state[pair], met.track[pair])
+
+    def _stands(self, tracks: NDArray[np.intp]) -> NDArray[np.bool_]:
+        never = np.array([track.obstacle_id in self.standing for track in self.others], dtype=bool)
+        return never[tracks] if len(tracks) else np.zeros(0, dtype=bool)
+
+    def _following(self) -> Iterator[MeasuredValue]:
+        led = self.leaders
+        if not len(led.state):
+            return
+        times = led.times_to_collision_s
+        if times.min() <= LONGEST_S:
+            yield self._of_leader("leader_time_to_collision_s", times, times.argmin())
+        exposed = times <= EXPOSED_S
+        duration, depth = self.step_s * exposed.sum(), self.step_s * np.where(exposed, EXPOSED_S - times, 0.0).sum()
+        for name, total in (("time_exposed_s", duration), ("time_integrated_s2", depth)):
+            if exposed.any():
+                yield self._with(name, total, led.state[times.argmin()], led.track[times.argmin()])
+            else:
+                yield MeasuredValue(name=name, value=0.0)
+        margins = led.gaps_m - safe_distance_m(led.ego_mps, led.speeds_mps)
+        yield self._of_leader("rss_margin_m", margins, margins.argmin())
+        apart = led.gaps_m > 0
+        threats = np.where(apart, led.needed_mps2 / HARDEST_BRAKING_MPS2, 0.0)
+        if threats.any():
+            yield self._of_leader("brake_threat_number", np.minimum(threats, MOST_THREAT), threats.argmax())
+        elif apart.any():
+            yield MeasuredValue(name="brake_threat_number", value=0.0)
+        closing = apart & (times <= LONGEST_S)
+        if not closing.any():
+            return
+        needed = np.where(closing, led.closing_mps**2 / (2 * np.where(apart, led.gaps_m, 1.0)), 0.0)
+        yield self._of_leader("deceleration_to_avoid_mps2", np.minimum(needed, MOST_NEEDED_MPS2), needed.argmax())
+        across = np.where(closing, 2 * led.across_m / np.where(closing, times, 1.0) ** 2 / HARDEST_LATERAL_MPS2, 0.0)
+        yield self._of_leader("steer_threat_number", np.minimum(across, MOST_THREAT), across.argmax())
+
+    def _time_left(self) -> Iterator[MeasuredValue]:
+        """Time to brake and time to react, of leaders and of those that cross."""
+        led, met = self.leaders, self._met
+        soon = led.times_to_collision_s <= CONFLICT_S
+        turned = np.abs(wrap_angles(met.other.headings_rad - met.ego.headings_rad))
+        crosses = (turned > np.pi / 4) & (turned < 3 * np.pi / 4) & (met.collision_s <= CONFLICT_S)
+        brake, react = times_left_to_crossing(
+            _chosen(met.ego, crosses), _chosen(met.other, crosses), met.collision_s[crosses], self.vehicle
+        )
+        state = np.concatenate([led.state[soon], met.state[crosses]])
+        track = np.concatenate([led.track[soon], met.track[crosses]])
+        by_leader = np.maximum(led.times_to_brake_s, led.times_to_swerve_s)[soon]
+        for name, values in (
+            ("time_to_brake_s", np.concatenate([led.times_to_brake_s[soon], brake])),
+            ("time_to_react_s", np.concatenate([by_leader, react])),
+        ):
+            if len(values):
+                pair = int(np.lexsort((state, np.round(values, 9)))[0])
+                yield self._with(name, values[pair], state[pair], track[pair])
+
+    def _crossing(self) -> Iterator[MeasuredValue]:
+        crossing = nearest_crossing(self.ego, self.others, self.step_s, CROSSED_WITHIN_S)
+        if crossing is None:
+            return
+        other = self.others[crossing.track]
+        came, left = crossing.ego_s
+        values = [("post_encroachment_time_s", crossing.post_encroachment_s, crossing.second_comes_s)]
+        values += [("encroachment_time_s", left - came, came)] if crossing.ego_whole else []
+        for name, value, time_s in values:
+            yield MeasuredValue(
+                name=name,
+                value=round(value, 9),
+                time_s=round(time_s, 9),
+                obstacle_id=other.obstacle_id,
+                obstacle_class=other.kind,
+                relation="oncoming" if crossing.turned_rad >= 3 * np.pi / 4 else "crossing",
+            )
+
+    def _crash(self) -> Iterator[MeasuredValue]:
+        """The change of velocity where the ego hit another whose track is known."""
+        number = next((i for i, track in enumerate(self.others) if track.obstacle_id == self.hit), None)
+        last = len(self.ego.positions) - 1
+        other = None if number is None else self.others[number]
+        at = None if other is None else other.index_at(self.ego.last_step)
+        if number is None or other is None or at is None:
+            return
+        mass = np.inf if other.obstacle_id in self.standing else _MASSES_KG.get(other.kind, _CAR_KG)
+        share = 1.0 if np.isinf(mass) else mass / (mass + _CAR_KG)
+        away = _velocity(self.ego, last) - _velocity(other, at)
+        yield self._with("delta_v_mps", share * float(np.linalg.norm(away)), last, number)
+
+    def _motion(self) -> Iterator[MeasuredValue]:
+        """What the ego did; the moment of each is that of its largest value."""
+        along, step_s, ego = self.accelerations_mps2, self.step_s, self.ego
+        if len(along) < 2:
+            return
+        lateral = ego.speeds_mps[1:] * wrap_angles(np.diff(ego.headings_rad)) / step_s
+        jerk = np.diff(along) / step_s
+        felt = np.column_stack([along[1:], lateral])
+        planar = np.concatenate([np.abs(jerk[:1]), np.linalg.norm(np.diff(felt, axis=0), axis=1) / step_s])
+        steering = np.diff(steering_of(ego.headings_rad, ego.speeds_mps, step_s, self.vehicle.wheelbase_m)) / step_s
+        duration_s, driven_m = len(jerk) * step_s, float(arc_length(ego.positions)[-1])
+        for name, value in (
+            ("duration_s", duration_s),
+            ("distance_m", driven_m),
+            ("mean_speed_mps", driven_m / duration_s),
+            ("mean_squared_jerk", float((jerk**2).mean())),
+        ):
+            yield MeasuredValue(name=name, value=value)
+        yield from self._largest("maximum_acceleration_mps2", np.maximum(along[1:], 0.0))
+        yield from self._largest("maximum_braking_mps2", np.maximum(-along[1:], 0.0))
+        yield from self._largest("maximum_lateral_acceleration_mps2", np.abs(lateral))
+        yield from self._largest("maximum_planar_acceleration_mps2", np.linalg.norm(felt, axis=1))
+        yield from self._largest("maximum_jerk_mps3", np.abs(jerk))
+        yield from self._largest("maximum_lateral_jerk_mps3", np.abs(np.diff(lateral)) / step_s, later=1)
+        yield from self._largest("maximum_planar_jerk_mps3", planar)
+        limit = self.vehicle.maximum_steering_rate_radps
+        turned = np.abs(steering)
+        over = turned > limit * (1 + 1e-6)
+        note = f"the vehicle's limit is {limit:g} rad/s" if over.any() else ""
+        yield from self._largest("maximum_steering_rate_radps", turned, note=note)
+        motion = Motion(ego.positions, ego.headings_rad, ego.speeds_mps, along)
+        vehicle = self.vehicle
+        drivable = drivable_steps(
+            motion, step_s, wheelbase_m=vehicle.wheelbase_m, rear_axle_m=vehicle.rear_axle_behind_center_m
+        )
+        good = drivable & ~over
+        first = None if good.all() else round(float(np.argmin(good)) * step_s, 9)
+        yield MeasuredValue(name="drivable_share", value=float(good.mean()), time_s=first)
+
+    def _largest(self, name: str, values: Values, *, later: int = 0, note: str = "") -> Iterator[MeasuredValue]:
+        """The largest of values of which the first is that of the state after ``later`` more."""
+        if len(values):
+            at = int(np.argmax(np.round(values, 9)))
+            time_s = round((at + 1 + later) * self.step_s, 9)
+            moved = values[at] > 0
+            yield MeasuredValue(name=name, value=float(values[at]), time_s=time_s if moved else None, note=note)
+
+    def _of_leader(self, name: str, values: Values, at: np.intp) -> MeasuredValue:
+        return self._with(name, values[at], self.leaders.state[at], self.leaders.track[at])
+
+    def _with(self, name: str, value: float, state: int | np.intp, track: int | np.intp) -> MeasuredValue:
+        other = self.others[int(track)]
+        return MeasuredValue(
+            name=name,
+            value=float(value),
+            time_s=round(int(state) * self.step_s, 9),
+            obstacle_id=other.obstacle_id,
+            obstacle_class=other.kind,
+            relation=self._relation(int(state), other),
+        )
+
+    def _relation(self, state: int, other: Track) -> Relation:
+        at = state + self.ego.first_step - other.first_step
+        heading = relative_heading(self.ego, state, other, at)
+        if heading != "same":
+            return heading
+        side = side_of(self.ego, state, other.corners_at(at))
+        return "ahead" if side == "front" else "behind" if side == "rear" else "beside"
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Pairs of a driven state and another near it, with what is between them; all of shape (n,), times in s."""
+
+    state: NDArray[np.intp]
+    track: NDArray[np.intp]
+    ego: MovingRectangles
+    other: MovingRectangles
+    gaps_m: Values
+    collision_s: Values
+    ahead_m: Values
+    ahead_mps: Values
+    aside_m: Values
+    headways_s: Values
+    time_gaps_s: Values
+
+
+def _chosen(bodies: MovingRectangles, chosen: NDArray[np.bool_]) -> MovingRectangles:
+    return MovingRectangles(
+        bodies.centers[chosen], bodies.headings_rad[chosen], bodies.sizes_m[chosen], bodies.speeds_mps[chosen]
+    )
+
+
+def _velocity(track: Track, index: int) -> Points:
+    heading = float(track.headings_rad[index])
+    velocity: Points = float(track.speeds_mps[index]) * np.array([np.cos(heading), np.sin(heading)])
+    return velocity

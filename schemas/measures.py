@@ -1,0 +1,590 @@
+"""The measures of a run: what each is, in one place for answers, reports, tables and ``docs/measures.md``.
+
+Nearness, time and severity are measured between the ego and others, motion on the ego alone. Those that are ``stored``
+are fields of ``RunMetrics`` and are compared between runs; the others are computed when they are asked for, from the
+driven steps and the tracks of the others (``engine/analysis/measures.py``).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from pydantic import Field
+
+from .base import Model
+
+Relation = Literal["ahead", "behind", "beside", "oncoming", "crossing"]
+"""Where another is, seen from the ego: of those that head within 45° of it, on which side; else how they head."""
+Basis = Literal["valid", "both_reached_goal"]
+_NOT_AHEAD = "no vehicle ahead on the ego's way"
+_NOBODY_NEAR = "no other came within 60 m"
+_OLD = "the run is of a version before it was measured"
+_NEVER_CLOSING = "never closing in on a vehicle ahead on the ego's way"
+_TOO_SHORT = "the run has too few steps"
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One measure of a run.
+
+    ``words``: its name as people say it; ``abbreviation``: that of the field, empty where there is none. ``better``:
+    the direction that is better, None where neither is. ``meaning``: for readers who did not make the runs; ``method``:
+    how it is computed, with its parameters; ``source``: where the definition is from. ``span``: what values it can
+    take; ``cap``: beyond what there is none, or no more is told, empty where nothing is capped. ``none``: why a run
+    does not have it, which is where it is not valid.
+
+    For comparisons, of stored ones: ``basis``: a run that ends in a collision is short and never brakes for its goal,
+    so progress and comfort are compared only where both runs reached the goal; nearness to others counts in every
+    valid run. ``within_one_configuration``: it depends on the weights. ``tolerance``: two values that differ by no more
+    are equal: a hundredth of what is commonly told apart, and less than positions written with centimetres leave open.
+    """
+
+    name: str
+    words: str
+    unit: str
+    better: Literal["lower", "higher"] | None
+    meaning: str
+    method: str
+    source: str
+    span: str
+    none: str
+    abbreviation: str = ""
+    cap: str = ""
+    stored: bool = False
+    basis: Basis = "valid"
+    within_one_configuration: bool = False
+    tolerance: float = 0.0
+
+
+class MeasuredValue(Model):
+    """A measure of one run: a value, or none and why.
+
+    ``time_s``: the moment of the run that decides it; ``obstacle_id``, ``obstacle_class``, ``relation``: the other that
+    does; None where none does, as for the ego's own motion. ``note``: what is to be known beside it.
+    """
+
+    name: str
+    value: float | None = None
+    why: str = Field("", description="why there is none")
+    time_s: float | None = None
+    obstacle_id: int | None = None
+    obstacle_class: str = ""
+    relation: Relation | None = None
+    note: str = ""
+
+    @property
+    def partner(self) -> str:
+        """``car 39 ahead``; empty without another."""
+        return (
+            ""
+            if self.obstacle_id is None
+            else f"{self.obstacle_class} {self.obstacle_id} {self.relation or ''}".strip()
+        )
+
+
+class MeasureSpread(Model):
+    """A measure over several runs: median and range, and the run in which it is worst.
+
+    ``runs``: in how many it is defined; ``why``: where in none, why.
+    """
+
+    name: str
+    runs: int
+    median: float | None = None
+    lowest: float | None = None
+    highest: float | None = None
+    worst: MeasuredValue | None = None
+    worst_run_id: str = ""
+    why: str = ""
+
+
+MEASURES: tuple[Measure, ...] = (
+    Measure(
+        "minimum_distance_m",
+        "minimum distance",
+        "m",
+        "higher",
+        "smallest gap between the bodies of the ego and any other over the run",
+        "least distance of the two rectangles over the driven steps: the distance of closest encounter of what was "
+        "driven",
+        "Eggert 2014 (DCE)",
+        "0 to 60",
+        _NOBODY_NEAR,
+        abbreviation="DCE",
+        cap="others whose centre is farther than 60 m from the ego's do not count",
+        stored=True,
+        tolerance=0.01,
+    ),
+    Measure(
+        "minimum_time_to_collision_s",
+        "time to collision",
+        "s",
+        "higher",
+        "the least time, over the run, after which the ego and another would touch if both kept course and speed "
+        "(Hayward 1972)",
+        "both rectangles move on along their headings without turning; first touch by separating axes",
+        "Hayward 1972",
+        "0 to 100",
+        "never on a course to a collision within 100 s",
+        abbreviation="planar TTC",
+        cap="longer than 100 s is none",
+        stored=True,
+        tolerance=0.01,
+    ),
+    Measure(
+        "leader_time_to_collision_s",
+        "time to collision with the leader",
+        "s",
+        "higher",
+        "the least time after which the ego, at its speed, would have closed the gap to the vehicle ahead on its path",
+        "gap ÷ closing speed, both along the path that the ego drives, to the nearest vehicle on it; speeds stay as "
+        "they are",
+        "Hayward 1972; Minderhoud and Bovy 2001",
+        "0 to 100",
+        _NEVER_CLOSING,
+        abbreviation="TTC",
+        cap="longer than 100 s is none",
+    ),
+    Measure(
+        "time_to_brake_s",
+        "time to brake",
+        "s",
+        "higher",
+        "the least time that was left to begin full braking and still not touch the one in conflict; 0: it was too "
+        "late",
+        "with a = 8 m/s²: to the leader (gap − Δv² ÷ 2a) ÷ Δv; with one that crosses, on a planar course to a "
+        "collision "
+        "within 10 s, the latest full braking that stays clear until 3 s after it, by bisection",
+        "Hillenbrand et al. 2006; Tamke et al. 2011",
+        "0 to 10",
+        "neither a vehicle ahead nor one that crosses was on a course to a collision within 10 s",
+        abbreviation="TTB",
+        cap="only conflicts within 10 s count",
+    ),
+    Measure(
+        "time_to_react_s",
+        "time to react",
+        "s",
+        "higher",
+        "the least time that was left for the best of braking, swerving and accelerating; 0: nothing would have helped",
+        "the largest of the time to brake, to swerve (8 m/s² across; with one that crosses, 3.5 m aside) and, with one "
+        "that crosses, to accelerate (by what the engine gives at that speed); others and the road beside are not "
+        "looked at",
+        "Tamke et al. 2011",
+        "0 to 10",
+        "neither a vehicle ahead nor one that crosses was on a course to a collision within 10 s",
+        abbreviation="TTR",
+        cap="only conflicts within 10 s count",
+    ),
+    Measure(
+        "minimum_time_headway_s",
+        "time headway",
+        "s",
+        "higher",
+        "the least time in which the ego is where the vehicle ahead is now",
+        "front to front along the path that the ego drives ÷ its speed; a vehicle is ahead that is on that path and "
+        "heads within 45° of it",
+        "Vogel 2003",
+        "0 to 100",
+        _NOT_AHEAD,
+        abbreviation="THW",
+        cap="longer than 100 s is none; none while the ego is slower than 0.1 m/s",
+        stored=True,
+        tolerance=0.01,
+    ),
+    Measure(
+        "minimum_time_gap_s",
+        "time gap",
+        "s",
+        "higher",
+        "the least time in which the ego's front is where the rear of the vehicle ahead is now",
+        "bumper to bumper along the path that the ego drives ÷ its speed",
+        "ISO 15622",
+        "0 to 100",
+        _NOT_AHEAD,
+        cap="longer than 100 s is none; none while the ego is slower than 0.1 m/s",
+        stored=True,
+        tolerance=0.01,
+    ),
+    Measure(
+        "post_encroachment_time_s",
+        "post-encroachment time",
+        "s",
+        "higher",
+        "the least time between one leaving the place where both paths cross and the other coming there; 0: both were "
+        "there at once",
+        "place: the band that each body sweeps where the two overlap at different times with headings 45° and more "
+        "apart; times to 0.005 s, straight between the steps",
+        "Allen, Shin and Cooper 1978",
+        "0 to 10",
+        "no other's path crossed the ego's within 10 s",
+        abbreviation="PET",
+        cap="longer than 10 s is none",
+    ),
+    Measure(
+        "encroachment_time_s",
+        "encroachment time",
+        "s",
+        "lower",
+        "how long the ego was in the place where its path crosses the other's, of the least post-encroachment time",
+        "from the first to the last touch of the ego's body with the band that the other's body sweeps",
+        "Allen, Shin and Cooper 1978",
+        "above 0",
+        "no other's path crossed the ego's within 10 s, or the run began or ended in that place",
+        abbreviation="ET",
+    ),
+    Measure(
+        "time_exposed_s",
+        "time exposed",
+        "s",
+        "lower",
+        "how long the time to collision with the leader was 3 s or less",
+        "the driven steps with a time to collision with the leader of at most 3 s × the step",
+        "Minderhoud and Bovy 2001",
+        "0 to the run's duration",
+        _NOT_AHEAD,
+        abbreviation="TET",
+    ),
+    Measure(
+        "time_integrated_s2",
+        "time integrated",
+        "s²",
+        "lower",
+        "how far and how long the time to collision with the leader was below 3 s",
+        "sum over these steps of (3 s − time to collision with the leader) × the step",
+        "Minderhoud and Bovy 2001",
+        "0 to 3 times the run's duration",
+        _NOT_AHEAD,
+        abbreviation="TIT",
+    ),
+    Measure(
+        "worst_time_to_collision_s",
+        "worst time to collision",
+        "s",
+        "higher",
+        "the least time after which the ego and another could touch if both did the worst that tyres allow",
+        "each body as three discs that cover it and grow by 8 m/s² · t² ÷ 2, centres keep their velocities; what "
+        "stands "
+        "as an obstacle does not grow",
+        "Wachenfeld et al. 2016",
+        "0 to 3",
+        _NOBODY_NEAR,
+        abbreviation="WTTC",
+    ),
+    Measure(
+        "deceleration_to_avoid_mps2",
+        "deceleration to avoid a crash",
+        "m/s²",
+        "lower",
+        "the largest even deceleration that the ego needed to take on the leader's speed before touching it",
+        "Δv² ÷ 2 gap, both along the path that the ego drives, the leader's speed unchanged; steps with a touch left "
+        "out",
+        "Cooper and Ferguson 1976",
+        "0 to 20",
+        _NEVER_CLOSING,
+        abbreviation="DRAC",
+        cap="20 stands for 20 and more",
+    ),
+    Measure(
+        "brake_threat_number",
+        "brake threat number",
+        "1",
+        "lower",
+        "the deceleration that the ego needed, with the leader's own, by what tyres hold; from 1 on braking alone is "
+        "too weak",
+        "Δv² ÷ 2 gap − the leader's acceleration, or v² ÷ 2 (gap + the leader's stopping distance) where that one "
+        "stands "
+        "before; ÷ 8 m/s². The acceleration is the central difference of its speeds, within ±8 m/s²",
+        "Jansson 2005; Brännström et al. 2008",
+        "0 to 5",
+        _NOT_AHEAD,
+        abbreviation="BTN",
+        cap="5 stands for 5 and more",
+    ),
+    Measure(
+        "steer_threat_number",
+        "steer threat number",
+        "1",
+        "lower",
+        "the lateral acceleration that the ego needed to pass the leader by what tyres hold; from 1 on steering is "
+        "too late",
+        "2 × what both bodies overlap across ÷ time to collision with the leader² ÷ 8 m/s²; the leader stays in its "
+        "place "
+        "across the path, and passing is on the nearer side",
+        "Jansson 2005; Brännström et al. 2008",
+        "0 to 5",
+        _NEVER_CLOSING,
+        abbreviation="STN",
+        cap="5 stands for 5 and more",
+    ),
+    Measure(
+        "rss_margin_m",
+        "RSS margin",
+        "m",
+        "higher",
+        "the least of the gap to the vehicle ahead minus the safe distance of RSS; below 0 the ego was too near",
+        "safe distance v · 0.75 s + v² ÷ (2 · 4 m/s²) − v_ahead² ÷ (2 · 8 m/s²), at least 0: the ego keeps its speed "
+        "while it responds; to the nearest vehicle ahead on the path that the ego drives",
+        "Shalev-Shwartz, Shammah and Shashua 2017, definition 1",
+        "any, in practice −150 to 60",
+        _NOT_AHEAD,
+    ),
+    Measure(
+        "delta_v_mps",
+        "change of velocity in the crash",
+        "m/s",
+        "lower",
+        "by how much the collision changes the ego's velocity",
+        "difference of both velocities at the first touch × the other's mass ÷ both masses: they stay together. Masses "
+        "by class: car 1,500 kg, truck and bus 12,000 kg, motorcycle 250 kg, bicycle 90 kg, pedestrian 75 kg, others "
+        "as "
+        "cars; what stands as an obstacle does not move",
+        "Shelby 2011; masses chosen",
+        "0 to 140",
+        "no collision with another whose track is known",
+        abbreviation="ΔV",
+    ),
+    Measure(
+        "risk_score",
+        "risk score (0 a collision, 5 negligible)",
+        "of 5",
+        "higher",
+        "the most dangerous moment of a run by gap and time to collision: 0 a collision, 5 negligible",
+        "steps of 0, 0.5, 1, 3 and 5 m and s; the mean of both steps cut to an integer, the least over others and "
+        "steps",
+        "From Words to Collisions (TUM-AVS, ITSC 2025)",
+        "0 to 5",
+        _NOBODY_NEAR,
+        stored=True,
+    ),
+    Measure(
+        "duration_s",
+        "duration",
+        "s",
+        "lower",
+        "time from the first to the last driven state",
+        "steps × the scenario's step",
+        "",
+        "0 and more",
+        "the problem is invalid",
+        stored=True,
+        basis="both_reached_goal",
+        tolerance=0.01,
+    ),
+    Measure(
+        "distance_m",
+        "distance driven",
+        "m",
+        None,
+        "length of the driven path",
+        "sum of the distances between the centres of successive states",
+        "",
+        "0 and more",
+        "the problem is invalid",
+        stored=True,
+        basis="both_reached_goal",
+        tolerance=0.01,
+    ),
+    Measure(
+        "progress",
+        "progress",
+        "1",
+        "higher",
+        "the share of the path to the goal that the ego came along: 1 at the goal",
+        "station of the farthest state ÷ station where the goal begins, on the path of lanelets that planners are "
+        "given, "
+        "both from the start",
+        "",
+        "0 to 1",
+        "the goal has no place, or its path is not known",
+        cap="not above 1",
+    ),
+    Measure(
+        "mean_speed_mps",
+        "mean speed",
+        "m/s",
+        None,
+        "driven distance by time",
+        "distance driven ÷ duration",
+        "",
+        "0 and more",
+        "the problem is invalid",
+        stored=True,
+        basis="both_reached_goal",
+        tolerance=0.01,
+    ),
+    Measure(
+        "maximum_jerk_mps3",
+        "largest jerk",
+        "m/s³",
+        "lower",
+        "largest change of the acceleration along the way from step to step, felt as a jolt",
+        "difference of successive accelerations ÷ step, that of the initial state first",
+        "",
+        "0 and more",
+        _TOO_SHORT,
+        stored=True,
+        basis="both_reached_goal",
+        tolerance=0.01,
+    ),
+    Measure(
+        "mean_squared_jerk",
+        "mean squared jerk",
+        "m²/s⁶",
+        "lower",
+        "mean of the squared jerk over the run: how jolting it was as a whole",
+        "mean over the steps",
+        "",
+        "0 and more",
+        _TOO_SHORT,
+        stored=True,
+        basis="both_reached_goal",
+        tolerance=0.01,
+    ),
+    Measure(
+        "maximum_lateral_jerk_mps3",
+        "largest lateral jerk",
+        "m/s³",
+        "lower",
+        "largest change of the sideways acceleration from step to step",
+        "difference of successive lateral accelerations ÷ step",
+        "",
+        "0 and more",
+        _TOO_SHORT,
+    ),
+    Measure(
+        "maximum_planar_jerk_mps3",
+        "largest planar jerk",
+        "m/s³",
+        "lower",
+        "the same of the acceleration in the plane, its sideways part included",
+        "length of the difference of successive vectors ÷ step; of the first step, the part along",
+        "",
+        "0 and more",
+        _OLD,
+        stored=True,
+        basis="both_reached_goal",
+        tolerance=0.01,
+    ),
+    Measure(
+        "maximum_acceleration_mps2",
+        "largest acceleration",
+        "m/s²",
+        "lower",
+        "largest acceleration along the path",
+        "that of the driven states after the first",
+        "",
+        "0 to 11.5",
+        _TOO_SHORT,
+    ),
+    Measure(
+        "maximum_braking_mps2",
+        "hardest braking",
+        "m/s²",
+        "lower",
+        "largest deceleration of the run",
+        "the same, with the other sign; 0 where the ego never slows down",
+        "",
+        "0 to 11.5",
+        _OLD,
+        stored=True,
+        basis="both_reached_goal",
+        tolerance=0.01,
+    ),
+    Measure(
+        "maximum_lateral_acceleration_mps2",
+        "largest lateral acceleration",
+        "m/s²",
+        "lower",
+        "largest sideways acceleration: speed times yaw rate",
+        "speed × change of heading ÷ step, without its sign",
+        "",
+        "0 and more",
+        _TOO_SHORT,
+        stored=True,
+        basis="both_reached_goal",
+        tolerance=0.01,
+    ),
+    Measure(
+        "maximum_planar_acceleration_mps2",
+        "largest planar acceleration",
+        "m/s²",
+        "lower",
+        "largest acceleration in the plane: along and sideways together, what the tyres have to hold",
+        "length of the vector of both",
+        "",
+        "0 and more",
+        _TOO_SHORT,
+    ),
+    Measure(
+        "maximum_steering_rate_radps",
+        "fastest steering",
+        "rad/s",
+        "lower",
+        "fastest turning of the front wheels that the driven path asks for",
+        "change of the steering angle that the turns before and after a state need in the kinematic single-track model "
+        "÷ step",
+        "Althoff and Würsching 2020",
+        "0 and more",
+        _OLD,
+        stored=True,
+        basis="both_reached_goal",
+        tolerance=0.001,
+    ),
+    Measure(
+        "drivable_share",
+        "drivable share",
+        "1",
+        "higher",
+        "the share of the steps that the vehicle can drive as they were driven: 1 for a motion that is feasible",
+        "kinematic single-track model with the tolerances of CommonRoad's drivability checker (0.02 m, 0.03 rad), "
+        "friction, and the limit of the steering rate; its moment is the first step that cannot be driven",
+        "Althoff and Würsching 2020",
+        "0 to 1",
+        _TOO_SHORT,
+    ),
+    Measure(
+        "mean_total_cost",
+        "mean total cost",
+        "1",
+        "lower",
+        "mean cost of the trajectories that the planner chose; it depends on the weights",
+        "mean over the planning steps of the sum of the weighted terms",
+        "",
+        "0 and more",
+        "the planner has no costs, or planned nothing",
+        stored=True,
+        basis="both_reached_goal",
+        within_one_configuration=True,
+    ),
+)
+"""All of them: nearness and time, then severity, then what the ego did."""
+_BY_NAME = {measure.name: measure for measure in MEASURES}
+
+
+def measure_named(name: str) -> Measure | None:
+    """The measure of a name; None where there is none."""
+    return _BY_NAME.get(name)
+
+
+def metric_words(name: str) -> str:
+    """The measure's name as people say it."""
+    known = _BY_NAME.get(name)
+    return name if known is None else known.words
+
+
+def definition_rows(measures: Sequence[Measure] = MEASURES) -> tuple[tuple[str, ...], ...]:
+    """A row a measure: name, words, unit and direction, how it is computed, source, span with cap, when there is "
+    "none."""
+    return tuple(
+        (
+            f"`{one.name}`{', stored' if one.stored else ''}",
+            f"{one.words}{f' ({one.abbreviation})' if one.abbreviation else ''}",
+            f"{one.unit}, {f'{one.better} is better' if one.better else 'neither is better'}",
+            one.method,
+            one.source or "–",
+            f"{one.span}{f'; {one.cap}' if one.cap else ''}",
+            one.none,
+        )
+        for one in measures
+    )
