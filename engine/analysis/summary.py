@@ -171,7 +171,9 @@ def _notes(
     if request.detail == "rows" and len(runs.sources) > _MOST_ROWS:
         notes.append(f"{_MOST_ROWS} of {len(runs.sources)} runs shown, failures first; narrow with where")
     if request.detail == "rules" and len(runs.valid) > MOST_RUNS:
-        notes.append(f"traffic rules of the first {MOST_RUNS} of {len(runs.valid)} valid runs; narrow with where")
+        notes.append(
+            f"traffic rules of {MOST_RUNS} of {len(runs.valid)} valid runs, the first scenarios; narrow with where"
+        )
     if group_count > _MOST_GROUPS:
         notes.append(f"{_MOST_GROUPS} of {group_count} groups shown; narrow with where")
     without = sum(record.run_id not in runs.steps for record in runs.valid) if request.detail == "costs" else 0

@@ -88,8 +88,13 @@ def judged_by_rules(drive: RuledDrive) -> tuple[RuleVerdict, ...]:
 
 
 def rule_shares(runs: RunSet) -> tuple[RuleShare, ...]:
-    """By configuration and rule: how many runs broke it, of those of which it asked something (the first 200 runs)."""
-    judged = [(record, rule_verdicts(runs, record)) for record in runs.valid[:MOST_RUNS]]
+    """By configuration and rule: how many runs broke it, of those of which it asked something.
+
+    Of more than 200 runs the first ones are looked at, scenario by scenario, so that all configurations drive the same.
+    """
+    seen = {name: place for place, name in enumerate(dict.fromkeys(record.scenario_id for record in runs.valid))}
+    by_scenario = sorted(runs.valid, key=lambda record: seen[record.scenario_id])
+    judged = [(record, rule_verdicts(runs, record)) for record in by_scenario[:MOST_RUNS]]
     shares: list[RuleShare] = []
     for config_id in dict.fromkeys(record.config_id for record, _ in judged):
         mine = [(record, verdicts) for record, verdicts in judged if record.config_id == config_id and verdicts]
