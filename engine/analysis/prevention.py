@@ -31,7 +31,8 @@ from numpy.typing import NDArray
 
 from ...schemas.runs import Prevention
 from ..commonroad import Track
-from ..geometry import Points, Values, arc_length, interpolate, oriented_rectangle, point_at, without_repeats
+from ..criticality import MovingRectangles, corners_of
+from ..geometry import Points, Values, arc_length, interpolate, point_at, without_repeats
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -181,8 +182,8 @@ class _Encounter:
         if aside_m is not None and turned_rad is not None:
             centers = centers + np.column_stack([-along[:, 1], along[:, 0]]) * aside_m[:, None]
             headings = headings + turned_rad
-        pairs = zip(centers, headings.tolist(), strict=True)
-        return np.array([oriented_rectangle(center, heading, self.ego.size_m) for center, heading in pairs])
+        sizes = np.tile(self.ego.size_m, (len(centers), 1))
+        return corners_of(MovingRectangles(centers, headings, sizes, np.zeros(len(centers))))
 
     def latest_steering(self, around: Surroundings) -> int | None:
         """The latest step from which steering aside, to either side, prevents the collision; None: none does."""

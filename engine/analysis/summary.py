@@ -176,7 +176,9 @@ def _notes(
     if request.detail == "rows" and len(runs.sources) > _MOST_ROWS:
         notes.append(f"{_MOST_ROWS} of {len(runs.sources)} runs shown, failures first; narrow with where")
     if request.detail == "rules" and len(runs.valid) > MOST_RUNS:
-        notes.append(f"traffic rules of the first {MOST_RUNS} of {len(runs.valid)} valid runs; narrow with where")
+        notes.append(
+            f"traffic rules of {MOST_RUNS} of {len(runs.valid)} valid runs, the first scenarios; narrow with where"
+        )
     if request.detail == "measures" and len(runs.valid) > MOST_MEASURED:
         notes.append(f"the first {MOST_MEASURED} of {len(runs.valid)} valid runs are measured; narrow with where")
     if group_count > _MOST_GROUPS:

@@ -88,28 +88,43 @@ def judged_by_rules(drive: RuledDrive) -> tuple[RuleVerdict, ...]:
 
 
 def rule_shares(runs: RunSet) -> tuple[RuleShare, ...]:
-    """By configuration and rule: how many runs broke it, of those of which it asked something (the first 200 runs)."""
-    judged = [(record, rule_verdicts(runs, record)) for record in runs.valid[:MOST_RUNS]]
+    """By configuration and rule: how many runs broke it, of those of which it asked something.
+
+    Of more than 200 runs the first ones are looked at, scenario by scenario, so that all configurations drive the same.
+    """
+    seen = {name: place for place, name in enumerate(dict.fromkeys(record.scenario_id for record in runs.valid))}
+    by_scenario = sorted(runs.valid, key=lambda record: seen[record.scenario_id])
+    judged = [(record, rule_verdicts(runs, record)) for record in by_scenario[:MOST_RUNS]]
     shares: list[RuleShare] = []
     for config_id in dict.fromkeys(record.config_id for record, _ in judged):
-        mine = [(record, verdicts) for record, verdicts in judged if record.config_id == config_id]
-        for number, rule in enumerate(TRAFFIC_RULES):
-            asked = [(one, found[number]) for one, found in mine if found and found[number].robustness is not None]
-            broken = sorted((found.degree, one.run_id) for one, found in asked if found.violated)[::-1]
-            run_ids = {run_id for _, run_id in broken}
-            shares.append(
-                RuleShare(
-                    rule=rule.rule,
-                    name=rule.name,
-                    unit=rule.unit,
-                    config_id=config_id,
-                    config_name=mine[0][0].config_name,
-                    violated=runs.rate((one for one, _ in asked), lambda one, ids=run_ids: one.run_id in ids),  # type: ignore[misc]
-                    worst=broken[0][0] if broken else None,
-                    run_ids=tuple(run_id for _, run_id in broken),
-                )
-            )
+        mine = [(record, verdicts) for record, verdicts in judged if record.config_id == config_id and verdicts]
+        shares += (
+            [
+                _share(runs, [(record, verdicts[number]) for record, verdicts in mine])
+                for number in range(len(TRAFFIC_RULES))
+            ]
+            if mine
+            else []
+        )
     return tuple(shares)
+
+
+def _share(runs: RunSet, told: Sequence[tuple[RunRecord, RuleVerdict]]) -> RuleShare:
+    """What the runs of a configuration make of one rule."""
+    asked = [(record, verdict) for record, verdict in told if verdict.robustness is not None]
+    broken = sorted((-verdict.degree, record.run_id) for record, verdict in asked if verdict.violated)
+    run_ids = tuple(run_id for _, run_id in broken)
+    record, rule = told[0]
+    return RuleShare(
+        rule=rule.rule,
+        name=rule.name,
+        unit=rule.unit,
+        config_id=record.config_id,
+        config_name=record.config_name,
+        violated=runs.rate((one for one, _ in asked), lambda one: one.run_id in run_ids),
+        worst=-broken[0][0] if broken else None,
+        run_ids=run_ids,
+    )
 
 
 def _verdict(rule: TrafficRule, drive: RuledDrive) -> RuleVerdict:

@@ -71,6 +71,7 @@ def overview_section(
         *([("Goals that asked for nothing", result.trivial.in_words())] if result.trivial is not None else []),
         *([("What no vehicle drives", result.beyond_vehicle.in_words())] if result.beyond_vehicle is not None else []),
         ("Whose fault", _whose_fault(result)),
+        *([("What decided the collisions", _laid_to(result))] if result.causes and result.causes.laid_to else []),
         *((f"{one.after} against {one.before}", _verdict(one).partition(". ")[0]) for one in _compared(comparison)),
         ("What is next", f"{_next(result, names)}."),
     ]
@@ -124,6 +125,11 @@ def _whose_fault(result: AnalyzeResultsResult) -> str:
         f"{prevented} of the {causes.judged} that could be judged{learn}. "
         f"None prevents the other {none}{others}{recorded}.{without}"
     )
+
+
+def _laid_to(result: AnalyzeResultsResult) -> str:
+    laid = result.causes.laid_to if result.causes is not None else {}
+    return f"Collisions are laid to {', '.join(f'{cause} {count}' for cause, count in laid.items())}."
 
 
 def _next(result: AnalyzeResultsResult, names: Mapping[str, str]) -> str:
@@ -327,11 +333,13 @@ def _run_row(run: RunRecord) -> tuple[str, ...]:
 
 
 def _comparison_tables(comparison: Comparison) -> Iterable[ReportTable]:
-    yield ReportTable(
-        caption=f"{comparison.after} against {comparison.before}: the configurations differ in",
-        columns=("weight", "before", "after"),
-        rows=tuple((w.weight, _figure(w.before, 3), _figure(w.after, 3)) for w in comparison.weights),
-    )
+    shared = [one for one in comparison.weights if one.before is not None and one.after is not None]
+    if shared:
+        yield ReportTable(
+            caption=f"{comparison.after} against {comparison.before}: the configurations differ in",
+            columns=("weight", "before", "after"),
+            rows=tuple((one.weight, _figure(one.before, 3), _figure(one.after, 3)) for one in shared),
+        )
     flips = (*comparison.to_success, *comparison.to_failure)
     if flips:
         yield ReportTable(
@@ -353,7 +361,7 @@ def _comparison_tables(comparison: Comparison) -> Iterable[ReportTable]:
                 _figure(test.median_before),
                 _figure(test.median_after),
                 f"{_figure(test.shift)} [{_figure(test.low)}, {_figure(test.high)}]",
-                _figure(test.p, 3),
+                _p_value(test.p),
                 {"before": comparison.before, "after": comparison.after, None: "–"}[test.better],
             )
             for test in comparison.metrics
@@ -363,6 +371,13 @@ def _comparison_tables(comparison: Comparison) -> Iterable[ReportTable]:
 
 def _figure(value: float | None, digits: int = 2) -> str:
     return "–" if value is None else f"{round(value, digits) + 0.0:.{digits}f}"  # + 0.0: no minus before a zero
+
+
+_LEAST_P = 0.001
+
+
+def _p_value(p: float | None) -> str:
+    return f"<{_LEAST_P:g}" if p is not None and p < _LEAST_P else _figure(p, 3)
 
 
 @dataclass(frozen=True)

@@ -258,7 +258,7 @@ class Judge:
             (rf"; {N} more: where outcome=invalid", lambda _: [len(records) - len(valid) - 2]),
             (rf"invalid {N}$", lambda match: [self._in_line(match, "invalid")]),
             (
-                rf"laid to (\w+) {N}(?:, (\w+) {N})?(?:, (\w+) {N})?(?:, (\w+) {N})?",
+                r"laid to (\w+) (\d+)(?:, (\w+) (\d+))?(?:, (\w+) (\d+))?(?:, (\w+) (\d+))?",
                 lambda match: [self.laid_to[name] for name in match.groups()[::2] if name],
             ),
             (rf"can drive: {N} of {N} driven motions", lambda _: [len(beyond), sum(known)]),
@@ -291,7 +291,7 @@ class Judge:
             (rf"\| {N} configurations? \(.*\) on {N} scenarios?, {N} runs;", lambda _: tested),
             (rf"{N} of {N} valid runs \({N} %, 95 % interval {N} to {N} %\) reached", reached),
             (rf"(?:ended as|,) {N} ({'|'.join(outcomes) or '-'})(?=[,;.])", lambda match: [outcomes[match[2]]]),
-            (rf"{N} collisions[ ,]", lambda _: [hits]),
+            (rf"(?<!of )(?<!\d){N} collisions[ ,]", lambda _: [hits]),
             (rf"(?:\(|, ){N} ({'|'.join(kinds) or '-'})(?=[,)])", lambda match: [kinds[match[2]]]),
             (rf"prevents {N} of the {N} that could", lambda _: [judged - len(self.unprevented), judged]),
             (rf"prevents the other {N}", lambda _: [len(self.unprevented)]),

@@ -139,7 +139,7 @@ def page_text(page: str) -> str:
         if tag == "h2":
             run = next(iter(re.findall(r"run_\w+", inner)), "")
             continue
-        text = " | ".join(re.findall(r"<td>(.*?)</td>", inner, re.DOTALL)) if tag == "tr" else inner
+        text = " | ".join(re.findall(r"<td[^>]*>(.*?)</td>", inner, re.DOTALL)) if tag == "tr" else inner
         lines += [f"{text} {run}" if run and run not in text else text] if text else []
     return html.unescape("\n".join(lines))
 

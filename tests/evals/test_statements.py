@@ -1,5 +1,6 @@
 """The judges of statements and of goals that ask for no driving: figures that are right and wrong are told apart."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -173,3 +174,22 @@ def driven(speed: float, count: int = 31) -> RunSteps:
 )
 def test_goals_that_ask_for_no_driving_are_known(asked: PlanningProblem, steps: RunSteps, kind: str | None) -> None:
     assert truth(asked, steps) == kind
+
+
+def test_what_collisions_are_laid_to_is_counted_apart_from_how_many_there_are(tmp_path: Path) -> None:
+    hits = [source(record(f"ZAM_Town-{number}_1_T-1", "collision", obstacle_id=7), tmp_path) for number in range(1, 4)]
+    prevention = {"by_braking_until_s": 1.0, "by_careful_driver": True, "by_rss": True, "by_fuzzy_driver": True}
+    contacts = [
+        {"kind": kind, "prevention": prevention, "predicted_gap_m": gap}
+        for kind, gap in (("rear_end_by_other", None), ("crossing", 2.0), ("crossing", 0.0))
+    ]
+    reviews = {one.record.run_id: {"contact": contact} for one, contact in zip(hits, contacts, strict=True)}
+    raw = judge(hits).raw
+    raw = replace(raw, batch=raw.batch.model_copy(update={"configs": (DEFAULT.config_id,)}))
+    rules = Judge(raw, WEIGHTS, reviews, 0, {}).rules()
+    right, wrong = Tally(), Tally()
+    right.read("Collisions: crossing 2; laid to recording 1, prediction 1, planning 1; no reference driver", rules)
+    right.read("In 1 of 2 collisions that an ego could prevent the other moved otherwise: 2.0 m apart (median).", rules)
+    assert (right.agreeing, right.wrong, right.unknown) == (7, [], [])
+    wrong.read("Collisions: crossing 2; laid to recording 2, prediction 1; no reference driver", rules)
+    assert len(wrong.wrong) == 1
