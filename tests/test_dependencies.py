@@ -11,6 +11,7 @@ CHECKOUT = Path(__file__).resolve().parent.parent
 LAYERS = ("schemas", "engine", "tools", "resources", "prompts", "server", "agent", "evals")
 COMES_WITH = {"pydantic-core": "pydantic", "transformers": "sentence-transformers"}
 RUN_ELSEWHERE = {
+    "evals/analysis/crime_driver.py": "runs in the environment of CriMe, which is set beside our measures",
     "evals/maps/factory_driver.py": "runs in the other generator's environment, which a bench makes for it",
     "evals/tuning/reference_driver.py": "runs in the environment of the loop that is set beside ours",
 }
