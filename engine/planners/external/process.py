@@ -209,11 +209,11 @@ class PlannerProcess:
 
 def _told(log: str) -> str:
     """What an error repeats of standard error: the exception of a Python program, which noise of its libraries follows,
-    else the end.
+    else the end; a traceback that was broken off says nothing.
     """
-    _, traceback, block = log.rpartition("Traceback (most recent call last):")
+    before, traceback, block = log.rpartition("Traceback (most recent call last):")
     raised = next((line for line in block.splitlines()[1:] if line and not line.startswith(" ")), "")
     if traceback and raised:
         return f"; it raised {one_line(raised, _TOLD_LOG)}"
-    end = log.strip()[-_TOLD_LOG:]
+    end = (before if traceback else log).strip()[-_TOLD_LOG:]
     return f"; standard error ends: {one_line(end, _TOLD_LOG)}" if end else ""
