@@ -6,7 +6,6 @@ from typing import Final
 
 from mcp.types import GetPromptResult, Prompt, PromptArgument, PromptMessage, TextContent
 
-from ..engine.catalog import is_ready, known_places
 from ..engine.planners import PLANNERS
 from ..engine.tuning import tuning_of
 from ..engine.workspace import ArtifactKind, Workspace
@@ -149,6 +148,8 @@ def completions(name: str, argument: str, typed: str, workspace: Workspace) -> l
 
 def workspace_facts(workspace: Workspace, map_places: tuple[str, ...]) -> WorkspaceFacts:
     """What prompts say of a workspace, with the places of the maps at hand."""
+    from ..engine.catalog import is_ready, known_places  # not needed before the first answers
+
     connection = workspace.database.connection()
     countries = known_places(connection).countries if is_ready(connection) else ()
     return WorkspaceFacts(tuple(dict.fromkeys(map_places)), countries)

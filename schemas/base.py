@@ -12,9 +12,14 @@ LONGEST_PATH = 4000
 
 
 class Model(BaseModel):
-    """A frozen value that refuses unknown fields and numbers that are not finite."""
+    """A frozen value that refuses unknown fields and numbers that are not finite.
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, ser_json_inf_nan="constants")
+    What checks a model is built when the model is first used: a server that starts uses few of them.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, ser_json_inf_nan="constants", defer_build=True
+    )
 
 
 class Arguments(Model):
