@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import anyio
 from mcp import MCPError
 from mcp.server import MCPServer
+from mcp.server.apps import client_supports_apps
 from mcp.server.context import ServerRequestContext
 from mcp.server.lowlevel import Server
 from mcp.server.lowlevel.helper_types import ReadResourceContents
@@ -37,6 +38,7 @@ from pydantic import AnyUrl
 from .. import __version__
 from ..engine.execution import CallThreads
 from ..prompts.catalog import listed_prompts, prompt_text, workspace_facts
+from ..resources.apps import PAGES, pages
 from ..schemas.errors import PlannerForgeError, UnknownName, closest
 from ..schemas.text import quoted
 from ..tools.call import Services, ToolCall
@@ -104,7 +106,7 @@ class PlannerForgeServer(MCPServer[Services]):
             instructions=INSTRUCTIONS,
             lifespan=lifespan,
             subscriptions=self._news,
-            extensions=[self._tasks],
+            extensions=[self._tasks, pages()],
             log_level="ERROR",
         )
         self._lowlevel_server.add_request_handler("tools/list", PaginatedRequestParams, self._list_tools)
@@ -206,6 +208,7 @@ class PlannerForgeServer(MCPServer[Services]):
         try:
             if client.key:
                 call.most_image_bytes = MOST_EVENT_BYTES
+            call.names_view = spec.view is not None and client_supports_apps(context)
             return await self.carry_out(spec, arguments, call, client)
         except InputNeeded as needed:
             return question_result(needed)
@@ -246,14 +249,16 @@ class PlannerForgeServer(MCPServer[Services]):
 
     async def read_resource(
         self, uri: AnyUrl | str, context: Context[Services, Any] | None = None
-    ) -> Iterable[ReadResourceContents]:
-        """Read a resource.
+    ) -> Iterable[ReadResourceContents] | InputRequiredResult:
+        """Read a resource, or the page of a view.
 
         Raises:
             MCPError: nothing is there (-32602), with the templates that exist.
         """
         if context is None:
             raise MCPError(INVALID_PARAMS, "a resource needs the context of a request")
+        if str(uri).startswith(PAGES):
+            return await super().read_resource(uri, context)
         services = context.request_context.lifespan_context
         content, mime_type = await self._resources.read(str(uri), services)
         return [ReadResourceContents(content=content, mime_type=mime_type)]

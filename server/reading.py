@@ -32,6 +32,7 @@ from mcp.types import (
 from ..engine.execution import CallThreads
 from ..engine.workspace import Workspace
 from ..prompts.catalog import completions
+from ..resources.apps import viewed_ids
 from ..resources.templates import (
     SCHEME,
     TEMPLATES,
@@ -112,6 +113,8 @@ class ResourceReading:
                 return await _told_by_tool(name, services), _JSON
             if uri.startswith(_SCHEMA):
                 return self._schema(uri), _JSON
+            if viewed := viewed_ids(uri):
+                return await _view_data(viewed, services), _JSON
             return read_resource(uri, services.workspace)
 
         return await self._done(look)
@@ -225,3 +228,10 @@ async def _told_by_tool(name: str, services: Services) -> str:
     if result.is_error:
         raise MCPError(INTERNAL_ERROR, answer_text(result))
     return json.dumps(result.structured_content, indent=1, ensure_ascii=False)
+
+
+async def _view_data(ids: list[str], services: Services) -> str:
+    """The data of a view; a board asks for its runs one by one. Imported now: the first answers do not wait for it."""
+    from ..tools.rendering import make_view
+
+    return (await make_view(ids, ToolCall(services), whole=False)).data

@@ -9,6 +9,7 @@ from typing import Any
 from mcp import MCPError
 from mcp.types import CallToolResult, ContentBlock, ImageContent, Resource, ResourceLink, TextContent
 
+from ..resources.apps import VIEW_KEY, view_uri
 from ..resources.templates import artifact_link, job_link
 from ..schemas.base import Result
 from ..schemas.errors import NotPossible, PlannerForgeError, UnexpectedFailure, as_told
@@ -46,7 +47,7 @@ async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> Ca
         if made := [name for name in spec.refused if getattr(arguments, name)]:
             raise NotPossible(f"this server makes nothing, and {made[0]} does", next_step=f"leave {made[0]} out")
         result = await spec.load_function()(arguments, call)
-        return _shaped(result, call)
+        return _with_view(_shaped(result, call), call)
     except (InputNeeded, MCPError):
         raise
     except Exception as raised:  # noqa: BLE001 - the boundary of a call: it becomes the error of this one call
@@ -54,6 +55,12 @@ async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> Ca
         if isinstance(error, UnexpectedFailure):
             logger.error("incident %s:\n%s", error.incident, error.details)  # noqa: TRY400 - it holds the traceback
         return _refusal(error)
+
+
+def _with_view(result: CallToolResult, call: ToolCall) -> CallToolResult:
+    """The answer with the name of its view, for a host that shows it."""
+    view = view_uri(call.shown) if call.names_view else None
+    return result if view is None else result.model_copy(update={"meta": {**(result.meta or {}), VIEW_KEY: view}})
 
 
 def answer_text(result: CallToolResult) -> str:

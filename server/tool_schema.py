@@ -12,6 +12,7 @@ from typing import Any
 from mcp.types import Tool, ToolAnnotations
 from pydantic import BaseModel
 
+from ..resources.apps import page_uri
 from ..tools.registry import ToolSpec
 
 _LENGTHS = ("minItems", "maxItems")
@@ -55,6 +56,7 @@ def tool_description(spec: ToolSpec) -> Tool:
             idempotent_hint=True,
             open_world_hint=spec.open_world,
         ),
+        _meta=None if spec.view is None else {"ui": {"resourceUri": page_uri(spec.view)}},
     )
 
 

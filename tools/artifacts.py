@@ -147,7 +147,9 @@ def _jobs(arguments: ListArtifactsArguments, call: ToolCall) -> ListArtifactsRes
 async def get_job(arguments: GetJobArguments, call: ToolCall) -> JobResult:
     """Wait for the end of a job."""
     job_id = _job_id(arguments.job_id, call)
-    return _job_result(await call.wait_for(job_id, arguments.wait_s))
+    job = await call.wait_for(job_id, arguments.wait_s)
+    call.shows(*_batches(job)[-1:])
+    return _job_result(job)
 
 
 async def cancel_job(arguments: CancelJobArguments, call: ToolCall) -> JobResult:
@@ -186,12 +188,16 @@ def _job_result(job: Job) -> JobResult:
     )
 
 
+def _batches(job: Job) -> list[str]:
+    return [key for key in job.results if key.startswith("batch_")]
+
+
 def _next_step(job: Job) -> str:
     if job.state != "done":
         return _NEXT[job.state]
     if job.kind == "plan":
         return f"run_planner with scenarios ['{job.results[0]}']"
-    batches = [key for key in job.results if key.startswith("batch_")]
+    batches = _batches(job)
     if batches:
         return f"analyze_results or compare_results with results ['{batches[-1]}']"
     return _NEXT_AFTER_IMPORT if job.kind == "import" else _NEXT[job.state]

@@ -116,6 +116,10 @@ class ToolCall:
         """Of all pictures that the answer shows; others are linked only."""
         self.links: dict[tuple[MadeKind, str], None] = {}
         """What the answer links: what was made or asked for again, in this order."""
+        self.shown: tuple[str, ...] = ()
+        """Ids of what the answer is about, for a host that shows it in a view."""
+        self.names_view = False
+        """Whether the answer names its view, since the host shows it."""
         self._send_progress = send_progress
 
     @property
@@ -138,6 +142,10 @@ class ToolCall:
         for made_id in made_ids:
             self.services.recent.note(kind, made_id)
             self.links[kind, made_id] = None
+
+    def shows(self, *ids: str) -> None:
+        """Name what the answer is about: scenarios, runs or batches that one view shows together."""
+        self.shown = ids
 
     def newest(self, *kinds: ArtifactKind, count: int = 1) -> list[Artifact]:
         """What the client made or chose last of some kinds, newest first; then what others made, which is told once."""

@@ -115,6 +115,7 @@ async def _modified(arguments: ModifyScenarioArguments, call: ToolCall) -> Modif
                 circumstances=given.read(ScenarioRecord).facts.circumstances,
             )
             call.made("scenario", new_id)
+            call.shows(given.artifact_id, new_id)
     return ModifyScenarioResult(
         scenario_id=None if arguments.dry_run else new_id,
         base_id=base_id,

@@ -130,7 +130,9 @@ async def run_planner(arguments: RunPlannerArguments, call: ToolCall) -> RunPlan
     ]
     if len(cells) == 1:
         result = await run_cell(call, cells[0], tell_client=True)
-        call.made("run", *([result.record.run_id] if result.record is not None else []))
+        made = [result.record.run_id] if result.record is not None else []
+        call.made("run", *made)
+        call.shows(*made)
         return await answer_of(call, cells, [result], batch_id=None, notes=choice.notes)
     return await run_many(call, cells, arguments.wait_s, choice.notes)
 

@@ -7,7 +7,7 @@ in ``operations.py``.
 import importlib
 from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import Any, get_type_hints
+from typing import Any, Literal, get_type_hints
 
 from ..schemas.base import Arguments, Result
 from .call import ImageAnswer
@@ -28,6 +28,7 @@ class ToolSpec:
         making: arguments with which a tool that is read-only otherwise makes something.
         refused: arguments that this listing refuses.
         open_world: may ask services on the net.
+        view: the page that shows its answers, in hosts that show pages.
     """
 
     name: str
@@ -40,6 +41,7 @@ class ToolSpec:
     making: tuple[str, ...] = ()
     refused: tuple[str, ...] = ()
     open_world: bool = False
+    view: Literal["player", "board"] | None = None
 
     @property
     def arguments_type(self) -> type[Arguments]:
@@ -72,22 +74,29 @@ TOOLS: tuple[ToolSpec, ...] = (
         "generation.tool",
         seldom=("conditions", "cover", "source"),
         open_world=True,
+        view="player",
     ),
     ToolSpec("find_scenarios", "Find scenarios", "catalog"),
     ToolSpec("import_files", "Import files", "importing", essential=False),
-    ToolSpec("describe_scenario", "Describe a scenario", "scenarios", read_only=True),
-    ToolSpec("modify_scenario", "Modify a scenario", "modification"),
+    ToolSpec("describe_scenario", "Describe a scenario", "scenarios", read_only=True, view="player"),
+    ToolSpec("modify_scenario", "Modify a scenario", "modification", view="player"),
     ToolSpec("list_planners", "List planners", "planning", read_only=True),
     ToolSpec("configure_planner", "Configure a planner", "planning"),
-    ToolSpec("run_planner", "Run a planner", "planning"),
-    ToolSpec("get_job", "Look at a job", "artifacts", read_only=True),
+    ToolSpec("run_planner", "Run a planner", "planning", view="board"),
+    ToolSpec("get_job", "Look at a job", "artifacts", read_only=True, view="board"),
     ToolSpec("cancel_job", "Cancel a job", "artifacts", essential=False),
     ToolSpec(
-        "analyze_results", "Analyse results", "analysis.tool", read_only=True, seldom=("trial",), making=("trial",)
+        "analyze_results",
+        "Analyse results",
+        "analysis.tool",
+        read_only=True,
+        seldom=("trial",),
+        making=("trial",),
+        view="board",
     ),
-    ToolSpec("compare_results", "Compare results", "analysis.tool", read_only=True),
+    ToolSpec("compare_results", "Compare results", "analysis.tool", read_only=True, view="board"),
     ToolSpec("optimize_planner", "Optimise a planner", "analysis.optimization", essential=False),
-    ToolSpec("render", "Draw", "rendering", read_only=True),
+    ToolSpec("render", "Draw", "rendering", read_only=True, view="board"),
     ToolSpec("list_artifacts", "List artifacts", "artifacts", read_only=True, essential=False),
     ToolSpec("export_artifacts", "Export artifacts", "exporting", essential=False),
 )

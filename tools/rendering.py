@@ -13,8 +13,8 @@ from ..resources.templates import picture_link
 from ..schemas.analysis.optimization import StudyRecord
 from ..schemas.errors import Faults, InvalidRequest, UnknownName
 from ..schemas.rendering import (
+    VIEW_FORMAT,
     PictureKind,
-    PlayerView,
     RenderArguments,
     Rendered,
     RenderedImage,
@@ -63,10 +63,11 @@ def _study(words: list[str], call: ToolCall) -> StudyRecord | None:
 
 def _meant(words: list[str], call: ToolCall) -> tuple[list[str], list[str]]:
     """Scenario ids and run ids; ``latest`` is the client's last scenario, run or batch."""
-    scenarios, runs, faults = list[str](), list[str](), Faults()
+    scenarios, runs, named, faults = list[str](), list[str](), list[Artifact](), Faults()
     for word in words:
         with faults.collecting():
             artifact = named_artifact(word, call)
+            named.append(artifact)
             if artifact.kind == "scenario":
                 scenarios.append(artifact.artifact_id)
             elif artifact.kind in ("run", "batch"):
@@ -78,6 +79,8 @@ def _meant(words: list[str], call: ToolCall) -> tuple[list[str], list[str]]:
                     valid=["scenario", "run", "batch"],
                 )
     faults.raise_all()
+    if _view_kind(named) is not None:
+        call.shows(*(artifact.artifact_id for artifact in named))
     return scenarios, runs
 
 
@@ -202,11 +205,11 @@ def _view_request(artifacts: Sequence[Artifact], call: ToolCall, *, whole: bool)
         raise InvalidRequest(
             f"'{unseen[0].artifact_id}' is a {unseen[0].kind}, which no view shows", valid=["scenario", "run", "batch"]
         )
-    kinds = {artifact.kind for artifact in artifacts}
-    if "batch" not in kinds and 1 <= len(artifacts) <= MOST_PANES:
+    kind = _view_kind(artifacts)
+    if kind == "player":
         panes = tuple(_pane(artifact, call) for artifact in artifacts)
         return ViewRequest(kind="player", title=title, panes=panes, path="")
-    if not artifacts or "scenario" in kinds:
+    if kind is None:
         raise InvalidRequest(
             f"{title or 'nothing'} is no view",
             valid=["one scenario or run", "two of them, side by side", "batches and runs, as a board"],
@@ -223,6 +226,14 @@ def _view_request(artifacts: Sequence[Artifact], call: ToolCall, *, whole: bool)
     )
 
 
+def _view_kind(artifacts: Sequence[Artifact]) -> ViewKind | None:
+    """The view that shows some artifacts together; None where none does."""
+    kinds = {artifact.kind for artifact in artifacts}
+    if kinds <= {"scenario", "run"} and 1 <= len(artifacts) <= MOST_PANES:
+        return "player"
+    return "board" if artifacts and kinds <= {"run", "batch"} else None
+
+
 def _pane(artifact: Artifact, call: ToolCall) -> ViewPane:
     if artifact.kind == "scenario":
         return ViewPane(scenario=scenario_sources([artifact.artifact_id], call)[0])
@@ -233,5 +244,5 @@ def _pane(artifact: Artifact, call: ToolCall) -> ViewPane:
 
 def _view_digest(request: ViewRequest) -> str:
     """Names the data of a view after what they show; another format of the data has another name."""
-    content = request.model_dump_json() + repr(PlayerView.model_fields["format"].default) + repr(versions_of("shapely"))
+    content = request.model_dump_json() + repr((VIEW_FORMAT, versions_of("shapely")))
     return hashlib.sha256(content.encode()).hexdigest()[:12]

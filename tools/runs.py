@@ -322,6 +322,8 @@ async def answer_of(
         response = await call.services.workers.run(REVIEW_RUNS, request)
         reviews = {review.run_id: review for review in response.reviews}
     notice = "" if all(result.reused for result in results) else call.services.workers.notice
+    if batch_id is not None and records:
+        call.shows(batch_id)
     return answer(cells, results, batch_id=batch_id, notes=notes, reviews=reviews, notice=notice)
 
 

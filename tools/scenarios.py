@@ -45,6 +45,7 @@ async def describe_scenario(arguments: DescribeScenarioArguments, call: ToolCall
     open_catalogue(call.workspace, with_starter=call.services.with_starter)
     artifact, problem_id = one_scenario(arguments.scenario_id, call)
     record = artifact.read(ScenarioRecord)
+    call.shows(artifact.artifact_id)
     description = await call.run(
         DESCRIBE_SCENARIO,
         DescribeRequest(

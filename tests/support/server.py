@@ -83,8 +83,14 @@ class Connect(Protocol):
 
 def worker_processes() -> set[psutil.Process]:
     """Workers of this test process."""
-    children = psutil.Process().children(recursive=True)
-    return {child for child in children if "plannerforge.engine.execution.worker" in " ".join(child.cmdline())}
+    return {child for child in psutil.Process().children(recursive=True) if _is_worker(child)}
+
+
+def _is_worker(process: psutil.Process) -> bool:
+    try:
+        return "plannerforge.engine.execution.worker" in " ".join(process.cmdline())
+    except (psutil.NoSuchProcess, psutil.ZombieProcess):  # it ended since it was listed
+        return False
 
 
 class KeptWorkers:

@@ -15,6 +15,7 @@ from .trial import with_trials
 async def analyze_results(arguments: AnalyzeResultsArguments, call: ToolCall) -> AnalyzeResultsResult:
     """Rates, metrics, costs and findings of runs."""
     chosen, runs = chosen_runs(arguments.results, call)
+    call.shows(*(result.result_id for result in chosen))
     request = AnalyseRequest(
         results=tuple(result.result_id for result in chosen),
         runs=runs,
@@ -36,6 +37,7 @@ async def compare_results(arguments: CompareResultsArguments, call: ToolCall) ->
     """Paired tests of every side against the first."""
     words, notes = _words_of(arguments, call)
     chosen, runs = chosen_runs(words, call)
+    call.shows(*(result.result_id for result in chosen))
     request = CompareRequest(
         sides=_sides_of(chosen, runs),
         runs=runs,

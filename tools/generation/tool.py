@@ -48,6 +48,7 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
     sites = await assign_sites(arguments, call, plan.matches)
     made, failures = await _make_all(arguments, call, sites)
     call.made("scenario", *(summary.scenario_id for summary in made))
+    call.shows(*(summary.scenario_id for summary in made[:1]))
     notes = [*conditions.notes, *plan.notes, *told, *failures]
     if len(sites.planned) < arguments.count:
         notes.append(f"only {len(sites.planned)} different site(s) fit; {arguments.count} were asked for")

@@ -7,17 +7,7 @@ from pathlib import Path
 
 from ....schemas.errors import NotPossible
 from ....schemas.measures import metric_words
-from ....schemas.rendering import (
-    BoardColumn,
-    BoardMetric,
-    BoardRow,
-    BoardRun,
-    BoardView,
-    DriveView,
-    SceneView,
-    ViewRequest,
-    ViewWritten,
-)
+from ....schemas.rendering import ViewRequest, ViewWritten
 from ....schemas.results import Rate
 from ....schemas.runs import Contact, RunRecord, RunSource, ScenarioSource, ending
 from ....schemas.text import counted, one_line
@@ -25,6 +15,7 @@ from ...analysis import METRICS, RunSet, known_contacts
 from ...execution import ProgressReporter
 from ...workspace import write_whole
 from ..content import driven_path
+from .data import BoardColumn, BoardMetric, BoardRow, BoardRun, BoardView, DriveView, SceneView
 from .scenes import LONGEST_SENTENCE, drive_view, player_view, read_content, scene_view
 
 _MOST_BYTES = 16 * 1024**2

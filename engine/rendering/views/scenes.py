@@ -13,7 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....schemas.measures import metric_words
-from ....schemas.rendering import (
+from ....schemas.rendering import ViewPane, ViewRequest
+from ....schemas.results import with_unit
+from ....schemas.runs import ReviewRequest, RunReview, RunSource, ScenarioSource, ending
+from ....schemas.text import one_line
+from ...analysis import METRICS, Course, RunSet, course_of, read_steps, review_runs
+from ...commonroad import Track, kept_recording
+from ...execution import silent
+from ...geometry import Points, Values, length_m, point_at
+from ...vehicles import EGO_SIZE_M
+from ..content import DrivenPath, LaneletShape, ScenarioContent, Viewport, content_of, driven_path
+from ..road import dividers, outer_edges
+from .data import (
     DriveView,
     LaneletView,
     Line,
@@ -25,19 +36,7 @@ from ....schemas.rendering import (
     SignalView,
     StandingView,
     TrackView,
-    ViewPane,
-    ViewRequest,
 )
-from ....schemas.results import with_unit
-from ....schemas.runs import ReviewRequest, RunReview, RunSource, ScenarioSource, ending
-from ....schemas.text import one_line
-from ...analysis import METRICS, Course, RunSet, course_of, read_steps, review_runs
-from ...commonroad import Track, kept_recording
-from ...execution import silent
-from ...geometry import Points, Values, length_m, point_at
-from ...vehicles import EGO_SIZE_M
-from ..content import DrivenPath, LaneletShape, ScenarioContent, Viewport, content_of, driven_path
-from ..road import dividers, outer_edges
 
 _MOST_SAMPLES = 300_000
 """States of road users in a scene (chosen): about 4 MB; of more, every second, third … step is kept."""

@@ -202,11 +202,12 @@ def test_board_opens_a_run_in_the_player_and_comes_back(board: Page) -> None:
     board.press("ArrowRight")
     board.press("Enter")
     board.wait_for("document.querySelector('.stage')")
+    assert board.value("document.querySelector('.board').offsetHeight") == 0
     assert "goal reached" in board.value("document.querySelector('.stage').innerText")
     board.press("ArrowRight")
     assert board.value("document.querySelector('.player:not(.board)').player.step") == 1
     board.press("Escape")
-    assert board.value("document.querySelector('.board').hidden") is False
+    assert board.value("document.querySelector('.board').offsetHeight") > 0
     assert board.value("document.activeElement.innerText") == "goal reached ▲"
 
 

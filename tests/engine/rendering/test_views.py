@@ -19,8 +19,9 @@ from plannerforge.engine.execution import silent
 from plannerforge.engine.rendering import empty_page, filled_page, write_view
 from plannerforge.engine.rendering.canvas import class_colour, outcome_colour
 from plannerforge.engine.rendering.content import content_of
+from plannerforge.engine.rendering.views.data import BoardView, DriveView, PlayerView, TrackView
 from plannerforge.engine.rendering.views.scenes import track_view
-from plannerforge.schemas.rendering import BoardView, DriveView, PlayerView, TrackView, ViewKind, ViewPane, ViewRequest
+from plannerforge.schemas.rendering import ViewKind, ViewPane, ViewRequest
 from plannerforge.schemas.runs import BatchRecord, LostCell, Outcome, RunRecord, RunSource, ScenarioSource
 
 TOWN = "ZAM_Builder-1_1_T-1"

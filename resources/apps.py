@@ -1,0 +1,65 @@
+"""MCP Apps: a host that has the extension shows the answers of some tools in the pages of views.
+
+A tool names its page (``_meta.ui.resourceUri``), an answer the view that the page shows (``VIEW_KEY`` in its
+``_meta``); the page reads the view's data as a resource through the host, so that they never pass through the model.
+Hosts without the extension get the same answers without that name.
+
+What makes pages and views is imported when one is asked for: the first answer of the server does not wait for it.
+"""
+
+import re
+from collections.abc import Sequence
+from functools import partial
+from typing import Literal
+
+from mcp.server.apps import Apps
+from mcp.server.mcpserver.resources import FunctionResource
+
+from .templates import SCHEME
+
+VIEW_KEY = "plannerforge/view"
+"""Names the URI of an answer's view in its ``_meta``."""
+PAGES = "ui://plannerforge/"
+PageKind = Literal["player", "board"]
+_TITLES: dict[PageKind, str] = {"player": "Scenario and run player", "board": "Board of runs"}
+_MOST_NAMED = 20
+"""Ids in the URI of a view (chosen): more are runs without a batch that nobody looks at one by one."""
+
+
+def page_uri(kind: PageKind) -> str:
+    """The URI of a page."""
+    return f"{PAGES}{kind}.html"
+
+
+def view_uri(ids: Sequence[str]) -> str | None:
+    """The URI of the data of a view; None where there is nothing to show, or too much."""
+    return f"{SCHEME}view/{'+'.join(ids)}" if 1 <= len(ids) <= _MOST_NAMED else None
+
+
+def viewed_ids(uri: str) -> list[str]:
+    """What the data behind a URI show; empty where it is not that of a view."""
+    match = re.fullmatch(rf"{re.escape(SCHEME)}view/([\w.\-]+(?:\+[\w.\-]+){{0,{_MOST_NAMED - 1}}})", uri)
+    return match[1].split("+") if match else []
+
+
+def pages() -> Apps:
+    """The extension with both pages, which are put together when a host reads them."""
+    apps = Apps()
+    for kind, title in _TITLES.items():
+        apps.add_resource(
+            FunctionResource(
+                uri=page_uri(kind),
+                name=kind,
+                title=title,
+                mime_type="text/html;profile=mcp-app",
+                meta={"ui": {"prefersBorder": True}},
+                fn=partial(_page, kind),
+            )
+        )
+    return apps
+
+
+def _page(kind: PageKind) -> str:
+    from ..engine.rendering import empty_page
+
+    return empty_page(kind)
