@@ -1,6 +1,6 @@
 """Solutions: whether CommonRoad's drivability checker accepts what runs that are told to be drivable are exported as.
 
-Frenetix, MP-RBFN and IDM drive 70 public scenarios (a sample, always the same). Every run is exported by the product as
+Frenetix, MP-RBFN and IDM drive 62 public scenarios (a sample, always the same). Every run is exported by the product as
 a CommonRoad solution and read back by commonroad-io. Of a run that reached its goal and is told to keep to the limits
 of its vehicle the checker's ``valid_solution`` has to accept the solution: its planning problem solved, its goal
 reached, no collision, on the road, and each step feasible for the kinematic single-track model. Of other runs that are
@@ -41,7 +41,7 @@ from ..harness import Figures, ask, finished_batch, import_scenarios, scenario_f
 from .bench import AnalysisBench
 from .public_runs import PREDICTION, public_folder, public_server, raw_runs
 
-SCENARIOS = 70
+SCENARIOS = 62
 PLANNERS = ("frenetix:Default", "mp-rbfn:Default", "idm:Default")
 _SAME = 1e-3
 """Share of the steering rate that is rounding: planners meet limits."""
