@@ -11,6 +11,7 @@ import queue
 import statistics
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 import traceback
@@ -255,6 +256,35 @@ def call_in_process(workspace: Workspace | None = None) -> ToolCall:
 
 class LeftOut(Exception):
     """What a part needs is not to be had on this machine; the message says what."""
+
+
+def made_environment(name: str, title: str, requirements: Path) -> Path:
+    """The folder of an environment for what is set beside this program, made where it is not there.
+
+    It lies where ``PLANNERFORGE_NAME`` says, otherwise among temporary files; the file that marks it as whole bears the
+    requirements' digest.
+
+    Raises:
+        LeftOut: it cannot be made here.
+    """
+    digest = hashlib.sha256(requirements.read_bytes()).hexdigest()[:12]
+    default = Path(tempfile.gettempdir()) / f"plannerforge-{name}-{digest}"
+    folder = Path(os.environ.get(f"PLANNERFORGE_{name.upper()}", default))
+    whole = folder / f"{digest}.whole"
+    if whole.exists():
+        return folder
+    sys.stderr.write(f"making {title}'s environment in {folder} …\n")
+    commands = (
+        [sys.executable, "-m", "venv", str(folder)],
+        [str(folder / "bin" / "python"), "-m", "pip", "install", "--quiet", "--requirement", str(requirements)],
+    )
+    for command in commands:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            last = (done.stderr.strip().splitlines() or ["no reason"])[-1]
+            raise LeftOut(f"{title}'s environment cannot be made here: {last}")
+    whole.touch()
+    return folder
 
 
 class NoAnswer(Exception):

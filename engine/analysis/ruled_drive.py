@@ -18,6 +18,7 @@ from ...schemas.runs import RunRecord, RunSteps
 from ..commonroad import Track, limits_mps, signs_of
 from ..criticality import ahead_of, encounters, times_to_collision_s
 from ..geometry import Points, Values, arc_length, headings, project_all, wrap_angles
+from .moments import ego_track
 
 if TYPE_CHECKING:
     from commonroad.scenario.intersection import Intersection, IntersectionIncomingElement
@@ -122,17 +123,8 @@ class RuledDrive:
         cls, record: RunRecord, steps: RunSteps, others: Mapping[int, Track], network: "LaneletNetwork"
     ) -> "RuledDrive":
         """The drive of a run."""
-        ego = Track(
-            obstacle_id=-1,
-            kind="car",
-            length_m=record.ego_length_m,
-            width_m=record.ego_width_m,
-            first_step=steps.first_step,
-            positions=np.column_stack([steps.x_m, steps.y_m]),
-            headings_rad=np.asarray(steps.heading_rad, dtype=float),
-            speeds_mps=np.asarray(steps.speed_mps, dtype=float),
-        )
-        return cls(ego, np.asarray(steps.acceleration_mps2, dtype=float), others, network, record.step_s)
+        accelerations_mps2 = np.asarray(steps.acceleration_mps2, dtype=float)
+        return cls(ego_track(record, steps), accelerations_mps2, others, network, record.step_s)
 
     def steps(self, duration_s: float) -> int:
         """So many steps."""

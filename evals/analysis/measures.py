@@ -22,14 +22,12 @@ Keys: ``measures_agree``: share of all compared values, of both parts, that agre
 and each deviation go to standard error.
 """
 
-import hashlib
 import json
 import math
 import os
 import random
 import subprocess
 import sys
-import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -45,7 +43,7 @@ from ...engine.execution import silent
 from ...schemas.measures import MeasuredValue
 from ...schemas.results import AnalyseRequest
 from ...schemas.runs import CollisionRecord, DrivenObstacle, RunMetrics, RunRecord, RunSource, RunSteps
-from ..harness import Figures, LeftOut, drawn, scenario_files
+from ..harness import Figures, drawn, made_environment, scenario_files
 from .bench import AnalysisBench
 
 STEP_S, FINE_S = 0.1, 0.005
@@ -544,24 +542,7 @@ def prepared_environment() -> Path:
     Raises:
         LeftOut: it cannot be made here.
     """
-    digest = hashlib.sha256(_REQUIREMENTS.read_bytes()).hexdigest()[:12]
-    default = Path(tempfile.gettempdir()) / f"plannerforge-crime-{digest}"
-    folder = Path(os.environ.get("PLANNERFORGE_CRIME", default))
-    whole = folder / f"{digest}.whole"
-    if whole.exists():
-        return folder
-    sys.stderr.write(f"measures: making CriMe's environment in {folder} …\n")
-    commands = (
-        [sys.executable, "-m", "venv", str(folder)],
-        [str(folder / "bin" / "python"), "-m", "pip", "install", "--quiet", "--requirement", str(_REQUIREMENTS)],
-    )
-    for command in commands:
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode:
-            last = (done.stderr.strip().splitlines() or ["no reason"])[-1]
-            raise LeftOut(f"CriMe's environment cannot be made here: {last}")
-    whole.touch()
-    return folder
+    return made_environment("crime", "CriMe", _REQUIREMENTS)
 
 
 class _Crime:

@@ -21,14 +21,10 @@ Faults with their reasons go to standard error, their whole log to ``factory.log
 """
 
 import asyncio
-import hashlib
 import json
 import math
-import os
 import re
-import subprocess
 import sys
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -44,7 +40,17 @@ from ...schemas.errors import PlannerForgeError
 from ...schemas.generation import GenerateScenariosArguments, ReadMapRequest
 from ...tools.generation.requests import assign_sites, plan_maps, request_for
 from ..generation.figures import motion_figures, ratio
-from ..harness import Figures, LeftOut, LineProcess, NoAnswer, Spent, call_in_process, drawn, process_pool, share
+from ..harness import (
+    Figures,
+    LineProcess,
+    NoAnswer,
+    Spent,
+    call_in_process,
+    drawn,
+    made_environment,
+    process_pool,
+    share,
+)
 from .bench import MapsBench
 from .factory_judge import FileVerdict, judge_file
 
@@ -118,30 +124,13 @@ def measure(bench: MapsBench) -> Figures:
 
 
 def prepared_environment() -> tuple[Path, float]:
-    """The folder of the environment, and the seconds that it took to make it: 0 where it was there.
+    """The folder of the environment, and the seconds that it took to make it: next to 0 where it was there.
 
     Raises:
         LeftOut: it cannot be made here.
     """
-    digest = hashlib.sha256(_REQUIREMENTS.read_bytes()).hexdigest()[:12]
-    default = Path(tempfile.gettempdir()) / f"plannerforge-factory-{digest}"
-    folder = Path(os.environ.get("PLANNERFORGE_FACTORY", default))
-    whole = folder / f"{digest}.whole"
-    if whole.exists():
-        return folder, 0.0
-    sys.stderr.write(f"factory: making its environment in {folder} …\n")
     began = time.perf_counter()
-    commands = (
-        [sys.executable, "-m", "venv", str(folder)],
-        [str(folder / "bin" / "python"), "-m", "pip", "install", "--quiet", "--requirement", str(_REQUIREMENTS)],
-    )
-    for command in commands:
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode:
-            last = (done.stderr.strip().splitlines() or ["no reason"])[-1]
-            raise LeftOut(f"Scenario Factory's environment cannot be made here: {last}")
-    whole.touch()
-    return folder, time.perf_counter() - began
+    return made_environment("factory", "Scenario Factory", _REQUIREMENTS), time.perf_counter() - began
 
 
 class Factory(LineProcess):
