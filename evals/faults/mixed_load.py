@@ -40,6 +40,7 @@ from ...server.assembly import create_server
 from ...server.tool_calls import answer_text
 from ..harness import drawn, existing, print_figures, settings_for, shared_scenarios
 from .imports import store_disagreements
+from .processes import MARK, alive, command_of, descendants, kill, marked, remaining
 
 _SEED, _SERVERS, _BASES, _COPIES = 20261122, 2, 3, 4
 """Of the scenarios that a load imports: how many are real, and copies of each under an id of its own (chosen)."""
@@ -47,13 +48,9 @@ _LARGEST_BYTES = 400_000
 """Files of the load; chosen: reading is most of the time of a short run."""
 _LATEST_S = 10.0
 """Longest time from the first worker of a server to the kill (chosen)."""
-_GONE_WITHIN_S = 10.0
-"""What was killed, and what it had started, has ended within this time (chosen)."""
 _GUARD_S = 900.0
 """Longest time for which an undisturbed load is waited for (chosen): it takes less than a minute."""
 _ALL = 1_000_000
-_MARK = "PLANNERFORGE_BENCH_MARK"
-"""The variable by which whatever a server starts is known: it is inherited."""
 _STORED = {"scenario": ("scenario.xml",), "config": ("config.yaml",), "run": ("steps.json", "timing.json"), "batch": ()}
 _OWN_FAULTS = tuple(f"[{error.code}]" for error in (WorkerFailure, WorkerTimeout))
 """Errors that a killed worker explains: the call is made again."""
@@ -81,27 +78,19 @@ class _Server:
         """Start one."""
         mark = uuid.uuid4().hex
         command = [sys.executable, "-m", "plannerforge.evals.faults.mixed_load", str(root), str(folder), str(load)]
-        process = subprocess.Popen(command, env={**os.environ, _MARK: mark}, stderr=subprocess.PIPE, text=True)
+        process = subprocess.Popen(command, env={**os.environ, MARK: mark}, stderr=subprocess.PIPE, text=True)
         return cls(process, load, mark)
 
     def descendants(self) -> list[psutil.Process]:
         """Its workers and what they started; none where it has ended."""
         try:
-            return psutil.Process(self.process.pid).children(recursive=True)
+            return descendants(psutil.Process(self.process.pid))
         except psutil.NoSuchProcess:
             return []
 
     def left(self) -> list[psutil.Process]:
         """Processes with its mark that still run, but for the server itself."""
-        return [process for process in psutil.process_iter() if _bears(process, self.mark, self.process.pid)]
-
-
-def _bears(process: psutil.Process, mark: str, server_pid: int) -> bool:
-    try:
-        is_alive = process.status() != psutil.STATUS_ZOMBIE
-        return is_alive and process.pid != server_pid and process.environ().get(_MARK) == mark
-    except (psutil.NoSuchProcess, psutil.AccessDenied):
-        return False
+        return marked(self.mark, self.process.pid)
 
 
 def kill_servers(root: Path, folder: Path, chance: random.Random, kills: int) -> _Tally:
@@ -149,57 +138,15 @@ def _strike(server: _Server, chance: random.Random, tally: _Tally) -> str:
     others = server.descendants()
     if others and chance.random() < 1 / 3:
         victim = chance.choice(others)
-        started = _children(victim)
-        what = "worker" if "execution.worker" in " ".join(_command(victim)) else "program of a worker"
-        _kill(victim)
-        tally.orphans += [f"after a {what}: {_command(process)}" for process in _remaining(lambda: _alive(started))]
+        started = descendants(victim)
+        what = "worker" if "execution.worker" in " ".join(command_of(victim)) else "program of a worker"
+        kill(victim)
+        tally.orphans += [f"after a {what}: {command_of(process)}" for process in remaining(lambda: alive(started))]
         return what
     server.process.kill()
     server.process.communicate()
-    tally.orphans += [f"after a server: {_command(process)}" for process in _remaining(server.left)]
+    tally.orphans += [f"after a server: {command_of(process)}" for process in remaining(server.left)]
     return "server"
-
-
-def _remaining(left: Any) -> list[psutil.Process]:
-    """What is left of processes after they had time to end; these are killed."""
-    until = time.monotonic() + _GONE_WITHIN_S
-    while (processes := left()) and time.monotonic() < until:
-        time.sleep(0.05)
-    for process in processes:
-        _kill(process)
-    return list(processes)
-
-
-def _children(process: psutil.Process) -> list[psutil.Process]:
-    try:
-        return process.children(recursive=True)
-    except psutil.NoSuchProcess:
-        return []
-
-
-def _alive(processes: list[psutil.Process]) -> list[psutil.Process]:
-    return [process for process in processes if process.is_running() and _status(process) != psutil.STATUS_ZOMBIE]
-
-
-def _status(process: psutil.Process) -> str:
-    try:
-        return str(process.status())
-    except psutil.NoSuchProcess:
-        return str(psutil.STATUS_ZOMBIE)
-
-
-def _command(process: psutil.Process) -> list[str]:
-    try:
-        return process.cmdline()
-    except (psutil.NoSuchProcess, psutil.ZombieProcess):
-        return []
-
-
-def _kill(process: psutil.Process) -> None:
-    try:
-        process.kill()
-    except psutil.NoSuchProcess:
-        return
 
 
 def _end(server: _Server, tally: _Tally) -> None:
@@ -211,7 +158,7 @@ def _end(server: _Server, tally: _Tally) -> None:
         return
     if server.process.returncode != 0:
         tally.faults.append(f"load {server.load} ended with {server.process.returncode}: {errors[-1500:]}")
-    tally.orphans += [f"after a server that ended: {_command(process)}" for process in _remaining(server.left)]
+    tally.orphans += [f"after a server that ended: {command_of(process)}" for process in remaining(server.left)]
 
 
 def broken(root: Path) -> list[str]:
@@ -259,7 +206,7 @@ def _is_served(workspace: Workspace, job_id: str) -> bool:
     query = "SELECT owner_pid FROM jobs WHERE job_id = ?"
     (owner,) = workspace.database.connection().execute(query, (job_id,)).fetchone()
     try:
-        return "mixed_load" in " ".join(psutil.Process(owner).cmdline())
+        return "plannerforge" in " ".join(psutil.Process(owner).cmdline())
     except psutil.NoSuchProcess:
         return JobStore(workspace.database).get(job_id).ended  # it ended between the two looks
 

@@ -1,4 +1,4 @@
-"""``make bench-hostile``: hostile inputs against a real server over stdio.
+"""``make bench-hostile``: hostile inputs against a real server over stdio (``--http``: by HTTP).
 
 Keys: ``hostile_inputs``, ``unexpected`` (answers with ``[unexpected]``), ``server_deaths`` (died, hung or had to be
 ended for its memory), ``loop_blocked_ms_max`` (the longest wait for a cheap call while an input was under way, less the
@@ -17,14 +17,13 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 
 import anyio
 
 from ..harness import print_figures
-from .campaign import Campaign, Tally
-from .inputs import HostileInput, keep, read_kept
+from .campaign import Campaign
+from .inputs import read_kept
 from .preparation import prepared
 from .server_process import plannerforge_server
 
@@ -35,19 +34,21 @@ def main() -> None:
     parser.add_argument("--inputs", type=int, default=20_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kind", choices=("args", "files", "holes", "all"), default="all")
+    parser.add_argument("--http", action="store_true", help="speak to the server by HTTP")
     parser.add_argument("--keep", type=Path, help="folder for the inputs that broke something")
     parser.add_argument("--replay", type=Path, nargs="*", help="kept inputs to be sent again, each alone")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         if arguments.replay:
-            anyio.run(_replay, Path(folder), arguments.replay)
+            anyio.run(_replay, Path(folder), arguments)
         else:
             anyio.run(_measure, Path(folder), arguments)
 
 
-async def _replay(base: Path, paths: list[Path]) -> None:
+async def _replay(base: Path, arguments: argparse.Namespace) -> None:
+    paths: list[Path] = arguments.replay
     ready = await prepared(base)
-    campaign = Campaign(ready.folders, base, plannerforge_server)
+    campaign = Campaign(ready.folders, base, plannerforge_server(by_http=arguments.http))
     for path, faults in zip(paths, await campaign.alone([read_kept(path) for path in paths]), strict=True):
         said = "; ".join(f"{fault.law}: {fault.details}" for fault in faults) or "nothing"
         sys.stdout.write(f"{path.name}: {said}\n")
@@ -56,14 +57,11 @@ async def _replay(base: Path, paths: list[Path]) -> None:
 async def _measure(base: Path, arguments: argparse.Namespace) -> None:
     began = time.monotonic()
     ready = await prepared(base)
-    campaign = Campaign(ready.folders, base, plannerforge_server)
+    campaign = Campaign(ready.folders, base, plannerforge_server(by_http=arguments.http))
     chance = random.Random(arguments.seed)  # noqa: S311 - hostile inputs, no secret
     inputs = itertools.islice(ready.inputs(arguments.kind, chance), arguments.inputs)
     tally = campaign.tally
-    await campaign.send(_told(inputs))
-    _keep_findings(arguments.keep, tally)
-    await campaign.replay_suspects()
-    _keep_findings(arguments.keep, tally)
+    await campaign.carry_out(inputs, keep_in=arguments.keep)
     for (law, cause), count in sorted(Counter((each.fault.law, each.hostile.cause) for each in tally.findings).items()):
         sys.stderr.write(f"{law}: {cause}: {count}\n")
     figures = {
@@ -93,21 +91,6 @@ async def _measure(base: Path, arguments: argparse.Namespace) -> None:
         *(("written outside", text) for text in tally.outside_writes[:10]),
     ]
     print_figures("Robustness", figures, rows)
-
-
-def _keep_findings(folder: Path | None, tally: Tally) -> None:
-    if folder is None:
-        return
-    for number, finding in enumerate(tally.findings):
-        keep(folder, number, finding.hostile, finding.fault.law, finding.fault.details)
-
-
-def _told(inputs: Iterator[HostileInput]) -> Iterator[HostileInput]:
-    began = time.monotonic()
-    for number, hostile in enumerate(inputs):
-        if number % 500 == 0 and number:
-            sys.stderr.write(f"{number} inputs, {number / (time.monotonic() - began):.0f} a second\n")
-        yield hostile
 
 
 if __name__ == "__main__":

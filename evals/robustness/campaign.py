@@ -20,7 +20,7 @@ from mcp.types import CONNECTION_CLOSED
 
 from ...engine.catalog import unpack
 from ...schemas.errors import PlannerForgeError
-from .inputs import Call, HostileInput, filled
+from .inputs import Call, HostileInput, filled, keep
 from .judges import Canary, Fault, faults_of, journal_faults
 from .server_process import Folders, Program, Session, session
 
@@ -71,6 +71,11 @@ class Tally:
         """Findings that broke a law."""
         return sum(finding.fault.law == law for finding in self.findings)
 
+    @property
+    def failures(self) -> int:
+        """All that was broken: laws by inputs, and what was seen of the server, the files around it and its journal."""
+        return len(self.findings) + len(self.deaths) + len(self.outside_writes) + len(self.journal_faults)
+
 
 @dataclass(frozen=True)
 class _Answers:
@@ -88,6 +93,19 @@ class Campaign:
         self._servers = 0
         self._suspects: dict[tuple[str, str], list[HostileInput]] = {}
         self.tally = Tally()
+
+    async def carry_out(self, inputs: Iterator[HostileInput], *, keep_in: Path | None = None) -> None:
+        """Send all of them, then suspects alone; findings are kept as files where a folder is given."""
+        await self.send(_told(inputs))
+        self._keep(keep_in)
+        await self.replay_suspects()
+        self._keep(keep_in)
+
+    def _keep(self, folder: Path | None) -> None:
+        if folder is None:
+            return
+        for number, finding in enumerate(self.tally.findings):
+            keep(folder, number, finding.hostile, finding.fault.law, finding.fault.details)
 
     async def send(self, inputs: Iterator[HostileInput]) -> None:
         """Send all of them, several at a time; a server that dies is replaced."""
@@ -281,6 +299,14 @@ class Campaign:
     def _fresh(self) -> Folders:
         self._servers += 1
         return Folders(self._base / f"server{self._servers}").make(self._template)
+
+
+def _told(inputs: Iterator[HostileInput]) -> Iterator[HostileInput]:
+    began = time.monotonic()
+    for number, hostile in enumerate(inputs):
+        if number % 500 == 0 and number:
+            sys.stderr.write(f"{number} inputs, {number / (time.monotonic() - began):.0f} a second\n")
+        yield hostile
 
 
 async def _cancel_when_dead(running: Session, scope: anyio.CancelScope) -> None:

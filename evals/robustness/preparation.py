@@ -47,7 +47,7 @@ async def prepared(base: Path) -> Prepared:
     shared = shared_folder() / "data"
     small = [shared / "commonroad" / f"{name}.xml" for name in _SCENARIOS]
     (folders.root / "small.xml").write_bytes(small[0].read_bytes())
-    async with session(folders, base / "preparation.log", plannerforge_server) as running:
+    async with session(folders, base / "preparation.log", plannerforge_server()) as running:
         client = running.client
         tools = {tool.name: dict(tool.input_schema) for tool in (await client.list_tools()).tools}
         templates = [each.uri_template for each in (await client.list_resource_templates()).resource_templates]

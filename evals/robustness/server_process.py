@@ -16,6 +16,7 @@ import anyio
 import psutil
 from mcp import Client, StdioServerParameters, stdio_client
 
+from ..serve.bench import http_client, listening
 from .judges import CANARY_TEXT, memory_mb, peak_memory_mb
 
 _MOST_MEMORY_MB = 1500.0
@@ -25,6 +26,8 @@ _PING_EVERY_S = 0.03
 """How often the server's memory is looked at, and the pause between two cheap calls; chosen."""
 _ENDS_WITHIN_S = 3.0
 """A process whose connection is closed ends within this time (chosen)."""
+_HTTP_RATE = 10_000
+"""Requests a second that are let in by HTTP: the inputs, not this bound, are what is tried (chosen)."""
 _SILENT_S = 15.0
 """A server that does not answer a cheap call for so long hangs and is killed (chosen)."""
 
@@ -69,14 +72,25 @@ class Folders:
         return self
 
 
-Program = Callable[[Folders], Sequence[str]]
-"""The arguments after the interpreter that start a server in its folders; one of them names the workspace."""
+@dataclass(frozen=True)
+class Program:
+    """A server, and how clients speak to it.
+
+    Args:
+        arguments: those after the interpreter that start it in its folders; one of them names the workspace.
+        by_http: it takes ``--http`` too, and tells its address on standard error; else standard input and output.
+    """
+
+    arguments: Callable[[Folders], Sequence[str]]
+    by_http: bool = False
 
 
-def plannerforge_server(folders: Folders) -> Sequence[str]:
+def plannerforge_server(*, by_http: bool = False) -> Program:
     """The server whose robustness is measured."""
-    serve = ["-m", "plannerforge.server", "serve"]
-    return [*serve, "--workspace", str(folders.workspace), "--roots", str(folders.root)]
+    serve = ("-m", "plannerforge.server", "serve")
+    return Program(
+        lambda folders: [*serve, "--workspace", str(folders.workspace), "--roots", str(folders.root)], by_http
+    )
 
 
 @dataclass(frozen=True)
@@ -179,20 +193,38 @@ async def session(folders: Folders, log: Path, program: Program) -> AsyncIterato
     """Start a server and keep asking it cheap things and watching its memory until the block ends."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PLANNERFORGE_")}
     environment |= {"HOME": str(folders.home), "XDG_CONFIG_HOME": str(folders.home), "PLANNERFORGE_WARM_UP": "true"}
-    environment |= {"PLANNERFORGE_MAPS_ONLINE": "offline"}
-    server = StdioServerParameters(
-        command=sys.executable, args=list(program(folders)), env=environment, cwd=str(folders.root)
-    )
+    environment |= {"PLANNERFORGE_MAPS_ONLINE": "offline", "PLANNERFORGE_HTTP_RATE": str(_HTTP_RATE)}
+    connect = _by_http if program.by_http else _by_stdio
+    async with connect(folders, log, program, environment) as (client, process):
+        running = Session(client, process)
+        with _memory_watched(running):
+            async with anyio.create_task_group() as tasks:
+                tasks.start_soon(_keep_pinging, running)
+                await client.call_tool("find_scenarios", {"text": "merge"})  # its model takes seconds to load
+                running.idle_ms()
+                yield running
+                tasks.cancel_scope.cancel()
+
+
+@asynccontextmanager
+async def _by_stdio(
+    folders: Folders, log: Path, program: Program, environment: dict[str, str]
+) -> AsyncIterator[tuple[Client, psutil.Process]]:
+    arguments = list(program.arguments(folders))
+    server = StdioServerParameters(command=sys.executable, args=arguments, env=environment, cwd=str(folders.root))
     with log.open("a") as errors:
         async with Client(stdio_client(server, errlog=errors), cache=None) as client:
-            running = Session(client, _server_process(folders.workspace))
-            with _memory_watched(running):
-                async with anyio.create_task_group() as tasks:
-                    tasks.start_soon(_keep_pinging, running)
-                    await client.call_tool("find_scenarios", {"text": "merge"})  # its model takes seconds to load
-                    running.idle_ms()
-                    yield running
-                    tasks.cancel_scope.cancel()
+            yield client, _server_process(folders.workspace)
+
+
+@asynccontextmanager
+async def _by_http(
+    folders: Folders, log: Path, program: Program, environment: dict[str, str]
+) -> AsyncIterator[tuple[Client, psutil.Process]]:
+    arguments = (*program.arguments(folders), "--http")
+    with listening(arguments, folders.root, environment, log) as server:
+        async with http_client(server.url) as client:
+            yield client, server.process
 
 
 def _server_process(workspace: Path) -> psutil.Process:

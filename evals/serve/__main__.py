@@ -7,6 +7,8 @@ keys. The keys that count:
 (process start to first answer, against a bare server of the SDK); goals: at most 1, 4, 8 ms and 1.4.
 ``http_load``: ``http_errors`` (answers that are neither right nor a stated limit), ``memory_slope_mb_per_h`` of the
 server after its warm-up, ``slowest_share`` (calls of the client that got fewest, of an equal share).
+``hostile``: ``hostile_inputs``, ``hostile_failures`` by HTTP.
+``http_kills``: ``kills`` of a server by HTTP, ``lost`` of what clients were told that it is there.
 ``conformance``: ``conformance_2026``, ``conformance_2025``, ``conformance_all`` (checks that hold, of all).
 
 What a killed worker, a cancelled call and a client that left cost is ``make bench-server`` (``workers.py``).
@@ -28,6 +30,8 @@ PARTS: Parts[ServeBench] = Parts(
     keys={
         "latency": ("memory_ms", "stdio_ms", "http_ms", "start_ratio"),
         "http_load": ("http_errors", "memory_slope_mb_per_h", "slowest_share"),
+        "hostile": ("hostile_inputs", "hostile_failures"),
+        "http_kills": ("kills", "lost"),
         "conformance": ("conformance_2026", "conformance_2025", "conformance_all"),
     },
 )
@@ -41,6 +45,8 @@ def _main() -> int:
     add_part_options(parser)
     parser.add_argument("--limit", type=float, default=_MINUTES, help="minutes of load (default: 10)")
     parser.add_argument("--clients", type=int, default=8, help="clients that load the server at once (default: 8)")
+    parser.add_argument("--inputs", type=int, default=20_000, help="hostile inputs (default: 20000)")
+    parser.add_argument("--kills", type=int, default=20, help="kills of the server (default: 20)")
     parser.add_argument("--node", default="", help="program of Node 22 or newer (default: one is fetched from PyPI)")
     given = parser.parse_args()
     try:
@@ -48,7 +54,7 @@ def _main() -> int:
     except ValueError as error:
         parser.error(str(error))
     with tempfile.TemporaryDirectory() as scratch:
-        bench = ServeBench(Path(scratch), given.limit, given.clients, given.node)
+        bench = ServeBench(Path(scratch), given.limit, given.clients, given.inputs, given.kills, given.node)
         figures, faults = PARTS.measured(parts, bench)
     return print_parts("Serve", figures, faults, as_json=given.json)
 

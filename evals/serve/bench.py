@@ -1,7 +1,6 @@
 """What the parts of ``make bench-serve`` are given, and the server by HTTP that they speak to."""
 
 import os
-import subprocess
 import sys
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from contextlib import asynccontextmanager, contextmanager
@@ -27,12 +26,16 @@ class ServeBench:
         scratch: an empty folder, gone afterwards.
         minutes: how long the load lasts.
         clients: how many load the server at once.
+        inputs: hostile inputs that are sent to it.
+        kills: how often it is killed.
         node: program of Node; empty where one is to be fetched.
     """
 
     scratch: Path
     minutes: float = 10.0
     clients: int = 8
+    inputs: int = 20_000
+    kills: int = 20
     node: str = ""
 
     def folder(self, name: str) -> Path:
@@ -63,38 +66,63 @@ def http_process(
     """
     environment = {**os.environ, **QUIET, "PLANNERFORGE_WORKSPACE": str(folder / "workspace"), **(settings or {})}
     log = folder / "server.log"
+    with listening(arguments, folder, environment, log) as server:
+        yield server
+        server.process.terminate()
+        status = server.process.wait(timeout=_STOP_S)
+        if status != 0:
+            raise RuntimeError(f"the server ended with {status}: {log.read_text()[-2000:]}")
+
+
+@contextmanager
+def listening(
+    arguments: Sequence[str], folder: Path, environment: Mapping[str, str], log: Path
+) -> Iterator[HttpProcess]:
+    """A server that listens on a free port until the block ends, when it is killed where it still runs.
+
+    Raises:
+        RuntimeError: it did not begin to listen.
+    """
     with log.open("w") as stderr:
-        started = subprocess.Popen(
+        started = psutil.Popen(
             [sys.executable, *arguments, "--port", "0"], cwd=folder, env=environment, stderr=stderr, text=True
         )
         try:
-            yield HttpProcess(psutil.Process(started.pid), _address(started, log))
-            started.terminate()
-            if started.wait(timeout=_STOP_S) != 0:
-                raise RuntimeError(f"the server ended with {started.returncode}: {log.read_text()[-2000:]}")
+            yield HttpProcess(started, _address(started, log))
         finally:
-            started.kill()
+            if started.is_running():
+                started.kill()
             started.wait()
 
 
-def _address(started: "subprocess.Popen[str]", log: Path) -> str:
+def _address(started: psutil.Popen, log: Path) -> str:
     while started.poll() is None:
         for line in log.read_text().splitlines():
             if line.startswith("PlannerForge: MCP at "):
                 return line.rpartition(" ")[2]
         try:
             started.wait(timeout=0.05)
-        except subprocess.TimeoutExpired:
+        except psutil.TimeoutExpired:
             continue
     raise RuntimeError(f"the server does not listen: {log.read_text()[-2000:]}")
 
 
+class _Outliving(httpx2.AsyncHTTPTransport):
+    """Requests that reach no server, or one that dies, are answered with 502: the SDK's client would end at once."""
+
+    async def handle_async_request(self, request: httpx2.Request) -> httpx2.Response:
+        try:
+            return await super().handle_async_request(request)
+        except httpx2.TransportError as error:
+            return httpx2.Response(502, text=f"{type(error).__name__}: {error}", request=request)
+
+
 @asynccontextmanager
 async def http_client(url: str, token: str = "", mode: str = "auto") -> AsyncIterator[Client]:
-    """A client of a server by HTTP."""
+    """A client of a server by HTTP, which outlives it: its calls are errors then."""
     headers = {"Authorization": f"Bearer {token}"} if token else {}
     async with (
-        httpx2.AsyncClient(headers=headers, timeout=httpx2.Timeout(_TIMEOUT_S)) as http,
+        httpx2.AsyncClient(headers=headers, timeout=httpx2.Timeout(_TIMEOUT_S), transport=_Outliving()) as http,
         Client(streamable_http_client(url, http_client=http), mode=mode) as client,
     ):
         yield client

@@ -16,12 +16,13 @@ import time
 from collections import Counter
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import anyio
 import psutil
 from mcp import Client, MCPError
 
+from ...engine.workspace.artifacts import ArtifactKind
 from ..harness import Figures
 from .bench import HttpProcess, ServeBench, http_client, http_process
 
@@ -34,8 +35,15 @@ _READ_BYTES = 700_000
 """Largest resource that is read: the SDK's client takes no event of more than 1 MiB (docs/http.md)."""
 
 
+class Told(NamedTuple):
+    """An artifact that a client was told of."""
+
+    kind: ArtifactKind
+    artifact_id: str
+
+
 @dataclass
-class _Tally:
+class Tally:
     """What came of the calls of all clients."""
 
     calls: Counter[str] = field(default_factory=Counter)
@@ -44,12 +52,14 @@ class _Tally:
     errors: list[str] = field(default_factory=list)
     memory: list[tuple[float, float]] = field(default_factory=list)
     """Seconds from the beginning, megabytes of the server's process."""
+    told: set[Told] = field(default_factory=set)
+    """What clients were told that it is there, by kind and id."""
 
 
-class _Worker:
+class LoadClient:
     """One client: what it knows, and what it does in turn."""
 
-    def __init__(self, name: str, client: Client, tally: _Tally) -> None:
+    def __init__(self, name: str, client: Client, tally: Tally) -> None:
         self._name, self._client, self._tally = name, client, tally
         self._chance = random.Random(f"{_RANDOM_SEED} {name}")  # noqa: S311 - the mix of a benchmark
         self._scenario, self._vehicle = "", ""
@@ -119,6 +129,7 @@ class _Worker:
         made = await self._call("modify_scenario", scenario_id=self._scenario, edits=[edit], on_conflict="yield")
         if made is None:
             return
+        self._tally.told.add(Told("scenario", made["scenario_id"]))
         told = await self._call("describe_scenario", scenario_id="latest")
         own = (told or {}).get("scenario_id")
         self._expect(told is None or own == made["scenario_id"], "latest", f"{own} is not {made['scenario_id']}")
@@ -126,15 +137,21 @@ class _Worker:
     async def _configure(self) -> None:
         weight = f"jerk={self._chance.uniform(0.1, 2.0):.4f}"
         made = await self._call("configure_planner", base="frenetix:Default", weights=[weight])
-        told = await self._call("list_planners") if made is not None else None
+        if made is None:
+            return
+        self._tally.told.add(Told("config", made["config_id"]))
+        told = await self._call("list_planners")
         own = (told or {}).get("config_id")
-        self._expect(told is None or own == (made or {}).get("config_id"), "current", f"{own} is not the own one")
+        self._expect(told is None or own == made["config_id"], "current", f"{own} is not the own one")
 
     async def _run(self) -> None:
         if not self._scenario:
             return
         ran = await self._call("run_planner", scenarios=[self._scenario], configs=["idm"], wait_s=50)
-        self._expect(ran is None or ran["finished"] == 1, "run_planner", f"not one run: {ran}")
+        if ran is None:
+            return
+        self._tally.told.add(Told("batch", ran["batch_id"]))
+        self._expect(ran["finished"] == 1, "run_planner", f"not one run: {ran}")
 
     async def _resources(self) -> None:
         try:
@@ -150,7 +167,7 @@ class _Worker:
 
 def measure(bench: ServeBench) -> Figures:
     """Load a server, watch its memory, count."""
-    tally = _Tally()
+    tally = Tally()
     folder = bench.folder("load")
     tokens = {f"client-{number}": f"{number:02d}-" + "l" * 32 for number in range(bench.clients)}
     listed = ",".join(f"{name} {token}" for name, token in tokens.items())
@@ -173,7 +190,7 @@ def measure(bench: ServeBench) -> Figures:
     }
 
 
-async def _load(server: HttpProcess, tokens: dict[str, str], duration_s: float, tally: _Tally) -> None:
+async def _load(server: HttpProcess, tokens: dict[str, str], duration_s: float, tally: Tally) -> None:
     end = time.monotonic() + duration_s
     async with anyio.create_task_group() as watching:
         watching.start_soon(_watch_memory, server.process, tally)
@@ -183,12 +200,12 @@ async def _load(server: HttpProcess, tokens: dict[str, str], duration_s: float, 
         watching.cancel_scope.cancel()
 
 
-async def _one_client(url: str, name: str, token: str, mode: str, end: float, tally: _Tally) -> None:
+async def _one_client(url: str, name: str, token: str, mode: str, end: float, tally: Tally) -> None:
     async with http_client(url, token, mode) as client:
-        await _Worker(name, client, tally).work_until(end)
+        await LoadClient(name, client, tally).work_until(end)
 
 
-async def _watch_memory(process: psutil.Process, tally: _Tally) -> None:
+async def _watch_memory(process: psutil.Process, tally: Tally) -> None:
     started = time.monotonic()
     while True:
         tally.memory.append((time.monotonic() - started, process.memory_info().rss / 1024**2))

@@ -18,7 +18,7 @@ from plannerforge.evals.robustness.files import Seed, alias_bomb, hostile_files
 from plannerforge.evals.robustness.holes import hostile_holes
 from plannerforge.evals.robustness.inputs import INJECTED, Call, HostileInput, PlacedFile, keep, read_kept
 from plannerforge.evals.robustness.judges import CANARY_TEXT, Canary, faults_of, journal_faults, peak_memory_mb
-from plannerforge.evals.robustness.server_process import Folders
+from plannerforge.evals.robustness.server_process import Folders, Program
 
 SERVER = Path(__file__).resolve().parent.parent / "support" / "misbehaving_server.py"
 SCENARIO = b"""<commonRoad timeStepSize="0.1" commonRoadVersion="2020a" benchmarkID="ZAM_A-1_1_T-1" author="a">
@@ -186,10 +186,13 @@ def _misbehaving(folders: Folders) -> Sequence[str]:
     return [str(SERVER), str(folders.workspace)]
 
 
-async def _campaign(tmp_path: Path, *calls: Call) -> Tally:
+BY_BOTH = pytest.mark.parametrize("by_http", [False, True], ids=["stdio", "http"])
+
+
+async def _campaign(tmp_path: Path, *calls: Call, by_http: bool) -> Tally:
     """What a campaign says of calls to the server that misbehaves."""
     template = Folders(tmp_path / "template").make()
-    campaign = Campaign(template, tmp_path, _misbehaving)
+    campaign = Campaign(template, tmp_path, Program(_misbehaving, by_http))
     sound = [HostileInput("args", "sound", (Call("say", {"text": str(number)}),)) for number in range(8)]
     hostile = [HostileInput("args", f"{call.name}", (call,)) for call in calls]
     await campaign.send(iter([*sound, *hostile, *sound]))
@@ -202,8 +205,9 @@ def _found(tally: Tally) -> set[tuple[str, str]]:
 
 
 @pytest.mark.anyio
-async def test_a_server_that_behaves_is_not_accused(tmp_path: Path) -> None:
-    tally = await _campaign(tmp_path, Call("wait", {"seconds": 0.5}), Call("eat", {"megabytes": 40}))
+@BY_BOTH
+async def test_a_server_that_behaves_is_not_accused(tmp_path: Path, by_http: bool) -> None:
+    tally = await _campaign(tmp_path, Call("wait", {"seconds": 0.5}), Call("eat", {"megabytes": 40}), by_http=by_http)
     assert _found(tally) == set()
     assert (tally.inputs, tally.deaths, tally.outside_writes) == (18, [], [])
     assert tally.blocked_ms < 100
@@ -211,7 +215,8 @@ async def test_a_server_that_behaves_is_not_accused(tmp_path: Path) -> None:
 
 
 @pytest.mark.anyio
-async def test_a_server_that_misbehaves_is_caught(tmp_path: Path) -> None:
+@BY_BOTH
+async def test_a_server_that_misbehaves_is_caught(tmp_path: Path, by_http: bool) -> None:
     tally = await _campaign(
         tmp_path,
         Call("block", {"seconds": 0.5}),
@@ -220,6 +225,7 @@ async def test_a_server_that_misbehaves_is_caught(tmp_path: Path) -> None:
         Call("say", {"text": f"x\n{INJECTED}"}),
         Call("defect"),
         Call("write", {"path": "{outside}/deep/new"}),
+        by_http=by_http,
     )
     expected = {("block", "blocked"), ("wait", "late"), ("eat", "memory"), ("say", "forged"), ("defect", "unexpected")}
     expected |= {("write", "outside_write")}
@@ -233,8 +239,9 @@ async def test_a_server_that_misbehaves_is_caught(tmp_path: Path) -> None:
 
 
 @pytest.mark.anyio
-async def test_a_server_that_dies_is_replaced_and_the_cause_found(tmp_path: Path) -> None:
-    tally = await _campaign(tmp_path, Call("die"))
+@BY_BOTH
+async def test_a_server_that_dies_is_replaced_and_the_cause_found(tmp_path: Path, by_http: bool) -> None:
+    tally = await _campaign(tmp_path, Call("die"), by_http=by_http)
     assert len(tally.deaths) == 1
     assert _found(tally) == {("die", "death")}
     assert tally.inputs == 17

@@ -5,11 +5,18 @@ from pathlib import Path
 import pytest
 from mcp import Client
 
+from plannerforge.engine.workspace import Recipe, Workspace
 from plannerforge.evals.serve.__main__ import PARTS
 from plannerforge.evals.serve.conformance_server import add_fixtures
-from plannerforge.evals.serve.http_load import settled, slope_per_h
+from plannerforge.evals.serve.http_kills import lost_of
+from plannerforge.evals.serve.http_load import Told, settled, slope_per_h
+from plannerforge.schemas.base import Model
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
+
+
+class Note(Model):
+    text: str
 
 
 def test_every_part_is_there_and_chosen_by_its_keys() -> None:
@@ -24,6 +31,15 @@ def test_slope_of_memory_is_told_of_what_comes_after_the_warm_up() -> None:
     assert slope_per_h(rising) == pytest.approx(100.0)
     assert slope_per_h(filling) == 0.0
     assert settled(rising)[0][0] >= 598 / 3
+
+
+def test_what_clients_were_told_of_and_is_gone_is_lost(tmp_path: Path) -> None:
+    workspace = Workspace(tmp_path)
+    recipe = Recipe(tool="configure_planner", arguments={})
+    kept = workspace.put("config", "cfg_1", recipe=recipe, record=Note(text="kept"), files={})
+    workspace.close()
+    told = {Told("config", kept.artifact_id), Told("config", "cfg_2"), Told("batch", "cfg_1")}
+    assert lost_of(tmp_path, told) == ["batch cfg_1 is gone", "config cfg_2 is gone"]
 
 
 @pytest.mark.anyio

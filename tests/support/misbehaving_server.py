@@ -1,11 +1,16 @@
-"""An MCP server that breaks every law of the robustness bench on request; its argument is its workspace."""
+"""An MCP server that breaks every law of the robustness bench on request; its argument is its workspace.
+
+With ``--http`` it listens on a free port and tells where, as the real one does.
+"""
 
 import os
+import socket
 import sys
 import time
 from pathlib import Path
 
 import anyio
+import uvicorn
 from mcp.server import MCPServer
 
 server = MCPServer("misbehaving", log_level="ERROR")
@@ -59,5 +64,15 @@ async def defect() -> str:
     return "[unexpected] defect failed through a defect of the server (incident 0badcafe). Next: report it."
 
 
+def serve_http() -> None:
+    listener = socket.create_server(("127.0.0.1", 0))
+    sys.stderr.write(f"PlannerForge: MCP at http://127.0.0.1:{listener.getsockname()[1]}/mcp\n")
+    sys.stderr.flush()
+    uvicorn.Server(uvicorn.Config(server.streamable_http_app(), log_level="error")).run(sockets=[listener])
+
+
 if __name__ == "__main__":
-    server.run()
+    if "--http" in sys.argv:
+        serve_http()
+    else:
+        server.run()

@@ -1,0 +1,70 @@
+"""Processes that benches start and kill: their descendants, and which of them are left, by a mark that they inherit."""
+
+import time
+from collections.abc import Callable
+
+import psutil
+
+MARK = "PLANNERFORGE_BENCH_MARK"
+"""The variable by which whatever a server starts is known: it is inherited."""
+_GONE_WITHIN_S = 10.0
+"""What was killed, and what it had started, has ended within this time (chosen)."""
+
+
+def marked(mark: str, but_pid: int) -> list[psutil.Process]:
+    """Processes that bear a mark and still run, but for one."""
+    return [process for process in psutil.process_iter() if _bears(process, mark, but_pid)]
+
+
+def _bears(process: psutil.Process, mark: str, but_pid: int) -> bool:
+    try:
+        is_alive = process.status() != psutil.STATUS_ZOMBIE
+        return is_alive and process.pid != but_pid and process.environ().get(MARK) == mark
+    except (psutil.NoSuchProcess, psutil.AccessDenied):
+        return False
+
+
+def descendants(process: psutil.Process) -> list[psutil.Process]:
+    """What a process started, and what that started; nothing where it has ended."""
+    try:
+        return process.children(recursive=True)
+    except psutil.NoSuchProcess:
+        return []
+
+
+def alive(processes: list[psutil.Process]) -> list[psutil.Process]:
+    """Those that still run."""
+    return [process for process in processes if process.is_running() and _status(process) != psutil.STATUS_ZOMBIE]
+
+
+def _status(process: psutil.Process) -> str:
+    try:
+        return str(process.status())
+    except psutil.NoSuchProcess:
+        return str(psutil.STATUS_ZOMBIE)
+
+
+def remaining(left: Callable[[], list[psutil.Process]]) -> list[psutil.Process]:
+    """What is left of processes after they had time to end; these are killed."""
+    until = time.monotonic() + _GONE_WITHIN_S
+    while (processes := left()) and time.monotonic() < until:
+        time.sleep(0.05)
+    for process in processes:
+        kill(process)
+    return processes
+
+
+def command_of(process: psutil.Process) -> list[str]:
+    """The command line of a process; nothing where it has ended."""
+    try:
+        return process.cmdline()
+    except (psutil.NoSuchProcess, psutil.ZombieProcess):
+        return []
+
+
+def kill(process: psutil.Process) -> None:
+    """Kill a process that may have ended."""
+    try:
+        process.kill()
+    except psutil.NoSuchProcess:
+        return

@@ -1,0 +1,45 @@
+"""The hostile inputs of ``make bench-robust`` against a server by HTTP.
+
+Keys: ``hostile_inputs``, ``hostile_failures`` (laws that inputs broke, deaths of the server, writes outside its roots
+and faults of its journal: docs/robustness.md), ``hostile_memory_mb`` (the most that the server's process held),
+``hostile_late_s`` (the slowest refusal).
+"""
+
+import itertools
+import random
+import sys
+from pathlib import Path
+
+import anyio
+
+from ..harness import Figures
+from ..robustness.campaign import Campaign, Tally
+from ..robustness.preparation import prepared
+from ..robustness.server_process import plannerforge_server
+from .bench import ServeBench
+
+_SEED = 1
+_MOST_TOLD = 20
+
+
+def measure(bench: ServeBench) -> Figures:
+    """Send them, and count what they broke."""
+    tally = anyio.run(_attacked, bench.folder("hostile"), bench.inputs)
+    for finding in tally.findings[:_MOST_TOLD]:
+        sys.stderr.write(f"{finding.fault.law}: {finding.hostile.cause}: {finding.fault.details}\n")
+    for text in (*tally.deaths, *tally.outside_writes, *tally.journal_faults)[:_MOST_TOLD]:
+        sys.stderr.write(f"{text}\n")
+    return {
+        "hostile_inputs": tally.inputs,
+        "hostile_failures": tally.failures,
+        "hostile_memory_mb": round(tally.memory_mb, 1),
+        "hostile_late_s": round(tally.slowest_s, 2),
+    }
+
+
+async def _attacked(base: Path, count: int) -> Tally:
+    ready = await prepared(base)
+    campaign = Campaign(ready.folders, base, plannerforge_server(by_http=True))
+    inputs = ready.inputs("all", random.Random(_SEED))  # noqa: S311 - hostile inputs, no secret
+    await campaign.carry_out(itertools.islice(inputs, count))
+    return campaign.tally
