@@ -14,8 +14,7 @@ from support.tree import CHECKOUT, LAYERS, source_files
 
 MOST_ENTRIES, MOST_MODULES, LONGEST_NAME = 20, 525, 79
 """Modules: 350 until maps came from the net, 380 until people walked, 395 until suites, 420 until searches, 430 until
-planners of others and a learned one, 450 until HTTP, traffic rules, measures and views, 490 until hosts, pages and kills by
-HTTP."""
+planners of others and a learned one, 450 until HTTP, traffic rules, measures and views, 490 until hosts and pages."""
 PERSONS = {"anybody", "everybody", "nobody", "somebody", "who", "whom"}
 
 
