@@ -17,7 +17,7 @@ from ..schemas.errors import NotPossible, PlannerForgeError
 from ..tools.call import INDEX_FOLDER, Services
 from ..tools.registry import TOOLS, ToolSpec, only_reading
 from .application import PlannerForgeServer
-from .journal import Journal
+from .journal import JOURNAL, Journal
 from .settings import Settings
 
 logger = logging.getLogger(__name__)
@@ -37,7 +37,7 @@ def create_server(
     logging.basicConfig(stream=sys.stderr, level=settings.log_level, format="%(levelname)s %(name)s: %(message)s")
     workspace_root = settings.workspace.expanduser().resolve()
     folder = start_folder or Path.cwd()
-    journal_path = workspace_root / "journal" / "calls.jsonl"
+    journal_path = workspace_root / JOURNAL
     journal = (
         Journal(journal_path, settings.journal_mb * 1024**2, settings.journal_redact) if settings.journal else None
     )

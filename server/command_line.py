@@ -165,6 +165,22 @@ def view(
     view_artifacts(ids, settings, output=output, open_it=not no_open)
 
 
+@application.command()
+def ui(
+    port: Annotated[int | None, typer.Option(help="Port to listen at; 0: a free one [default: 8765].")] = None,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Print the address, and open nothing.")] = False,
+    workspace: Workspace = None,
+    roots: Roots = None,
+    map_folders: MapFolders = None,
+    workers: Workers = None,
+) -> None:
+    """Show the workspace as pages in a browser: catalogue, scenarios, runs, batches, journal; MCP by HTTP beside it."""
+    from .commands.ui import serve_pages
+
+    settings = settings_from(workspace=workspace, roots=roots, map_folders=map_folders, workers=workers, http_port=port)
+    serve_pages(settings, open_it=not no_open)
+
+
 @application.command(name="tools")
 def list_tools(
     essential: Annotated[bool, typer.Option("--essential", help="Only the small set for small models.")] = False,

@@ -24,6 +24,8 @@ from .tokens import count_tokens
 from .tool_calls import answer_text
 
 logger = logging.getLogger(__name__)
+JOURNAL = "journal/calls.jsonl"
+"""Where a workspace keeps it."""
 KEPT_FILES = 5
 _MOST_IDS = 20
 MOST_ELEMENTS = 50

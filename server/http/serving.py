@@ -1,11 +1,17 @@
-"""``plannerforge serve --http``: MCP at ``/mcp``, ``/health`` and ``/ready`` beside it, a stop that loses nothing."""
+"""``plannerforge serve --http``: MCP at ``/mcp``, ``/health`` and ``/ready`` beside it, a stop that loses nothing.
+
+``plannerforge ui`` serves the same with the pages of the workspace beside it, on this machine alone.
+"""
 
 import ipaddress
 import logging
 import socket
 import sys
+from collections.abc import Callable
+from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from types import FrameType
+from typing import TYPE_CHECKING
 
 import anyio
 import uvicorn
@@ -20,6 +26,7 @@ from pydantic import AnyHttpUrl
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.middleware.authentication import AuthenticationMiddleware
+from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
 from starlette.responses import JSONResponse
 from starlette.routing import Route
@@ -31,6 +38,9 @@ from ..clients import READ_SCOPE, WRITE_SCOPE
 from ..settings import Settings
 from .access import EitherTokens, IssuedTokens, OwnTokens, tokens_of
 from .gate import Gate, HttpLimits
+
+if TYPE_CHECKING:
+    from .pages.application import Pages
 
 logger = logging.getLogger(__name__)
 PATH = "/mcp"
@@ -47,12 +57,17 @@ _CONNECTIONS_END_S = 2.0
 class HttpServer:
     """MCP over HTTP for these settings, with the checks of who may come in, from where, and how much.
 
+    Args:
+        server: what is served.
+        settings: where and to whom.
+        pages: pages of the workspace, which are a client of this endpoint; for everybody on this machine.
+
     Raises:
         InvalidRequest: it would be open to others, or settings contradict each other.
         OutsideRoots: the file of tokens cannot be read.
     """
 
-    def __init__(self, server: PlannerForgeServer, settings: Settings) -> None:
+    def __init__(self, server: PlannerForgeServer, settings: Settings, pages: "Pages | None" = None) -> None:
         authentication = _Authentication.of(settings)
         if authentication is None and not _is_loopback(settings.http_host):
             raise InvalidRequest(
@@ -79,11 +94,15 @@ class HttpServer:
             Route("/health", endpoint=_health, methods=["GET"]),
             Route("/ready", endpoint=self._ready, methods=["GET"]),
             *(authentication.routes() if authentication is not None else ()),
+            *(pages.routes() if pages is not None else ()),
         ]
         middleware = authentication.middleware() if authentication is not None else []
+        if pages is not None:
+            middleware.append(Middleware(TrustedHostMiddleware, allowed_hosts=list(_LOOPBACK_NAMES[:2])))
         proxies = list(settings.http_proxies)
+        self._application, self._pages = Starlette(routes=routes, middleware=middleware), pages
         config = uvicorn.Config(
-            Starlette(routes=routes, middleware=middleware),
+            self._application,
             lifespan="off",
             ws="none",
             log_config=None,
@@ -104,9 +123,13 @@ class HttpServer:
         async with self._sessions.run():
             host, port = listener.getsockname()[:2]
             name = f"[{host}]" if ":" in host else host
-            sys.stderr.write(f"PlannerForge: MCP at http://{name}:{port}{PATH}\n")
+            url = f"http://{name}:{port}"
+            sys.stderr.write(f"PlannerForge: MCP at {url}{PATH}\n")
             sys.stderr.flush()
-            await self._uvicorn.serve(sockets=[listener])
+            async with AsyncExitStack() as stack:
+                if self._pages is not None:
+                    await stack.enter_async_context(self._pages.connected(self._application, url + PATH))
+                await self._uvicorn.serve(sockets=[listener])
 
     def stop(self) -> None:
         """Let calls under way end, then end."""
@@ -229,14 +252,21 @@ class _Uvicorn(uvicorn.Server):
         await super().shutdown(sockets)
 
 
-def serve_http(server: PlannerForgeServer, settings: Settings) -> None:
-    """Serve until a signal ends it.
+def serve_http(
+    server: PlannerForgeServer,
+    settings: Settings,
+    pages: "Pages | None" = None,
+    when_bound: Callable[[int], None] | None = None,
+) -> None:
+    """Serve until a signal ends it; ``when_bound`` is told the port.
 
     Raises:
         PlannerForgeError: the settings do not allow it, the port is taken, or the services cannot be opened.
     """
-    made = HttpServer(server, settings)
+    made = HttpServer(server, settings, pages)
     with bound(settings.http_host, settings.http_port) as listener:
+        if when_bound is not None:
+            when_bound(listener.getsockname()[1])
         anyio.run(made.serve, listener)
 
 

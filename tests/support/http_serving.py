@@ -12,6 +12,7 @@ from mcp import Client
 from mcp.client.streamable_http import streamable_http_client
 
 from plannerforge.server.assembly import create_server
+from plannerforge.server.http.pages.application import Pages
 from plannerforge.server.http.serving import HttpServer, bound
 from plannerforge.server.settings import Settings
 
@@ -41,9 +42,9 @@ class Served:
 
 
 @asynccontextmanager
-async def served(settings: Settings, folder: Path) -> AsyncIterator[Served]:
-    """A server until the block is left."""
-    http = HttpServer(create_server(settings, start_folder=folder), settings)
+async def served(settings: Settings, folder: Path, pages: Pages | None = None) -> AsyncIterator[Served]:
+    """A server until the block is left, with pages where some are given."""
+    http = HttpServer(create_server(settings, start_folder=folder), settings, pages)
     with bound("127.0.0.1", 0) as listener:
         async with anyio.create_task_group() as tasks:
             tasks.start_soon(http.serve, listener)

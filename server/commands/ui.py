@@ -1,0 +1,42 @@
+"""``plannerforge ui``: the workspace as pages in a browser, for everybody on this machine."""
+
+import sys
+import webbrowser
+
+from ..assembly import create_server
+from ..http.pages.application import ROOT, Pages
+from ..http.serving import serve_http
+from ..journal import JOURNAL
+from ..settings import Settings
+from .view import has_screen
+
+_HERE = "127.0.0.1"
+
+
+def serve_pages(settings: Settings, *, open_it: bool) -> None:
+    """Serve until a signal ends it; the address is told, and opened where there is a screen and it is wanted.
+
+    Tokens are not asked for: the pages listen on this machine alone, whatever the settings say of ``serve --http``.
+
+    Raises:
+        PlannerForgeError: the port is taken, or the workspace cannot be opened.
+    """
+    own = settings.model_copy(
+        update={
+            "http_host": _HERE,
+            "http_url": "",
+            "http_hosts": (),
+            "http_tokens": (),
+            "http_token_file": None,
+            "oauth_issuer": "",
+        }
+    )
+
+    def tell(port: int) -> None:
+        url = f"http://{_HERE}:{port}{ROOT}"
+        sys.stdout.write(f"{url}\n")
+        sys.stdout.flush()
+        if open_it and has_screen():
+            webbrowser.open(url)  # the socket listens already: the browser waits for the first answer
+
+    serve_http(create_server(own), own, Pages(own.workspace.expanduser() / JOURNAL), tell)

@@ -1,0 +1,215 @@
+"""What the pages show: the answers of tools, asked for as any other client asks, and the journal of calls."""
+
+import base64
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from mcp import Client, MCPError
+from mcp.types import CallToolResult, ImageContent, ResourceLink, TextResourceContents
+
+from ....engine.rendering.views.pages import filled_page
+from ....resources.templates import SCHEME
+from ....schemas.artifacts import ListArtifactsResult
+from ....schemas.base import Result
+from ....schemas.catalog import FindScenariosResult
+from ....schemas.rendering import ViewKind
+from ....schemas.scenarios import DescribeScenarioResult
+from ...tool_calls import answer_text
+
+PAGE_SIZE = 24
+"""Scenarios and batches on one page."""
+JOURNAL_LINES = 200
+_JOURNAL_BYTES = 4 * 1024**2
+"""Of the journal's end that are read for a page."""
+_VIEWED: dict[str, ViewKind] = {"scenario": "player", "run": "player", "batch": "board"}
+_Answer = TypeVar("_Answer", bound=Result)
+
+
+class Refused(Exception):
+    """A tool or resource refused what a page asked for; the words are the server's."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """The conditions of the catalogue's form, each as it was written."""
+
+    text: str = ""
+    obstacles: str = ""
+    features: str = ""
+    road_net: str = ""
+    ego_speed: str = ""
+    origin: str = ""
+    offset: int = 0
+
+    def arguments(self) -> dict[str, Any]:
+        """The call that they mean; lists are written with commas."""
+        lists = {name: _listed(getattr(self, name)) for name in ("obstacles", "features", "road_net")}
+        words = {name: getattr(self, name).strip() for name in ("text", "ego_speed", "origin")}
+        given = {name: value for name, value in (lists | words).items() if value}
+        return {**given, "limit": PAGE_SIZE, "offset": self.offset, "fallback": "none"}
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a tool said: its words, and the ids that it named where a page leads on to them."""
+
+    text: str
+    failed: bool = False
+    batches: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class JournalLine:
+    """One call of the journal."""
+
+    time: str
+    client: str
+    tool: str
+    arguments: str
+    duration_s: float
+    result_ids: Sequence[str] = field(default=())
+    error: str = ""
+
+
+class Content:
+    """Reads for the pages through one client.
+
+    Args:
+        client: a client of the server whose workspace is shown.
+        journal: the file that the server writes its calls to.
+    """
+
+    def __init__(self, client: Client, journal: Path) -> None:
+        self._client, self._journal = client, journal
+
+    async def scenarios(self, facts: Facts) -> FindScenariosResult:
+        """Scenarios of the catalogue that satisfy the conditions.
+
+        Raises:
+            Refused: a condition is none.
+        """
+        return await self._answer(FindScenariosResult, "find_scenarios", facts.arguments())
+
+    async def scenario(self, scenario_id: str) -> tuple[DescribeScenarioResult, str]:
+        """A scenario with all its vehicles, and what the tool says of it.
+
+        Raises:
+            Refused: there is none.
+        """
+        result = await self._call("describe_scenario", {"scenario_id": scenario_id, "detail": "vehicles"})
+        return DescribeScenarioResult.model_validate(result.structured_content), answer_text(result)
+
+    async def artifacts(self, kind: str, offset: int) -> ListArtifactsResult:
+        """Artifacts of a kind, newest first.
+
+        Raises:
+            Refused: there is no such kind.
+        """
+        asked = {"kind": kind, "limit": PAGE_SIZE, "offset": offset}
+        return await self._answer(ListArtifactsResult, "list_artifacts", asked)
+
+    async def analysis(self, batch_id: str) -> Told:
+        """What the analysis of a batch says.
+
+        Raises:
+            Refused: there is no such batch.
+        """
+        return Told(answer_text(await self._call("analyze_results", {"results": [batch_id]})))
+
+    async def comparison(self, results: Sequence[str]) -> Told:
+        """What the comparison of results says, or why they cannot be compared."""
+        try:
+            return Told(answer_text(await self._call("compare_results", {"results": list(results)})))
+        except Refused as refusal:
+            return Told(str(refusal), failed=True)
+
+    async def picture(self, artifact_id: str) -> bytes:
+        """A scenario or run from above, as PNG.
+
+        Raises:
+            Refused: there is nothing to draw.
+        """
+        result = await self._call("render", {"ids": [artifact_id], "kind": "picture"})
+        for block in result.content:
+            if isinstance(block, ImageContent):
+                return base64.b64decode(block.data)
+        links = ", ".join(str(block.uri) for block in result.content if isinstance(block, ResourceLink))
+        raise Refused(f"the picture of {artifact_id} is too large for an answer: {links}")
+
+    async def view(self, kind: str, ids: Sequence[str]) -> str:
+        """The player or the board of some artifacts, a whole page.
+
+        Raises:
+            Refused: there is nothing to show.
+        """
+        if kind not in _VIEWED:
+            raise Refused(f"there is no view of a {kind}; there are views of: {', '.join(_VIEWED)}")
+        uri = f"{SCHEME}view/{'+'.join(ids)}"
+        try:
+            read = await self._client.read_resource(uri)
+        except MCPError as error:
+            raise Refused(str(error)) from error
+        (data,) = read.contents
+        if not isinstance(data, TextResourceContents):
+            raise Refused(f"{uri} is no text")
+        return filled_page(_VIEWED[kind], f"{', '.join(ids)} · PlannerForge", data.text)
+
+    def calls(self, *, failed_only: bool = False) -> list[JournalLine]:
+        """The newest calls of the journal, newest first; none where no journal is kept."""
+        lines = []
+        for line in _last_lines(self._journal):
+            call = _journal_line(line)
+            if call is not None and (call.error or not failed_only):
+                lines.append(call)
+            if len(lines) == JOURNAL_LINES:
+                break
+        return lines
+
+    async def _answer(self, shape: type[_Answer], tool: str, arguments: dict[str, Any]) -> _Answer:
+        return shape.model_validate((await self._call(tool, arguments)).structured_content)
+
+    async def _call(self, tool: str, arguments: dict[str, Any]) -> CallToolResult:
+        try:
+            result = await self._client.call_tool(tool, arguments)
+        except MCPError as error:
+            raise Refused(str(error)) from error
+        if result.is_error:
+            raise Refused(answer_text(result))
+        return result
+
+
+def _listed(written: str) -> list[str]:
+    return [part.strip() for part in written.split(",") if part.strip()]
+
+
+def _last_lines(path: Path) -> Iterator[str]:
+    """The lines at the end of a file, the last one first; the first of them may be cut and is left out."""
+    if not path.is_file():
+        return
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        begin = max(0, size - _JOURNAL_BYTES)
+        file.seek(begin)
+        lines = file.read().decode("utf-8", errors="replace").splitlines()
+    yield from reversed(lines[1:] if begin else lines)
+
+
+def _journal_line(line: str) -> JournalLine | None:
+    """A line of the journal; None where it is half-written."""
+    try:
+        entry = json.loads(line)
+    except ValueError:
+        return None
+    arguments = json.dumps(entry["arguments"], ensure_ascii=False)
+    return JournalLine(
+        entry["time"],
+        entry["client"],
+        entry["tool"],
+        arguments,
+        entry["duration_s"],
+        entry["result_ids"],
+        entry["error"],
+    )
