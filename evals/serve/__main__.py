@@ -9,6 +9,7 @@ keys. The keys that count:
 server after its warm-up, ``slowest_share`` (calls of the client that got fewest, of an equal share).
 ``hostile``: ``hostile_inputs``, ``hostile_failures`` by HTTP.
 ``http_kills``: ``kills`` of a server by HTTP, ``lost`` of what clients were told that it is there.
+``app_frames``: ``app_fps``, frames a second of the player with 300 vehicles in a browser without graphics card.
 ``conformance``: ``conformance_2026``, ``conformance_2025``, ``conformance_all`` (checks that hold, of all).
 
 What a killed worker, a cancelled call and a client that left cost is ``make bench-server`` (``workers.py``).
@@ -32,6 +33,7 @@ PARTS: Parts[ServeBench] = Parts(
         "http_load": ("http_errors", "memory_slope_mb_per_h", "slowest_share"),
         "hostile": ("hostile_inputs", "hostile_failures"),
         "http_kills": ("kills", "lost"),
+        "app_frames": ("app_fps",),
         "conformance": ("conformance_2026", "conformance_2025", "conformance_all"),
     },
 )

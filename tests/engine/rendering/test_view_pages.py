@@ -4,16 +4,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from support.browser import CHROMIUM, HOSTILE, Browser, Page, chromium
 from support.builders import town_road
+from support.hostile import HOSTILE
 from support.runs import DEFAULT, SAFE, record, source
 
 from plannerforge.engine.execution import silent
 from plannerforge.engine.rendering import empty_page, filled_page, write_view
+from plannerforge.evals.serve.browser import Browser, Page, chromium, find_chromium
 from plannerforge.schemas.rendering import ViewPane, ViewRequest
 from plannerforge.schemas.runs import RunSource, ScenarioSource
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+pytestmark = pytest.mark.skipif(find_chromium() is None, reason="Chromium is not installed")
 TOWN = "ZAM_Builder-1_1_T-1"
 PLAYER = "document.querySelector('.player').player"
 

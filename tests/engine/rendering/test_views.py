@@ -10,8 +10,8 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from support.browser import HOSTILE
 from support.builders import town_road
+from support.hostile import HOSTILE
 from support.runs import DEFAULT, SAFE, driven, record, source
 
 from plannerforge.engine.commonroad import kept_recording

@@ -1,4 +1,4 @@
-"""A headless Chromium that tests press keys and click in, by the DevTools protocol on two pipes."""
+"""A headless Chromium in which pages are opened, keys pressed and clicks made: DevTools protocol on two pipes."""
 
 import json
 import os
@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-FLAGS = (
+_PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
+_FLAGS = (
     "--headless",
     "--no-sandbox",
     "--disable-gpu",
@@ -22,11 +22,18 @@ FLAGS = (
     "--disable-dev-shm-usage",
     "--remote-debugging-pipe",
 )
-GUARD_S = 120.0
-"""A browser that does not answer for so long hangs: it is killed, and the test fails instead of hanging as well."""
-HOSTILE = "</script><script>window.broken=1</script><!--{{ scripts }}{{ policy }}\u2028&lt;'\"\u202e]]>"
-"""A name that would get out of its place in a page, were it put there as it is."""
+_GUARD_S = 120.0
+"""A browser that does not answer for so long hangs: it is killed, so that who asked does not hang as well."""
 _KEYS = {" ": ("Space", 32), "ArrowLeft": ("ArrowLeft", 37), "ArrowRight": ("ArrowRight", 39), "Enter": ("Enter", 13)}
+
+
+class BrowserFault(Exception):
+    """A script threw, the browser refused a command, or it ended."""
+
+
+def find_chromium() -> str | None:
+    """The program; None where it is not installed."""
+    return next(filter(None, map(shutil.which, _PROGRAMS)), None)
 
 
 class Page:
@@ -45,10 +52,11 @@ class Page:
         """What an expression is, once a promise that it may be has come true.
 
         Raises:
-            AssertionError: it threw.
+            BrowserFault: it threw.
         """
         answer = self.call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
-        assert "exceptionDetails" not in answer, answer["exceptionDetails"]
+        if "exceptionDetails" in answer:
+            raise BrowserFault(str(answer["exceptionDetails"]))
         return answer["result"].get("value")
 
     def wait_for(self, expression: str) -> None:
@@ -104,20 +112,21 @@ class Browser:
         """A command and its result; what happens meanwhile is noted on the pages.
 
         Raises:
-            AssertionError: the browser refused, or ended.
+            BrowserFault: the browser refused, or ended.
         """
         self._count += 1
         message = {"id": self._count, "method": method, "params": parameters}
         self._out.write(json.dumps(message | ({"sessionId": session} if session else {})).encode() + b"\0")
         self._out.flush()
-        guard = threading.Timer(GUARD_S, self._process.kill)
+        guard = threading.Timer(_GUARD_S, self._process.kill)
         guard.start()
         try:
             while (answer := self._next()).get("id") != self._count:
                 self._note(answer)
         finally:
             guard.cancel()
-        assert "error" not in answer, (method, answer)
+        if "error" in answer:
+            raise BrowserFault(f"{method}: {answer['error']}")
         return answer["result"]
 
     def close(self) -> None:
@@ -125,14 +134,15 @@ class Browser:
         try:
             self.call("Browser.close", {})
         finally:
-            self._process.wait(GUARD_S)
+            self._process.wait(_GUARD_S)
             self._in.close()
             self._out.close()
 
     def _next(self) -> dict[str, Any]:
         while b"\0" not in self._rest:
             more = self._in.read1(1 << 20)  # type: ignore[attr-defined]
-            assert more, "the browser ended"
+            if not more:
+                raise BrowserFault("the browser ended")
             self._rest += more
         text, _, self._rest = self._rest.partition(b"\0")
         read: dict[str, Any] = json.loads(text)
@@ -150,11 +160,17 @@ class Browser:
 
 @contextmanager
 def chromium(folder: Path) -> Iterator[Browser]:
-    """A browser with a profile of its own in a folder; ended with the block."""
-    assert CHROMIUM is not None
+    """A browser with a profile of its own in a folder; ended with the block.
+
+    Raises:
+        BrowserFault: none is installed.
+    """
+    program = find_chromium()
+    if program is None:
+        raise BrowserFault(f"none of {', '.join(_PROGRAMS)} is installed")
     to_browser, from_us = os.pipe()
     from_browser, to_us = os.pipe()
-    command = [CHROMIUM, *FLAGS, f"--user-data-dir={folder}", "about:blank"]
+    command = [program, *_FLAGS, f"--user-data-dir={folder}", "about:blank"]
     # Chromium reads its descriptor 3 and writes to 4.
     shell = f'exec "$@" 3<&{to_browser} 4>&{to_us}'
     process = subprocess.Popen(
