@@ -78,6 +78,43 @@ class RunResponse(Model):
     planner_log: str = Field("", description="the end of what a command-line planner wrote to standard error")
 
 
+class ReplayRequest(Model):
+    """A stored run that is to be driven once more: how, where its steps lie, and where its plans are written."""
+
+    run: RunRequest
+    steps_path: str
+    path: str
+
+
+class Replayed(Model):
+    """Where the plans of a run lie (``RunPlans``); empty, with the reason, where there is nothing to show."""
+
+    path: str = ""
+    note: str = ""
+
+
+class ShownPrediction(Model):
+    """Where a planner expected another road user: x, y, x, y, … in m."""
+
+    obstacle_id: int
+    points_m: tuple[float, ...]
+
+
+class ShownPlan(Model):
+    """What a planner had in mind at a step: lines as x, y, x, y, … in m; ``plan`` is the one that it chose."""
+
+    step: int
+    plan: tuple[float, ...]
+    candidates: tuple[tuple[float, ...], ...] = ()
+    predictions: tuple[ShownPrediction, ...] = ()
+
+
+class RunPlans(Model):
+    """The planning steps of a run."""
+
+    plans: tuple[ShownPlan, ...]
+
+
 class ListPlannersArguments(Arguments):
     """Planners, their weights (value, meaning, effect of raising), presets, settings, configurations here."""
 

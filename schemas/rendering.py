@@ -118,15 +118,20 @@ class ReportWritten(Model):
 
 ViewKind = Literal["player", "board"]
 """``player``: a scenario or a run in motion, or two side by side; ``board``: the runs of batches at a glance."""
-VIEW_FORMAT = 1
+VIEW_FORMAT = 2
 """Of the data of views; it rises when their meaning changes."""
 
 
 class ViewPane(Model):
-    """What one half of a player shows: a scenario, and the run over it (None: the recording alone)."""
+    """What one half of a player shows: a scenario, and the run over it (None: the recording alone).
+
+    ``plans_path``: the run's plans (``RunPlans``); empty: they are not shown, for what ``note`` says.
+    """
 
     scenario: ScenarioSource
     run: RunSource | None = None
+    plans_path: str = ""
+    note: str = ""
 
 
 class ViewRequest(Model):

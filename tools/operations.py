@@ -47,7 +47,7 @@ from ..schemas.generation import (
 )
 from ..schemas.maps import LocatedPlace, LocateRequest
 from ..schemas.modification import ModificationOutcome, ModificationRequest
-from ..schemas.planning import RunRequest, RunResponse
+from ..schemas.planning import Replayed, ReplayRequest, RunRequest, RunResponse
 from ..schemas.rendering import Rendered, RenderRequest, ReportRequest, ReportWritten, ViewRequest, ViewWritten
 from ..schemas.results import AnalyseRequest, AnalyzeResultsResult
 from ..schemas.runs import ReviewRequest, ReviewResponse
@@ -116,6 +116,7 @@ SENSITIVITY_EFFECTS = Operation(
 RENDER = Operation("plannerforge.engine.rendering:render", RenderRequest, Rendered, timeout_s=50.0)
 WRITE_REPORT = Operation("plannerforge.engine.rendering:write_report", ReportRequest, ReportWritten)
 
+REPLAY_PLANS = Operation("plannerforge.engine.planners.replay:replay_plans", ReplayRequest, Replayed, timeout_s=120.0)
 WRITE_VIEW = Operation("plannerforge.engine.rendering:write_view", ViewRequest, ViewWritten, timeout_s=120.0)
 
 # Scenarios for other tools

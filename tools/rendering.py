@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from ..engine.planners import planner_version
 from ..engine.rendering import filled_page
 from ..engine.workspace import Artifact, versions_of, write_whole
 from ..resources.templates import picture_link
 from ..schemas.analysis.optimization import StudyRecord
-from ..schemas.errors import Faults, InvalidRequest, UnknownName
+from ..schemas.errors import Faults, InvalidRequest, UnknownName, WorkerFailure, WorkerTimeout
+from ..schemas.planning import PlannerConfiguration, ReplayRequest, RunRequest
 from ..schemas.rendering import (
     VIEW_FORMAT,
     PictureKind,
@@ -26,7 +28,7 @@ from ..schemas.rendering import (
 from ..schemas.runs import BatchRecord, RunRecord
 from .call import Image, ImageAnswer, ToolCall
 from .configurations import resolve_configuration, store_configuration
-from .operations import RENDER, WRITE_VIEW
+from .operations import RENDER, REPLAY_PLANS, WRITE_VIEW
 from .results import WORDS, choose_results, chosen_runs, config_weights, result_named, run_sources, scenario_sources
 
 FOLDER = "pictures"
@@ -192,7 +194,8 @@ async def make_view(words: Sequence[str], call: ToolCall, *, whole: bool = True)
     if not note.is_file():
         with call.workspace.scratch() as folder:
             path = folder / "view.json"
-            await call.run(WRITE_VIEW, request.model_copy(update={"path": str(path)}))
+            panes = [await _with_plans(pane, folder / f"plans{i}.json", call) for i, pane in enumerate(request.panes)]
+            await call.run(WRITE_VIEW, request.model_copy(update={"path": str(path), "panes": tuple(panes)}))
             write_whole(note, partial(shutil.copyfile, path))
     ids = tuple(artifact.artifact_id for artifact in artifacts)
     return MadeView(ids, request.kind, note.read_text(encoding="utf-8"))
@@ -240,6 +243,36 @@ def _pane(artifact: Artifact, call: ToolCall) -> ViewPane:
     record = artifact.read(RunRecord)
     (run,) = run_sources([artifact.artifact_id], call)
     return ViewPane(scenario=scenario_sources([record.scenario_id], call)[0], run=run)
+
+
+async def _with_plans(pane: ViewPane, path: Path, call: ToolCall) -> ViewPane:
+    """A pane with what the planner of its run had in mind; a note in it where that cannot be had."""
+    if pane.run is None or pane.run.steps_path is None:
+        return pane
+    record = pane.run.record
+    if planner_version(record.planner):
+        return pane.model_copy(update={"note": f"{record.run_id}: plans of planners of others are not shown"})
+    config = call.workspace.find("config", record.config_id)
+    if config is None:
+        return pane.model_copy(
+            update={"note": f"{record.run_id}: its configuration is gone, so its plans are not shown"}
+        )
+    run = RunRequest(
+        run_id=record.run_id,
+        scenario_path=pane.scenario.path,
+        scenario_id=record.scenario_id,
+        problem_id=record.problem_id,
+        configuration=config.read(PlannerConfiguration),
+        prediction=record.prediction,
+        traffic=record.traffic,
+        seed=record.seed,
+    )
+    try:
+        found = await call.run(REPLAY_PLANS, ReplayRequest(run=run, steps_path=pane.run.steps_path, path=str(path)))
+    except (WorkerFailure, WorkerTimeout) as error:
+        return pane.model_copy(update={"note": f"{record.run_id}: its plans are not shown: {error.message}"})
+    note = f"{record.run_id}: {found.note}" if found.note else ""
+    return pane.model_copy(update={"plans_path": found.path, "note": note})
 
 
 def _view_digest(request: ViewRequest) -> str:

@@ -4,9 +4,9 @@ Planners that satisfy :class:`Planner` run in the loop of ``simulation.py``; ``c
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -145,6 +145,19 @@ class Plan:
     candidates: int = 0
     kind: PlanKind = "regular"
     core_s: float = 0.0
+
+
+def evenly_chosen(count: int, most: int) -> list[int]:
+    """At most ``most`` of ``count`` places, the first and the last among them."""
+    return sorted({round(place) for place in np.linspace(0, count - 1, min(most, count))}) if count else []
+
+
+@runtime_checkable
+class ShowsCandidates(Protocol):
+    """A planner that can say which candidates it had in its last planning step."""
+
+    def shown_candidates(self, most: int) -> Sequence[Points]:
+        """Centres (n, 2) of at most ``most`` candidates that the vehicle could drive, evenly chosen by their rank."""
 
 
 class Planner(Protocol):

@@ -140,7 +140,7 @@ class Browser:
 
     def _next(self) -> dict[str, Any]:
         while b"\0" not in self._rest:
-            more = self._in.read1(1 << 20)  # type: ignore[attr-defined]
+            more = self._in.read1(1 << 20)
             if not more:
                 raise BrowserFault("the browser ended")
             self._rest += more

@@ -19,7 +19,7 @@ import numpy as np
 from ...geometry import Points, project
 from ..drivability import Limit, violated_limit
 from ..goal import DesiredSpeed, Goal
-from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask
+from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
 from ..lanes import LaneCenters, LaneCorridors
 from ..safety import SafetyCheck
 from .core import (
@@ -79,6 +79,7 @@ class Frenetix:
         frame = self._frames.frame_for(project(task.reference.points, ego.position)[0], reach_m)
         low_speed, desired_mps = ego.speed_mps < _LOW_SPEED_MPS, self._desired_speed.at(ego)
         step = PlanningStep(observation, frame, self._settings, low_speed, desired_mps, task.step_s, reach_m)
+        self._step = step
         state = self._driven.state_for(ego, low_speed) if self._driven else None
         going_on = self._driven.rest_for(ego, task.step_s) if self._driven and state else None
         state = state or initial_state(frame, ego, task.vehicle, low_speed)
@@ -97,6 +98,13 @@ class Frenetix:
         if chosen is not None:
             return self._drive(chosen, "regular", step)
         return self._fallback(feasible, float(state.lateral[0]), step)
+
+    def shown_candidates(self, most: int) -> Sequence[Points]:
+        """Of the feasible candidates of the last planning step, as they are ranked before the expensive terms."""
+        step = self._step
+        samples = [sample for sample in self._handler.get_sorted_trajectories() if sample.feasible]
+        chosen = evenly_chosen(len(samples), most)
+        return [copied_trajectory(samples[i], step.frame, step.ego, self._task.vehicle).positions for i in chosen]
 
     def _feasible(self, matrix: Points, step: PlanningStep) -> "_Feasible":
         """The feasible candidates with their quick terms; the others are counted by what rejects them."""

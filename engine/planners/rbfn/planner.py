@@ -7,7 +7,7 @@ passes: standing still under 0.1 m/s, else the drivable candidate that stops soo
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ from ...geometry import Points, Values, wrap_angles
 from ...vehicles import centers, rear_axle
 from ..drivability import broken_limits
 from ..goal import DesiredSpeed, Goal
-from ..interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask
+from ..interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
 from ..safety import SafetyCheck
 from .candidates import Candidates, Driven, PathTable, Samples, Start, candidates
 from .costs import CHANNELS, ChannelBatch, RoadEdge
@@ -75,6 +75,7 @@ class RadialBasisPrimitives:
         rejected: Counter[str] = Counter()
         drivable = self._drivable(found, rejected)
         step = _Step(ego, found, drivable, rejected, self._costs(found, drivable, start, desired_mps, observation))
+        self._step = step
         safety = SafetyCheck(task, observation)
         for index in self._cheapest_first(step):
             reason = safety.objection(self._trajectory(step, index))
@@ -82,6 +83,11 @@ class RadialBasisPrimitives:
                 return self._drive(step, index, "regular")
             rejected[reason] += 1
         return self._fallback(step)
+
+    def shown_candidates(self, most: int) -> Sequence[Points]:
+        """Of the drivable candidates of the last planning step."""
+        order = list(self._cheapest_first(self._step))
+        return [self._trajectory(self._step, order[i]).positions for i in evenly_chosen(len(order), most)]
 
     def _start(self, ego: EgoState) -> tuple[Start, Candidates | None]:
         """Where the rear axle begins, and the rest of the plan that is being driven, where the ego followed it."""

@@ -107,6 +107,15 @@ class MomentView(Model):
     decisive: bool = False
 
 
+class PlanView(Model):
+    """What a planner had in mind from a step on: its plan, other candidates, where it expected others."""
+
+    step: int
+    plan: Line
+    candidates: tuple[Line, ...]
+    predictions: tuple[Line, ...]
+
+
 class DriveView(Model):
     """A run over a scene: the ego, and a value a driven state of what passengers feel and how near others were.
 
@@ -135,6 +144,7 @@ class DriveView(Model):
     moments: tuple[MomentView, ...]
     figures: tuple[tuple[str, str], ...]
     others: tuple[TrackView, ...]
+    plans: tuple[PlanView, ...] = ()
 
 
 class PaneView(Model):

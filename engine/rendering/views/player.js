@@ -24,7 +24,7 @@ function outcomeMark(outcome) {
 const KEYS = [
   ["Space", "play, pause"], ["← →", "a step; with Shift, a second"], ["Home End", "the start, the end"], ["N P", "next, previous moment"],
   ["+ −", "zoom; the wheel too"], ["W A S D", "move the view; dragging too"], ["F", "follow the ego, or what is selected"], ["0", "show all that matters"],
-  ["V", "select the next vehicle; Shift: the previous"], ["E", "select the ego"], ["Esc", "select nothing"], ["I", "ids"], ["C", "next chart"],
+  ["V", "select the next vehicle; Shift: the previous"], ["E", "select the ego"], ["Esc", "select nothing"], ["I", "ids"], ["O", "plan, candidates, predictions"], ["C", "next chart"],
   ["[ ]", "slower, faster"], ["T", "dark, light"],
 ];
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
@@ -46,6 +46,7 @@ class Player {
     this.factor = 1;
     this.follow = false;
     this.ids = true;
+    this.plans = true;
     this.chartKind = 0;
     this.stale = true;
     this.shownAt = 0;
@@ -64,6 +65,7 @@ class Player {
     const tracks = scene.tracksOf(drive);
     const pane = { title: data.title, letter, scene, drive, tracks, ego: drive ? new Track(drive.ego) : scene.start, camera: new Camera(), selected: null };
     if (drive) pane.series = seriesOf(drive);
+    if (drive?.plans.length) pane.plans = drive.plans.map(plan => new PlanPaths(plan));
     return pane;
   }
 
@@ -96,6 +98,8 @@ class Player {
     this.playButton = button("Play", "Play or pause (Space)", () => this.toggle());
     this.followButton = button("Follow", "Follow the ego or what is selected (F)", () => this.setFollow(!this.follow));
     this.idsButton = button("Ids", "Show ids (I)", () => this.setIds(!this.ids));
+    this.plansButton = button("Plans", "Show plan, candidates and predictions (O)", () => this.setPlans(!this.plans));
+    this.plansButton.hidden = !this.panes.some(pane => pane.plans);
     this.rate = element("select", { title: "Speed ([ and ])", "aria-label": "speed", onchange: () => { this.factor = Number(this.rate.value); } },
       ...SPEEDS.map(value => element("option", { value, selected: value === 1 }, `${value} ×`)));
     this.slider = element("input", { type: "range", min: this.firstStep, max: this.lastStep, step: 1, value: this.step, "aria-label": "time",
@@ -110,7 +114,7 @@ class Player {
     });
     return element("div", { className: "transport", role: "toolbar", "aria-label": "playback" },
       this.playButton, button("←", "A step back (←)", () => this.seek(Math.ceil(this.step) - 1)), button("→", "A step on (→)", () => this.seek(Math.floor(this.step) + 1)),
-      element("div", { className: "scrub" }, this.slider, ...marks), this.time, this.rate, this.followButton, this.idsButton,
+      element("div", { className: "scrub" }, this.slider, ...marks), this.time, this.rate, this.followButton, this.idsButton, this.plansButton,
       button("+", "Nearer (+)", () => this.zoom(1.3)), button("−", "Farther (−)", () => this.zoom(1 / 1.3)), button("All", "Show all that matters (0)", () => this.fit()));
   }
 
@@ -153,6 +157,7 @@ class Player {
     };
     const rows = [...counts].sort().map(([kind, count]) => row(classOf(kind), `${words(kind)}: ${count}`));
     if (this.panes.some(pane => pane.ego)) rows.unshift(row("ego", "ego; dashed field: its goal"));
+    if (this.panes.some(pane => pane.plans)) rows.push(row("series-5", "plan; thin: other candidates"), row("series-0", "dotted: where the planner expected others"));
     return element("section", {}, element("h2", {}, "Road users"), element("ul", {}, ...rows));
   }
 
@@ -189,7 +194,7 @@ class Player {
       "+": () => this.zoom(1.3), "=": () => this.zoom(1.3), "-": () => this.zoom(1 / 1.3), "0": () => this.fit(),
       "w": () => this.pan(0, move), "s": () => this.pan(0, -move), "a": () => this.pan(move, 0), "d": () => this.pan(-move, 0),
       "f": () => this.setFollow(!this.follow), "v": () => this.selectNext(event.shiftKey ? -1 : 1), "e": () => this.select(this.panes[0], this.panes[0].ego ? 0 : null),
-      "i": () => this.setIds(!this.ids), "c": () => this.nextChart(), "[": () => this.changeRate(-1), "]": () => this.changeRate(1), "t": () => this.toggleTheme(),
+      "i": () => this.setIds(!this.ids), "o": () => this.setPlans(!this.plans), "c": () => this.nextChart(), "[": () => this.changeRate(-1), "]": () => this.changeRate(1), "t": () => this.toggleTheme(),
       "Escape": () => this.panes.some(pane => pane.selected !== null) && this.select(this.panes[0], null),
     };
     const action = actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
@@ -323,6 +328,8 @@ class Player {
 
   setIds(on) { this.ids = on; this.stale = true; }
 
+  setPlans(on) { this.plans = on; this.stale = true; }
+
   setFollow(on) { this.follow = on; this.stale = true; }
 
   zoom(factor, dx = 0, dy = 0) { for (const pane of this.panes) pane.camera.zoom(factor, this.follow ? 0 : dx, this.follow ? 0 : dy); this.stale = true; }
@@ -398,7 +405,7 @@ class Player {
     for (const pane of this.panes) {
       if (this.follow) this.centre(pane);
       const step = pane.drive ? Math.min(this.step, pane.ego.last) : this.step;
-      drawPane(pane.canvas.getContext("2d", { alpha: false }), pane, step, pane.canvas.clientWidth, pane.canvas.clientHeight, this.ratio, this.colours, this.ids);
+      drawPane(pane.canvas.getContext("2d", { alpha: false }), pane, step, pane.canvas.clientWidth, pane.canvas.clientHeight, this.ratio, this.colours, this.ids, this.plans);
     }
     this.drawChart();
   }
@@ -424,6 +431,7 @@ class Player {
     this.playButton.textContent = this.playing ? "Pause" : "Play";
     this.followButton.setAttribute("aria-pressed", this.follow);
     this.idsButton.setAttribute("aria-pressed", this.ids);
+    this.plansButton.setAttribute("aria-pressed", this.plans);
     const chart = this.charts[this.chartKind];
     if (this.keysOf !== chart) { this.keysOf = chart; this.chartKeys.replaceChildren(...chart.keys(this.panes)); }
     this.now.replaceChildren(...this.nowRows(step));

@@ -185,7 +185,7 @@ class Camera {
 const SMALLEST_PX = 5, LABELLED_FROM_PX = 15, MOST_LABELS = 60;
 
 /* Draws one moment of a pane: { scene, tracks, ego, drive, camera, selected } on a canvas of a size in CSS pixels. */
-function drawPane(context, pane, step, width, height, ratio, colours, showIds) {
+function drawPane(context, pane, step, width, height, ratio, colours, showIds, showPlans) {
   const { scene, camera } = pane;
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
   context.fillStyle = colours.field;
@@ -199,6 +199,7 @@ function drawPane(context, pane, step, width, height, ratio, colours, showIds) {
   drawGoals(context, scene.goals, px, colours);
   drawSignals(context, scene.signals, step, px, colours);
   drawCourse(context, pane, step, px, colours);
+  if (showPlans) drawPlan(context, pane, step, px, colours);
   const seen = present(pane, step, left, bottom, right, top);
   drawUsers(context, scene.standing.filter(one => inView(one.box)), seen, pane, px, colours);
   drawEgo(context, pane, step, px, colours);
@@ -288,6 +289,48 @@ function drawCourse(context, pane, step, px, colours) {
   const now = Math.min(Math.max(step, pane.ego.first), pane.ego.last);
   drawWay(context, pane.ego, pane.ego.first, now, Math.max(2.5 * px, 0.25), [], colours.ego);
   drawWay(context, pane.ego, now, pane.ego.last, Math.max(1.5 * px, 0.15), [5 * px, 4 * px], colours.ego);
+}
+
+/* What a planner had in mind from a planning step on, as paths. */
+class PlanPaths {
+  constructor(data) {
+    this.step = data.step;
+    this.plan = pathOf([data.plan]);
+    this.candidates = pathOf(data.candidates);
+    this.predictions = pathOf(data.predictions);
+  }
+}
+
+function pathOf(lines) {
+  const path = new Path2D();
+  for (const line of lines) trace(path, pointsOf(line), false);
+  return path;
+}
+
+/* The plan that was followed at a step: of the last planning step until then. */
+function planAt(plans, step) {
+  let low = 0, high = plans.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (plans[middle].step <= step + 1e-9) low = middle + 1; else high = middle;
+  }
+  return plans[low - 1];
+}
+
+function drawPlan(context, pane, step, px, colours) {
+  const now = pane.plans && planAt(pane.plans, step);
+  if (!now || step > pane.ego.last) return;
+  const stroke = (path, colour, width, dashes) => {
+    context.strokeStyle = colour;
+    context.lineWidth = width;
+    context.setLineDash(dashes);
+    context.stroke(path);
+  };
+  stroke(now.candidates, colours.muted, px, []);
+  stroke(now.predictions, colours["series-0"], 2 * px, [2 * px, 3 * px]);
+  stroke(now.plan, colours.halo, 5 * px, []);
+  stroke(now.plan, colours["series-5"], 2.5 * px, []);
+  context.setLineDash([]);
 }
 
 function drawWay(context, track, from, to, width, dashes, colour) {

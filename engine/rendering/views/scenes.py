@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....schemas.measures import metric_words
+from ....schemas.planning import RunPlans
 from ....schemas.rendering import ViewPane, ViewRequest
 from ....schemas.results import with_unit
 from ....schemas.runs import ReviewRequest, RunReview, RunSource, ScenarioSource, ending
@@ -30,6 +31,7 @@ from .data import (
     Line,
     MomentView,
     PaneView,
+    PlanView,
     PlayerView,
     RoadView,
     SceneView,
@@ -72,6 +74,10 @@ def player_view(request: ViewRequest) -> PlayerView:
             else:
                 paths[key].append(path)
                 drive = drive_view(pane.run, path, pane.scenario, contents[key].origin)
+                plans = tuple(_plans(pane.plans_path, contents[key].origin))
+                drive = drive.model_copy(update={"plans": plans})
+        if pane.note:
+            notes.append(one_line(pane.note, LONGEST_SENTENCE))
         panes.append(PaneView(title=pane_title(pane), scenario_id=one_line(key), drive=drive))
     scenes = []
     for key, content in contents.items():
@@ -286,6 +292,22 @@ def drive_view(source: RunSource, path: DrivenPath, scenario: ScenarioSource, or
         figures=tuple(figures(source)),
         others=tuple(track_view(track, origin, driven=True) for track in path.others.values()),
     )
+
+
+def _plans(path: str, origin: Points) -> Iterable[PlanView]:
+    """The plans of a run from their file; none without one."""
+
+    def line(numbers: Sequence[float]) -> Line:
+        return tuple(np.diff(_cm(np.reshape(numbers, (-1, 2)) - origin), axis=0, prepend=[[0, 0]]).ravel().tolist())
+
+    plans = RunPlans.model_validate_json(Path(path).read_bytes()).plans if path else ()
+    for one in plans:
+        yield PlanView(
+            step=one.step,
+            plan=line(one.plan),
+            candidates=tuple(map(line, one.candidates)),
+            predictions=tuple(line(prediction.points_m) for prediction in one.predictions),
+        )
 
 
 def _ending(source: RunSource, review: RunReview | None) -> str:

@@ -11,6 +11,7 @@ from support.runs import DEFAULT, SAFE, record, source
 from plannerforge.engine.execution import silent
 from plannerforge.engine.rendering import empty_page, filled_page, write_view
 from plannerforge.evals.serve.browser import Browser, Page, chromium, find_chromium
+from plannerforge.schemas.planning import RunPlans, ShownPlan
 from plannerforge.schemas.rendering import ViewPane, ViewRequest
 from plannerforge.schemas.runs import RunSource, ScenarioSource
 
@@ -228,3 +229,28 @@ def test_page_without_data_and_host_says_so(browser: Browser, folder: Path) -> N
     file.write_text(empty_page("player"), encoding="utf-8")
     page = browser.open(file.as_uri())
     assert "no data" in page.value("document.body.innerText")
+
+
+def test_plan_of_the_moment_is_drawn_unless_it_is_switched_off(
+    browser: Browser, folder: Path, town: ScenarioSource
+) -> None:
+    plans = (
+        ShownPlan(step=0, plan=(0.0, 0.0, 9.0, 0.0), candidates=((0.0, 0.0, 9.0, 2.0),)),
+        ShownPlan(step=20, plan=(1.0, 1.0)),
+    )
+    (folder / "plans.json").write_text(RunPlans(plans=plans).model_dump_json())
+    pane = ViewPane(scenario=town, run=hit(folder), plans_path=str(folder / "plans.json"), note="run_x: told")
+    page = opened(browser, folder, "plans", pane)
+    at = f"planAt({PLAYER}.panes[0].plans"
+    assert [page.value(f"{at}, {step}).step") for step in (0, 19.9, 20, 40)] == [0, 0, 20, 20]
+    assert page.value(f"{at}, -1) === undefined")
+    assert "plan; thin: other candidates" in shown(page, ".side")
+    assert "run_x: told" in shown(page, "header")
+    page.press("Home")
+    picture = "document.querySelector('.stage canvas').toDataURL()"
+    page.wait_for(f"!{PLAYER}.stale")
+    with_plans = page.value(picture)
+    page.press("o")
+    page.wait_for(f"!{PLAYER}.stale")
+    assert page.value(picture) != with_plans
+    assert page.errors == []
