@@ -41,8 +41,8 @@ from ...tools.call import Services, ToolCall
 from ...tools.configurations import store_configuration
 from ...tools.planning import run_planner
 from ..harness import built_in, print_figures
-from ..serve.workers import workers_of_this_process
 from .fault_injection import CRASH, HANG, FaultInjector, RunOperation
+from .processes import workers_of_this_process
 
 _SCENARIOS, _CONFIGS, _FAULTY_CONFIGS = 10, 20, 4
 """Of a grid, and the configurations with which the runs that hang or crash are tried (chosen)."""

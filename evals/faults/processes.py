@@ -44,6 +44,18 @@ def _status(process: psutil.Process) -> str:
         return str(psutil.STATUS_ZOMBIE)
 
 
+def workers_of_this_process() -> list[psutil.Process]:
+    """All worker processes below this one."""
+    workers = []
+    for child in psutil.Process().children(recursive=True):
+        try:
+            if "plannerforge.engine.execution.worker" in " ".join(child.cmdline()):
+                workers.append(child)
+        except psutil.NoSuchProcess:
+            continue
+    return workers
+
+
 def remaining(left: Callable[[], list[psutil.Process]]) -> list[psutil.Process]:
     """What is left of processes after they had time to end; these are killed."""
     until = time.monotonic() + _GONE_WITHIN_S

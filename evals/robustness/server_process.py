@@ -16,7 +16,7 @@ import anyio
 import psutil
 from mcp import Client, StdioServerParameters, stdio_client
 
-from ..serve.bench import http_client, listening
+from ..faults.http_process import http_client, listening
 from .judges import CANARY_TEXT, memory_mb, peak_memory_mb
 
 _MOST_MEMORY_MB = 1500.0

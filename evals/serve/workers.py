@@ -22,6 +22,7 @@ from rich.progress import track
 
 from ...server.assembly import create_server
 from ...server.settings import Settings
+from ..faults.processes import workers_of_this_process
 from ..harness import call_ms, print_figures, spread
 
 _STARTS, _CALLS, _FAULT_REPEATS = 9, 300, 5
@@ -77,18 +78,6 @@ async def _first_answer_s(server: StdioServerParameters) -> float:
     async with Client(server) as client:
         await client.list_tools()
         return time.perf_counter() - started
-
-
-def workers_of_this_process() -> list[psutil.Process]:
-    """All worker processes below this one."""
-    workers = []
-    for child in psutil.Process().children(recursive=True):
-        try:
-            if "plannerforge.engine.execution.worker" in " ".join(child.cmdline()):
-                workers.append(child)
-        except psutil.NoSuchProcess:
-            continue
-    return workers
 
 
 async def _faults_s(server: StdioServerParameters, seed: int) -> tuple[float, float, float]:
