@@ -116,7 +116,7 @@ SENSITIVITY_EFFECTS = Operation(
 RENDER = Operation("plannerforge.engine.rendering:render", RenderRequest, Rendered, timeout_s=50.0)
 WRITE_REPORT = Operation("plannerforge.engine.rendering:write_report", ReportRequest, ReportWritten)
 
-REPLAY_PLANS = Operation("plannerforge.engine.planners.replay:replay_plans", ReplayRequest, Replayed, timeout_s=120.0)
+REPLAY_PLANS = Operation("plannerforge.engine.planners.runs:replay_plans", ReplayRequest, Replayed, timeout_s=120.0)
 WRITE_VIEW = Operation("plannerforge.engine.rendering:write_view", ViewRequest, ViewWritten, timeout_s=120.0)
 
 # Scenarios for other tools

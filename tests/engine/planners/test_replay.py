@@ -9,8 +9,7 @@ from support.builders import Problem, town_road
 from support.planning import configuration
 
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.planners.replay import replay_plans
-from plannerforge.engine.planners.runs import run_planner
+from plannerforge.engine.planners.runs import replay_plans, run_planner
 from plannerforge.schemas.planning import Replayed, ReplayRequest, RunPlans, RunRequest, RunResponse, ShownPlan
 from plannerforge.schemas.runs import RunSteps
 
