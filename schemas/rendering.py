@@ -61,6 +61,10 @@ class RenderedImage(Model):
     alt_text: str
 
 
+PICTURE_FORMAT = 2
+"""Of what is drawn for a request; it rises when another set of images is made."""
+
+
 class Rendered(Model):
     """The images that were made; ``notes`` name what was left out of them and why."""
 

@@ -15,6 +15,7 @@ from ..schemas.analysis.optimization import StudyRecord
 from ..schemas.errors import Faults, InvalidRequest, UnknownName, WorkerFailure, WorkerTimeout
 from ..schemas.planning import PlannerConfiguration, ReplayRequest, RunRequest
 from ..schemas.rendering import (
+    PICTURE_FORMAT,
     VIEW_FORMAT,
     PictureKind,
     RenderArguments,
@@ -143,7 +144,7 @@ async def draw(
 
 
 def _digest(request: RenderRequest) -> str:
-    content = request.model_dump_json() + repr(versions_of("matplotlib", "pillow"))
+    content = request.model_dump_json() + repr((PICTURE_FORMAT, versions_of("matplotlib", "pillow")))
     return hashlib.sha256(content.encode()).hexdigest()[:12]
 
 

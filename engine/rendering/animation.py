@@ -1,5 +1,6 @@
 """An animated GIF of a scenario, with the ego of a run where there is one; slower around its decisive moment.
 
+Beside it a strip of its moments as PNG, for whoever sees no motion: most models see a GIF's first frame alone.
 The background is drawn once; every frame restores it and draws only what moves.
 """
 
@@ -10,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...schemas.rendering import RenderedImage
 from ..execution import ProgressReporter
-from .canvas import INK, MUTED, SMALL_PT, TEXT_PT, exact_palette, new_figure, series_style
+from .canvas import INK, MUTED, SMALL_PT, TEXT_PT, exact_palette, image_at, new_figure, series_style
 from .content import DrivenPath, ScenarioView, VehicleShape, Viewport
 from .furniture import Inventory, draw_legend, write_title
 from .road import draw_signals
@@ -33,6 +35,8 @@ _HOLD_MS = 1000
 """For which the frame of the moment stays (chosen)."""
 _LARGEST_BYTES = 2_000_000
 """Above this fewer colours are used (chosen)."""
+_STRIP_FRAMES, _STRIP_COLUMNS, _STRIP_WIDTH_PX, _STRIP_GAP_PX = 6, 3, 1500, 6
+"""Moments of a strip, how many stand in a row, its width and the gaps between them (chosen)."""
 _MOST_LABELLED = 40
 """Vehicles up to which ids are written (chosen): more would cover each other."""
 
@@ -71,19 +75,20 @@ class _Pace:
 
 
 def animate(
-    view: ScenarioView, path: Path, report: ProgressReporter, moment: Moment | None = None
-) -> tuple[tuple[int, int], str]:
-    """Draw a scenario or its runs from the first to the last step and write them as GIF in real time.
+    view: ScenarioView, folder: Path, report: ProgressReporter, moment: Moment | None = None
+) -> tuple[RenderedImage, RenderedImage]:
+    """Draw a scenario or its runs from the first to the last step: as GIF in real time, and as strip of its moments.
 
-    Around the moment that is given it is four times slower, which the frames say.
-
-    Returns:
-        The size in pixels, and the alternative text.
+    Around the moment that is given the GIF is four times slower, which the frames say; the strip holds that moment.
     """
     steps = _frame_steps(view, moment)
     pace = _Pace(tuple(steps), view.content.step_s, moment)
     frames, shown = _draw_frames(view, pace, report)
+    path, strip_path = folder / "animation.gif", folder / "strip.png"
     _write_gif(frames, path, pace.durations_ms())
+    chosen = _strip_places(steps, moment)
+    strip = _strip([frames[place] for place in chosen])
+    strip.save(strip_path, optimize=True)
     report(1.0, "animation written")
     begin, end = steps[0] * view.content.step_s, steps[-1] * view.content.step_s
     text = f"Animation of {view.content.scenario_id} from {begin:.1f} to {end:.1f} s"
@@ -92,7 +97,37 @@ def animate(
     slow = ""
     if moment is not None:
         slow = f" {_SLOWED} times slower around {moment.step * view.content.step_s:.1f} s: {moment.words}."
-    return frames[0].size, f"{text}, {runs or 'recorded traffic'}{kinds}.{slow}"
+    times = ", ".join(f"{steps[place] * view.content.step_s:.1f}" for place in chosen)
+    return (
+        image_at(path, frames[0].size, f"{text}, {runs or 'recorded traffic'}{kinds}.{slow}"),
+        image_at(strip_path, strip.size, f"The same at {times} s, row by row."),
+    )
+
+
+def _strip_places(steps: Sequence[int], moment: Moment | None) -> list[int]:
+    """The frames of a strip: evenly spaced in time with the first and the last, the nearest one at the moment."""
+    times = np.linspace(steps[0], steps[-1], min(_STRIP_FRAMES, len(steps)))
+    if moment is not None:
+        nearest = int(np.argmin(np.abs(times - moment.step)))
+        times[nearest] = times[nearest] if nearest in (0, len(times) - 1) else moment.step
+    return sorted({int(np.argmin(np.abs(np.array(steps) - time))) for time in times})
+
+
+def _strip(frames: Sequence["Image"]) -> "Image":
+    """Frames beside and below each other."""
+    from PIL import Image
+
+    columns = min(_STRIP_COLUMNS, len(frames))
+    width = (_STRIP_WIDTH_PX - _STRIP_GAP_PX * (_STRIP_COLUMNS - 1)) // _STRIP_COLUMNS
+    height = round(frames[0].height * width / frames[0].width)
+    rows = -(-len(frames) // columns)
+    size = (columns * (width + _STRIP_GAP_PX) - _STRIP_GAP_PX, rows * (height + _STRIP_GAP_PX) - _STRIP_GAP_PX)
+    strip = Image.new("RGB", size, "white")
+    for place, frame in enumerate(frames):
+        row, column = divmod(place, columns)
+        small = frame.resize((width, height), Image.Resampling.LANCZOS)
+        strip.paste(small, (column * (width + _STRIP_GAP_PX), row * (height + _STRIP_GAP_PX)))
+    return strip
 
 
 def _frame_steps(view: ScenarioView, moment: Moment | None) -> list[int]:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from ...schemas.rendering import RenderedImage
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from PIL.Image import Image
@@ -141,6 +143,18 @@ def new_figure(width_px: int, height_px: int) -> "Figure":
     figure = Figure(figsize=(width_px / _DPI, height_px / _DPI), dpi=_DPI)
     FigureCanvasAgg(figure)
     return figure
+
+
+def image_at(path: Path, size_px: tuple[int, int], alt_text: str) -> RenderedImage:
+    """An image file that was written, as answers name it."""
+    return RenderedImage(
+        path=str(path),
+        mime_type="image/gif" if path.suffix == ".gif" else "image/png",
+        width_px=size_px[0],
+        height_px=size_px[1],
+        size_bytes=path.stat().st_size,
+        alt_text=alt_text,
+    )
 
 
 def write_png(figure: "Figure", path: Path) -> tuple[int, int]:

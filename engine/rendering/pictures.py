@@ -13,7 +13,7 @@ from ..analysis import RunSet, review_runs
 from ..commonroad import kept_recording
 from ..execution import ProgressReporter, silent
 from .animation import Moment, animate
-from .canvas import Drawing, write_png
+from .canvas import Drawing, image_at, write_png
 from .charts import CHARTS
 from .content import DrivenPath, ScenarioContent, ScenarioView, content_of, driven_path, short_names
 from .search_charts import study_chart
@@ -36,10 +36,10 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
     elif kind == "auto":
         kind = "outcomes" if len({source.record.scenario_id for source in request.runs}) > 1 else "picture"
     notes: list[str] = []
+    images: tuple[RenderedImage, ...]
     if kind == "animation":
-        path = Path(request.folder) / "animation.gif"
         views, notes = _views(request, most=1)
-        size, alt_text = animate(views[0], path, report, _decisive_moment(request, views[0]))
+        images = animate(views[0], Path(request.folder), report, _decisive_moment(request, views[0]))
     else:
         path = Path(request.folder) / f"{kind}.png"
         if kind == "picture":
@@ -52,18 +52,10 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
             drawing = CHARTS[kind](RunSet(request.runs, request.configs, request.scenarios))
         else:
             raise NotPossible(f"kind {kind} draws runs, and no run was named", next_step="name run or batch ids in ids")
-        size, alt_text = write_png(drawing.figure, path), drawing.alt_text
+        images = (image_at(path, write_png(drawing.figure, path), drawing.alt_text),)
         notes += drawing.notes
-    image = RenderedImage(
-        path=str(path),
-        mime_type="image/gif" if path.suffix == ".gif" else "image/png",
-        width_px=size[0],
-        height_px=size[1],
-        size_bytes=path.stat().st_size,
-        alt_text=alt_text,
-    )
     report(1.0, "drawn")
-    return Rendered(kind=kind, images=(image,), notes=tuple(notes))
+    return Rendered(kind=kind, images=images, notes=tuple(notes))
 
 
 def _search(request: RenderRequest) -> Drawing:

@@ -90,6 +90,21 @@ def test_animation_moves_and_ends_with_the_run(
         assert opened.convert("RGB").tobytes() != first
 
 
+def test_strip_beside_an_animation_shows_its_moments_to_who_sees_no_motion(
+    tmp_path: Path, town: ScenarioSource, pair: tuple[RunSource, RunSource]
+) -> None:
+    request = RenderRequest(kind="animation", scenarios=(town,), runs=pair[:1], folder=str(tmp_path))
+    gif, strip = render(request, silent).images
+    assert (gif.mime_type, strip.mime_type) == ("image/gif", "image/png")
+    assert strip.alt_text == "The same at 0.0, 0.8, 1.6, 2.4, 3.2, 4.0 s, row by row."
+    assert strip.width_px == pytest.approx(1500, abs=3)
+    assert strip.size_bytes < 400_000
+    with Image.open(strip.path) as opened:
+        row = opened.convert("RGB").crop((0, 0, opened.width, opened.height // 2))
+        thirds = [row.crop((i * row.width // 3, 0, (i + 1) * row.width // 3, row.height)).tobytes() for i in range(3)]
+    assert len(set(thirds)) == 3
+
+
 def test_long_recordings_are_thinned_to_few_frames(tmp_path: Path, town: ScenarioSource) -> None:
     image = drawn(tmp_path / "out", kind="animation", scenarios=(town,))
     with Image.open(image.path) as opened:
