@@ -99,6 +99,7 @@ class ReportSection(Model):
     tables: tuple[ReportTable, ...] = ()
     images: tuple[ReportImage, ...] = ()
     took_s: float | None = None
+    view: str = Field("", description="name of the file beside the report that shows it in motion")
 
 
 class ReportRequest(Model):

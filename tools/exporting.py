@@ -3,7 +3,8 @@
 Stored files are copied; solution files, tables, pictures and the report are made for the export.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from ..engine.rendering import (
@@ -16,7 +17,7 @@ from ..engine.rendering import (
     run_section,
     scenario_section,
 )
-from ..engine.workspace import REPORT_NAME, Artifact, Export, plan_exports, refuse_taken, write_export
+from ..engine.workspace import REPORT_NAME, Artifact, Export, plan_exports, refuse_taken, write_export, write_whole
 from ..schemas.analysis.comparison import CompareResultsArguments
 from ..schemas.artifacts import (
     ExportArtifactsArguments,
@@ -30,7 +31,7 @@ from ..schemas.artifacts import (
 from ..schemas.errors import Faults, InvalidRequest, NotPossible
 from ..schemas.measures import MeasuredValue
 from ..schemas.planning import PlannerConfiguration
-from ..schemas.rendering import PictureKind, ReportRequest, ReportSection, ReportWritten
+from ..schemas.rendering import PictureKind, ReportRequest, ReportSection
 from ..schemas.results import AnalyzeResultsArguments, AnalyzeResultsResult
 from ..schemas.runs import BatchRecord, RunRecord, RunSource, excesses_in_words
 from ..schemas.scenarios import ScenarioRecord
@@ -38,7 +39,7 @@ from ..schemas.text import printable
 from .analysis.tool import analyze_results, compare_results
 from .call import ToolCall
 from .operations import WRITE_OPENDRIVE, WRITE_OPENSCENARIO, WRITE_REPORT, WRITE_RUN_TABLE, WRITE_SOLUTION
-from .rendering import draw, named_artifact
+from .rendering import draw, make_view, named_artifact
 from .results import run_sources, scenario_sources
 
 _FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "goal_late", "goal_early")
@@ -56,12 +57,14 @@ async def export_artifacts(arguments: ExportArtifactsArguments, call: ToolCall) 
     artifacts = list({(artifact.kind, artifact.artifact_id): artifact for artifact in named}.values())
     planned = plan_exports(call.workspace, artifacts, arguments.formats, folder)
     report = folder / REPORT_NAME if "html" in arguments.formats else None
+    views = (
+        {artifact.artifact_id: folder / f"{artifact.artifact_id}.view.html" for artifact in artifacts} if report else {}
+    )
     if not arguments.overwrite:
-        refuse_taken([export.path for export in planned] + ([report] if report else []))
+        refuse_taken([export.path for export in planned] + ([report, *views.values()] if report else []))
     files = [await _write(call, export) for export in planned]
     if report is not None:
-        await _write_report(call, artifacts, report)
-        files.append(_written(", ".join(artifact.artifact_id for artifact in artifacts), "html", report))
+        files += await _write_report(call, artifacts, report, views)
     return ExportArtifactsResult(folder=_shown(folder), files=tuple(files))
 
 
@@ -152,22 +155,32 @@ def _table(call: ToolCall, export: Export, target: Path) -> RunTableRequest:
     )
 
 
-async def _write_report(call: ToolCall, artifacts: Sequence[Artifact], path: Path) -> ReportWritten:
-    """One page on scenarios and batches, in their order.
+async def _write_report(
+    call: ToolCall, artifacts: Sequence[Artifact], path: Path, views: Mapping[str, Path]
+) -> list[ExportedFile]:
+    """One page on scenarios and batches, in their order, and the view of each beside it.
 
     Raises:
         InvalidRequest: an artifact that a report cannot show.
     """
-    sections: list[ReportSection] = []
-    for number, artifact in enumerate(artifacts):
-        if artifact.kind == "scenario":
-            sections.append(await _scenario(call, artifact))
-        elif artifact.kind == "batch":
-            sections += await _batch(call, artifact)
-        else:
+    for artifact in artifacts:
+        if artifact.kind not in ("scenario", "batch"):
             raise InvalidRequest(
                 f"a report cannot show the {artifact.kind} {artifact.artifact_id}", valid=["scenario ids", "batch ids"]
             )
+    sections, written, left_out = list[ReportSection](), list[ExportedFile](), list[str]()
+    for number, artifact in enumerate(artifacts):
+        own = [await _scenario(call, artifact)] if artifact.kind == "scenario" else await _batch(call, artifact)
+        view = views[artifact.artifact_id]
+        try:
+            page = (await make_view([artifact.artifact_id], call)).page()
+        except NotPossible as error:
+            left_out.append(f"no view of {artifact.artifact_id}: {error.message}")
+            sections += own
+        else:
+            write_whole(view, partial(Path.write_text, data=page, encoding="utf-8"))
+            written.append(_written(artifact.artifact_id, "view", view))
+            sections += [own[0].model_copy(update={"view": view.name}), *own[1:]]
         await call.progress(0.9 * (number + 1) / len(artifacts), f"report on {artifact.artifact_id}")
     request = ReportRequest(
         title="PlannerForge report",
@@ -176,7 +189,9 @@ async def _write_report(call: ToolCall, artifacts: Sequence[Artifact], path: Pat
         footer="Made by PlannerForge MCP.",
         path=str(path),
     )
-    return await call.run(WRITE_REPORT, request)
+    await call.run(WRITE_REPORT, request)
+    report = _written(", ".join(artifact.artifact_id for artifact in artifacts), "html", path)
+    return [report.model_copy(update={"warning": "; ".join(left_out)}), *written]
 
 
 async def _scenario(call: ToolCall, artifact: Artifact) -> ReportSection:

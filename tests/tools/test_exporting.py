@@ -41,6 +41,21 @@ async def test_solution_of_a_run_and_tables_of_a_batch(settings: Settings, tmp_p
         assert "<ksTrajectory" in Path(solution["files"][0]["path"]).read_text()
         refused = await ask("export_artifacts", ids=[invalid["run_id"]], formats=["solution"], folder="out")
         assert "has no solution" in refused
+        report = await ask(
+            "export_artifacts", ids=["ZAM_Builder-1_1_T-1", grid["batch_id"]], formats=["html"], folder="r"
+        )
+        page, player, board = (Path(file["path"]) for file in report["files"])
+        assert [file["format"] for file in report["files"]] == ["html", "view", "view"]
+        assert f'href="{player.name}"' in page.read_text()
+        assert f'href="{board.name}"' in page.read_text()
+        assert "<script" not in page.read_text()
+        assert [word in player.read_text() for word in ("class Player", "class Board")] == [True, False]
+        assert "class Board" in board.read_text()
+        taken = await ask("export_artifacts", ids=["ZAM_Builder-1_1_T-1"], formats=["html"], folder="r")
+        assert "overwrite" in taken
+        unseen = await ask("export_artifacts", ids=["current"], formats=["html"], folder="unseen")
+        assert "a report cannot show the config" in unseen
+        assert not (tmp_path / "unseen").exists()
         stored = await ask("export_artifacts", ids=[grid["batch_id"]], folder="plain")
         assert {file["format"] for file in stored["files"]} == {"json", "recipe"}
 
