@@ -38,7 +38,7 @@ Folders = Annotated[tuple[Path, ...], NoDecode]
 
 
 class Settings(BaseSettings):
-    """The settings of a server, read at its start. Every field is a flag, a variable and a key of the file."""
+    """The settings of a server, read at its start: each a variable, a key of the file and, unless secret, a flag."""
 
     model_config = SettingsConfigDict(env_prefix="PLANNERFORGE_", extra="forbid", frozen=True)
 
@@ -114,6 +114,16 @@ class Settings(BaseSettings):
             return json.loads(value)
         except json.JSONDecodeError as error:
             raise ValueError(f"'{value}' begins like a JSON list of folders and is none: {error}") from error
+
+    @field_validator("planners", mode="before")
+    @classmethod
+    def _sections(cls, value: Any) -> Any:
+        if not isinstance(value, str):
+            return value
+        try:
+            return json.loads(value)
+        except json.JSONDecodeError as error:
+            raise ValueError(f"'{value}' is no JSON object of planners: {error}") from error
 
     @field_validator("overpass_urls", "http_hosts", "http_origins", "http_proxies", mode="before")
     @classmethod
