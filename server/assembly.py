@@ -11,7 +11,7 @@ import anyio
 
 from ..engine.execution import CallThreads, Claims, Executor, JobRunner, JobStore, Limits, ReachableExecutor, WorkerPool
 from ..engine.planners import programs_named
-from ..engine.workspace import Workspace, make_private
+from ..engine.workspace import Quota, Workspace, make_private
 from ..schemas.catalog import BuildIndexRequest
 from ..schemas.errors import NotPossible, PlannerForgeError
 from ..tools.call import INDEX_FOLDER, Services
@@ -66,6 +66,8 @@ async def open_services(settings: Settings, start_folder: Path, threads: CallThr
     for missing in (root for root in limits.roots if not root.is_dir()):
         logger.warning("the root %s does not exist (yet): nothing can be read from there", missing)
     workspace = Workspace(workspace_root)
+    if settings.workspace_mb:
+        workspace.limit_room(Quota(workspace, settings.workspace_mb * 1024**2).admit)
     try:
         log = workspace_root / "logs" / "workers.log"
         async with (

@@ -45,6 +45,9 @@ class Settings(BaseSettings):
     workspace: Path = Field(
         default_factory=lambda: user_data_path(_APPLICATION), description="folder for everything that is made"
     )
+    workspace_mb: int = Field(
+        0, ge=0, description="what the workspace may take; caches go before nothing more is stored; 0: no bound"
+    )
     roots: Folders = Field(
         (), description="folders that files may be read from and written to; default: workspace and start folder"
     )

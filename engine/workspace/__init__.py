@@ -25,6 +25,10 @@
 ``room_used``: What each part of the workspace takes.
 ``disagreements``: What does not fit together in a workspace.
 ``make_room``: Removes what belongs to nothing, and above a quota what can be made again.
+``Quota``: What a workspace may take, asked before something is stored.
+``export_workspace``: Writes all artifacts with their files into one archive.
+``import_workspace``: Takes in what an archive holds, whole or not at all.
+``ArchiveLimits``: What an archive may hold at most.
 """
 
 from typing import TYPE_CHECKING
@@ -32,6 +36,7 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
+    from .archive import ArchiveLimits, export_workspace, import_workspace
     from .artifacts import (
         ARTIFACT_KINDS,
         Artifact,
@@ -45,6 +50,6 @@ if TYPE_CHECKING:
     from .database import Database, make_private, still_runs
     from .export import REPORT_NAME, Export, plan_exports, refuse_taken, write_export, write_whole
     from .recipe import Recipe, content_digest, versions_of
-    from .upkeep import Disagreement, FolderUse, disagreements, make_room, room_used
+    from .upkeep import Disagreement, FolderUse, Quota, disagreements, make_room, room_used
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

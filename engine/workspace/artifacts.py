@@ -11,11 +11,13 @@ import shutil
 import sqlite3
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
+
+from pydantic import BaseModel
 
 from ...schemas.base import Model
 from ...schemas.errors import ResourceFailure, UnknownName, closest
@@ -44,7 +46,7 @@ _OWN_FOLDERS = frozenset(
         *(f"{kind}s" for kind in get_args(ArtifactKind)),
     }
 )
-_ORDINARY_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,119}")
+ORDINARY_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,119}")
 
 
 class Artifact(Model):
@@ -67,16 +69,17 @@ class Artifact(Model):
 class NewArtifact:
     """An artifact that is to be stored; ``files``: name in its folder → file to copy.
 
-    ``copies``: the folder with the copies of its files, once they are staged.
+    ``copies``: the folder with the copies of its files, once they are staged. ``made_at``: when, where that is not now.
     """
 
     kind: ArtifactKind
     artifact_id: str
     recipe: Recipe
-    record: Model
+    record: BaseModel
     files: Mapping[str, Path]
     name: str = ""
     copies: Path | None = None
+    made_at: str = ""
 
 
 class Workspace:
@@ -86,6 +89,19 @@ class Workspace:
         self.root = root
         self.database = Database(root / "workspace.sqlite")
         self._tidied = False
+        self._admits: Callable[[int], None] = _admit_all
+
+    def limit_room(self, admits: Callable[[int], None]) -> None:
+        """Have all that is to be stored admitted first, by its size in bytes: by making room, or with an error."""
+        self._admits = admits
+
+    def admit(self, size_bytes: int) -> None:
+        """Ask for room for something that is to be stored.
+
+        Raises:
+            ResourceFailure: the workspace has a quota, and is full.
+        """
+        self._admits(size_bytes)
 
     def put(
         self,
@@ -134,6 +150,15 @@ class Workspace:
         """Store artifacts in one transaction, all or none; an id that is there already keeps the stored one.
 
         Raises:
+            ResourceFailure: the database or a folder cannot be written, or the workspace's quota has no room.
+        """
+        self.admit(sum(map(_size_of, artifacts)))
+        self.store(artifacts)
+
+    def store(self, artifacts: Iterable[NewArtifact]) -> None:
+        """Store artifacts as ``put_staged`` does, for which room was asked already.
+
+        Raises:
             ResourceFailure: the database or a folder cannot be written.
         """
         placed: list[Path] = []
@@ -149,7 +174,8 @@ class Workspace:
                 placed.append(self.folder(new.kind, new.artifact_id))
                 self._place(placed[-1], new.copies)
                 connection.execute(
-                    "INSERT INTO artifacts (artifact_id, kind, name, digest, recipe, record) VALUES (?, ?, ?, ?, ?, ?)",
+                    "INSERT INTO artifacts (artifact_id, kind, name, digest, recipe, record, made_at) VALUES"
+                    " (?, ?, ?, ?, ?, ?, coalesce(nullif(?, ''), strftime('%Y-%m-%dT%H:%M:%SZ', 'now')))",
                     (
                         new.artifact_id,
                         new.kind,
@@ -157,6 +183,7 @@ class Workspace:
                         new.recipe.digest,
                         new.recipe.model_dump_json(),
                         new.record.model_dump_json(),
+                        new.made_at,
                     ),
                 )
                 connection.executemany(
@@ -237,7 +264,7 @@ class Workspace:
 
     def folder(self, kind: ArtifactKind, artifact_id: str) -> Path:
         """The folder of an artifact's files."""
-        if not _ORDINARY_ID.fullmatch(artifact_id):
+        if not ORDINARY_ID.fullmatch(artifact_id):
             raise UnknownName(f"'{artifact_id}' cannot be the id of an artifact")
         return self.root / f"{kind}s" / artifact_id
 
@@ -318,6 +345,15 @@ def _artifact(row: sqlite3.Row) -> Artifact:
         sequence=row["sequence"],
         made_at=row["made_at"],
     )
+
+
+def _admit_all(size_bytes: int) -> None:
+    del size_bytes
+
+
+def _size_of(artifact: NewArtifact) -> int:
+    """What the files of a staged artifact take, in bytes; its record is small beside them."""
+    return sum(file.stat().st_size for file in artifact.copies.iterdir()) if artifact.copies else 0
 
 
 def stage(artifact: NewArtifact, copies: Path) -> NewArtifact:

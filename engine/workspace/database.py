@@ -4,8 +4,11 @@ Several servers work on one workspace at once (every IDE window starts its own),
 of their own: writers wait for each other, and nobody's transaction holds what another one wrote.
 """
 
+import contextlib
 import logging
+import os
 import sqlite3
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -205,11 +208,37 @@ def _prepared(path: Path) -> sqlite3.Connection:
                 next_step="use the newer PlannerForge that made it, or another --workspace",
             )
         if version < SCHEMA_VERSION:
+            if version:
+                _keep_copy(connection, path, version)
             connection.executescript(f"BEGIN IMMEDIATE; {_SCHEMA} PRAGMA user_version = {SCHEMA_VERSION}; COMMIT;")
     except BaseException:
         connection.close()
         raise
     return connection
+
+
+def _keep_copy(connection: sqlite3.Connection, path: Path, version: int) -> None:
+    """Keep a database as an older program left it, beside the one that is brought to the present version.
+
+    That only adds tables, so whoever goes back to the older program can take the copy in its place.
+    """
+    kept = path.with_name(f"{path.name}.version-{version}")
+    if kept.exists():
+        return
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f"{path.name}.", suffix=".partial")
+    os.close(handle)
+    partial = Path(name)
+    try:
+        connection.execute("VACUUM INTO ?", (name,))
+        with contextlib.closing(sqlite3.connect(partial)) as copied:
+            is_as_it_was = int(copied.execute("PRAGMA user_version").fetchone()[0]) == version
+        if is_as_it_was:  # else another server has just brought it to the present version, and kept it
+            partial.rename(kept)
+            logger.warning(
+                "the workspace database %s had version %d and is brought to %d", path, version, SCHEMA_VERSION
+            )
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def _read_only(path: Path) -> sqlite3.Connection | None:

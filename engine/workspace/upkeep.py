@@ -5,16 +5,21 @@ files that belong to no record) may go; what was made, its records and the journ
 """
 
 import shutil
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ...schemas.errors import ResourceFailure
 from .artifacts import ABANDONED_S, ARTIFACT_KINDS, Workspace, disk_failure
 
 _CACHES = ("recordings", "pictures", "reports", "index", "answers", "scratch")
 """Folders whose files are made anew when they are missing, those first that are made again most quickly."""
-_MAIN_FILES = {"scenario": "scenario.xml", "run": "steps.json", "config": "config.yaml"}
+_MB = 1024**2
+_LOOK_S, _LOOKS_SHARE = 60.0, 50
+"""How old a look at a whole workspace may be, and how often what it took itself; chosen: looks take 2 % of the time."""
+MAIN_FILES = {"scenario": "scenario.xml", "run": "steps.json", "config": "config.yaml"}
 """The file without which an artifact of the kind cannot be used."""
 
 
@@ -60,7 +65,7 @@ def disagreements(workspace: Workspace) -> Iterator[Disagreement]:
     known: dict[str, set[str]] = {kind: set() for kind in ARTIFACT_KINDS}
     for kind, artifact_id in rows:
         known[kind].add(artifact_id)
-        main = _MAIN_FILES.get(kind)
+        main = MAIN_FILES.get(kind)
         if main is None:
             continue
         path = workspace.root / f"{kind}s" / artifact_id / main
@@ -94,6 +99,51 @@ def make_room(workspace: Workspace, *, quota_bytes: int | None = None) -> list[t
         excess = sum(use.size_bytes for use in room_used(workspace)) - quota_bytes
         removed += _emptied(workspace.root, excess)
     return removed
+
+
+class Quota:
+    """What a workspace may take, asked before something is stored: caches go first, and then nothing more is stored.
+
+    To look through a large workspace takes long, so what it takes is counted on from the last look; another look is
+    taken when that says it is full, and when the last one is old, since others write too.
+    """
+
+    def __init__(self, workspace: Workspace, size_bytes: int) -> None:
+        self._workspace, self._size_bytes = workspace, size_bytes
+        self._lock = threading.Lock()
+        self._taken_bytes, self._look_again_at = 0, 0.0
+
+    def admit(self, size_bytes: int) -> None:
+        """Let something of this size be stored.
+
+        Raises:
+            ResourceFailure: there is no room, and no cache that may go.
+        """
+        with self._lock:
+            if time.monotonic() > self._look_again_at or self._excess(size_bytes) > 0:
+                self._look()
+            if self._excess(size_bytes) > 0:
+                make_room(self._workspace)
+                self._look()
+                self._taken_bytes -= sum(freed for _, freed in _emptied(self._workspace.root, self._excess(size_bytes)))
+            if self._excess(size_bytes) > 0:
+                raise ResourceFailure(
+                    f"the workspace {self._workspace.root} is full: it takes {self._taken_bytes / _MB:,.1f} MB of the "
+                    f"{self._size_bytes / _MB:,.0f} that it may, and caches that are an hour old were removed already",
+                    next_step="raise the setting workspace_mb, or run `plannerforge workspace gc` in an hour; "
+                    "`workspace info` shows what takes room, `workspace export` keeps all of it in a file",
+                )
+            self._taken_bytes += size_bytes
+
+    def _excess(self, size_bytes: int) -> int:
+        return self._taken_bytes + size_bytes - self._size_bytes
+
+    def _look(self) -> None:
+        started = time.monotonic()
+        uses = room_used(self._workspace)
+        self._taken_bytes = sum(use.size_bytes for use in uses if use.name != "scratch")  # what is about to be stored
+        ended = time.monotonic()
+        self._look_again_at = ended + max(_LOOK_S, _LOOKS_SHARE * (ended - started))
 
 
 def _emptied(root: Path, excess_bytes: int) -> Iterator[tuple[str, int]]:

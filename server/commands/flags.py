@@ -26,7 +26,7 @@ SECRET = frozenset({"http_tokens"})
 """Settings without a flag: others on the machine see the flags of a process, and shells keep them."""
 PANELS: Mapping[str, tuple[str, ...]] = types.MappingProxyType(
     {
-        "Files": ("workspace", "roots", "map_folders", "starter", "file_mb"),
+        "Files": ("workspace", "workspace_mb", "roots", "map_folders", "starter", "file_mb"),
         "Work": (
             *("workers", "worker_memory_mb", "operation_timeout_s", "server_memory_mb"),
             *("cluster", "planners", "embedding_model", "warm_up"),

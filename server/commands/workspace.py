@@ -1,6 +1,6 @@
-"""``plannerforge workspace info | verify | gc``: what a workspace takes, whether it is sound, and room made again."""
+"""``plannerforge workspace …``: what it takes, whether it is sound, room made again, and all of it as one file."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -68,6 +68,68 @@ def gc(
     if quota_mb is not None and left > quota_mb * _MB:
         typer.echo("More cannot be removed: the rest was made, or is younger than an hour.", err=True)
         raise typer.Exit(1)
+
+
+@workspace.command(name="export")
+def export_to(
+    file: Annotated[Path, typer.Argument(help="The archive to write, such as work.zip.")],
+    journal: Annotated[bool, typer.Option("--journal", help="Put the journal of calls in, too.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a file that is there.")] = False,
+    workspace: WorkspaceFlag = None,
+) -> None:
+    """Write all that was made into one file, with records and digests; exit code 1 where something is lost."""
+    from ...engine.workspace import export_workspace
+
+    with _opened(workspace) as opened, _progress("writing") as on_bytes:
+        made = export_workspace(opened, file, journal=journal, overwrite=overwrite, on_bytes=on_bytes)
+    typer.echo(f"{file}: {made.artifacts:,} artifacts, {made.files:,} files, {made.size_bytes / _MB:,.1f} MB")
+    for lost in made.left_out:
+        typer.echo(f"left out: {lost}: its file is gone; `workspace verify` says more", err=True)
+    raise typer.Exit(1 if made.left_out else 0)
+
+
+@workspace.command(name="import")
+def import_from(
+    file: Annotated[
+        Path, typer.Argument(help="The archive, written by `workspace export`.", exists=True, dir_okay=False)
+    ],
+    most_mb: Annotated[int, typer.Option(min=1, help="What it may take when unpacked.")] = 20_480,
+    workspace: WorkspaceFlag = None,
+) -> None:
+    """Take in all that an archive holds, after all of it was checked; nothing where something is wrong with it."""
+    from ...engine.commonroad import scan_xml
+    from ...engine.workspace import ArchiveLimits, Quota, import_workspace, make_private
+    from ...engine.workspace import Workspace as Opened
+
+    def check(path: Path) -> None:
+        if path.suffix == ".xml":
+            scan_xml(path)
+
+    settings = settings_from(workspace=workspace)
+    root = settings.workspace.expanduser().resolve()
+    make_private(root)
+    opened = Opened(root)
+    if settings.workspace_mb:
+        opened.limit_room(Quota(opened, settings.workspace_mb * _MB).admit)
+    limits = ArchiveLimits(unpacked_bytes=most_mb * _MB)
+    try:
+        with _progress("reading") as on_bytes:
+            made = import_workspace(opened, file, limits=limits, check=check, on_bytes=on_bytes)
+    finally:
+        opened.close()
+    typer.echo(f"{root}: {made.added:,} artifacts added, {made.known:,} were there already")
+
+
+@contextmanager
+def _progress(what: str) -> Iterator[Callable[[int, int], None]]:
+    """A bar on standard error that is told how many bytes are done, of how many."""
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
+        bar = bars.add_task(what, total=None)
+        yield lambda done, total: bars.update(bar, completed=done, total=total)
 
 
 @contextmanager

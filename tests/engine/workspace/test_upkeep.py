@@ -5,11 +5,14 @@ import time
 from pathlib import Path
 
 import pytest
+from support.server import Connect
 from typer.testing import CliRunner
 
-from plannerforge.engine.workspace import Recipe, Workspace, disagreements, make_room, room_used
+from plannerforge.engine.workspace import Quota, Recipe, Workspace, disagreements, make_room, room_used
 from plannerforge.schemas.base import Model
+from plannerforge.schemas.errors import ResourceFailure
 from plannerforge.server.command_line import application
+from plannerforge.server.settings import Settings
 
 MB = 1024**2
 
@@ -94,3 +97,58 @@ def test_the_commands_tell_it_with_exit_codes(workspace: Workspace) -> None:
     assert run("verify")[0] == 1
     told = CliRunner().invoke(application, ["workspace", "info", "--workspace", str(workspace.root / "away")])
     assert told.exit_code == 2
+
+
+def record_to_store(workspace: Workspace, name: str, size_bytes: int) -> None:
+    """Store a run with a file of a size."""
+    with workspace.scratch() as folder:
+        (folder / "steps.json").write_bytes(bytes(size_bytes))
+        recipe = Recipe(tool="run_planner", arguments={"name": name})
+        workspace.put("run", name, recipe=recipe, record=Note(text="x"), files={"steps.json": folder / "steps.json"})
+
+
+def test_a_quota_lets_in_what_fits_and_removes_old_caches_before_it_refuses(workspace: Workspace) -> None:
+    taken = sum(use.size_bytes for use in room_used(workspace))
+    workspace.limit_room(Quota(workspace, taken + MB).admit)
+    record_to_store(workspace, "run_3", MB // 2)
+    assert (workspace.root / "recordings" / "one").exists()
+    record_to_store(workspace, "run_4", MB)
+    assert not (workspace.root / "recordings" / "one").exists()
+    record_to_store(workspace, "run_5", 2 * MB)
+    with pytest.raises(ResourceFailure, match=r"is full: it takes .* MB of the .*workspace gc") as caught:
+        record_to_store(workspace, "run_6", 3 * MB)
+    assert "workspace_mb" in caught.value.next_step
+    assert workspace.find("run", "run_6") is None
+    assert workspace.find("run", "run_5") is not None
+    record_to_store(workspace, "run_7", 1)
+    assert list(disagreements(workspace)) == []
+
+
+def test_a_quota_counts_what_others_write_when_its_look_is_old(
+    workspace: Workspace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken = sum(use.size_bytes for use in room_used(workspace))
+    workspace.limit_room(Quota(workspace, taken + 2 * MB).admit)
+    record_to_store(workspace, "run_3", MB // 2)
+    (workspace.root / "plans").mkdir()
+    (workspace.root / "plans" / "of another server").write_bytes(bytes(6 * MB))
+    now = time.monotonic()
+    record_to_store(workspace, "run_4", MB // 4)
+    monkeypatch.setattr(time, "monotonic", lambda: now + 3600)
+    with pytest.raises(ResourceFailure, match="is full"):
+        record_to_store(workspace, "run_5", MB // 4)
+
+
+@pytest.mark.anyio
+@pytest.mark.parametrize("era", ["auto"])
+async def test_a_call_on_a_full_workspace_says_what_to_do_and_reading_goes_on(
+    connect: Connect, settings: Settings, starter_ready: None
+) -> None:
+    async with connect(settings.model_copy(update={"workspace_mb": 1})) as client:
+        refused = await client.call_tool("configure_planner", {"planner": "frenetix", "weights": ["jerk=0.5"]})
+        read = await client.call_tool("list_artifacts", {"kind": "scenario"})
+    said = refused.content[0].text  # type: ignore[union-attr]
+    assert refused.is_error
+    for words in ("[resource_failure]", "is full", "workspace_mb", "plannerforge workspace gc"):
+        assert words in said
+    assert not read.is_error

@@ -1,0 +1,379 @@
+"""A workspace as one file: all of it comes back, a bad archive and an interruption change nothing."""
+
+import hashlib
+import json
+import os
+import stat
+import zipfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from plannerforge.engine.workspace import (
+    ArchiveLimits,
+    Recipe,
+    Workspace,
+    disagreements,
+    export_workspace,
+    import_workspace,
+)
+from plannerforge.engine.workspace.database import SCHEMA_VERSION
+from plannerforge.schemas.base import Model
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, ResourceFailure, UnsafeInput
+from plannerforge.server.command_line import application
+
+SCENARIO = "<commonRoad>roads</commonRoad>"
+
+
+class Note(Model):
+    text: str
+    cost: float = 1e-7
+
+
+def filled(root: Path, text: str = "a") -> Workspace:
+    """A workspace with a scenario, a run of it and a search, which has no files; and a journal and a cache."""
+    made = Workspace(root)
+    files = {"scenario.xml": SCENARIO, "steps.json": '{"steps": []}'}
+    for name, content in files.items():
+        (root.parent / name).write_text(content)
+    made.put("scenario", "ZAM_A-1_1_T-1", recipe=Recipe(tool="generate_scenarios"), record=Note(text=text), name="one",
+             files={"scenario.xml": root.parent / "scenario.xml"})  # fmt: skip
+    run = Recipe(tool="run_planner", parents=("ZAM_A-1_1_T-1",), arguments={"text": text})
+    made.put("run", "run_1", recipe=run, record=Note(text=text), files={"steps.json": root.parent / "steps.json"})
+    made.put("search", "search_1", recipe=Recipe(tool="find_scenarios"), record=Note(text=text))
+    for folder, name in (("journal", "calls.jsonl"), ("pictures", "run_1.png")):
+        (root / folder).mkdir()
+        (root / folder / name).write_text("{}\n")
+    return made
+
+
+@pytest.fixture
+def archive(tmp_path: Path) -> Path:
+    """What an export with the journal wrote."""
+    path = tmp_path / "kept" / "work.zip"
+    export_workspace(filled(tmp_path / "first"), path, journal=True)
+    return path
+
+
+def contents(root: Path) -> dict[str, bytes]:
+    """All files of a workspace but its database's log, by name."""
+    return {
+        path.relative_to(root).as_posix(): path.read_bytes()
+        for path in root.rglob("*")
+        if path.is_file() and not path.name.endswith(("-wal", "-shm"))
+    }
+
+
+def rewritten(archive: Path, changes: Mapping[str, bytes | None], *, sums: bool = True) -> Path:
+    """A copy of an archive with files changed, added or (None) removed; its digests fit, where ``sums`` says so."""
+    with zipfile.ZipFile(archive) as before:
+        files = {name: before.read(name) for name in before.namelist()}
+    listed = files.pop("SHA256SUMS")
+    files = {name: content for name, content in (files | dict(changes)).items() if content is not None}
+    if sums:
+        listed = "".join(f"{hashlib.sha256(content).hexdigest()}  {name}\n" for name, content in files.items()).encode()
+    path = archive.with_name("changed.zip")
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as after:
+        for name, content in ({"SHA256SUMS": listed} | files).items():
+            after.writestr(name, content)
+    return path
+
+
+def read(archive: Path, name: str) -> bytes:
+    with zipfile.ZipFile(archive) as opened:
+        return opened.read(name)
+
+
+def records(archive: Path, change: Callable[[dict[str, object]], object]) -> bytes:
+    """The records of an archive, each changed."""
+    lines = [json.loads(line) for line in read(archive, "records.jsonl").splitlines()]
+    for line in lines:
+        change(line)
+    return "".join(json.dumps(line) + "\n" for line in lines).encode()
+
+
+def test_all_that_was_made_comes_back_with_dates_and_order(archive: Path, tmp_path: Path) -> None:
+    first, second = Workspace(tmp_path / "first"), Workspace(tmp_path / "second")
+    told: list[tuple[int, int]] = []
+    made = import_workspace(second, archive, on_bytes=lambda done, total: told.append((done, total)))
+    assert (made.added, made.known) == (3, 0)
+    assert [each.model_dump() for each in second.newest()] == [each.model_dump() for each in first.newest()]
+    assert second.file("scenario", "ZAM_A-1_1_T-1", "scenario.xml").read_text() == SCENARIO
+    assert [each.artifact_id for each in second.newest(parent="ZAM_A-1_1_T-1")] == ["run_1"]
+    assert list(disagreements(second)) == []
+    assert told[-1][0] == told[-1][1]
+    assert [path.name for path in (second.root / "scratch").iterdir()] == []
+
+
+def test_what_is_here_already_stays_and_is_counted(archive: Path, tmp_path: Path) -> None:
+    second = Workspace(tmp_path / "second")
+    second.put("search", "search_0", recipe=Recipe(tool="find_scenarios"), record=Note(text="own"))
+    import_workspace(second, archive)
+    before = contents(second.root)
+    again = import_workspace(second, archive)
+    assert (again.added, again.known) == (0, 3)
+    assert contents(second.root) == before
+    assert second.newest(limit=1)[0].artifact_id == "search_1"
+
+
+def test_the_journal_comes_only_where_it_was_asked_for_and_beside_ours(archive: Path, tmp_path: Path) -> None:
+    second = Workspace(tmp_path / "second")
+    import_workspace(second, archive)
+    (journal,) = (second.root / "journal").iterdir()
+    assert journal.name.startswith("imported-")
+    assert journal.name.endswith("-calls.jsonl")
+    assert stat.S_IMODE(journal.stat().st_mode) == 0o600
+    export_workspace(second, tmp_path / "without.zip")
+    with zipfile.ZipFile(tmp_path / "without.zip") as opened:
+        assert [name for name in opened.namelist() if "journal" in name or "pictures" in name] == []
+
+
+def test_the_same_workspace_gives_the_same_bytes_and_digests_that_others_can_check(
+    archive: Path, tmp_path: Path
+) -> None:
+    export_workspace(Workspace(tmp_path / "first"), tmp_path / "again.zip", journal=True)
+    assert (tmp_path / "again.zip").read_bytes() == archive.read_bytes()
+    with zipfile.ZipFile(archive) as opened:
+        lines = dict(reversed(line.split("  ")) for line in opened.read("SHA256SUMS").decode().splitlines())
+        assert set(lines) == set(opened.namelist()) - {"SHA256SUMS"}
+        assert {name: hashlib.sha256(opened.read(name)).hexdigest() for name in lines} == lines
+
+
+def test_an_artifact_whose_file_is_gone_is_left_out_and_told(tmp_path: Path) -> None:
+    first = filled(tmp_path / "first")
+    first.file("run", "run_1", "steps.json").unlink()
+    made = export_workspace(first, tmp_path / "work.zip")
+    assert (made.artifacts, made.left_out) == (2, ("run run_1",))
+    assert import_workspace(Workspace(tmp_path / "second"), tmp_path / "work.zip").added == 2
+
+
+def test_nothing_is_written_over_or_into_the_workspace(archive: Path, tmp_path: Path) -> None:
+    first, before = Workspace(tmp_path / "first"), archive.read_bytes()
+    for path in (archive, first.root / "runs" / "work.zip", first.root / "workspace.sqlite"):
+        with pytest.raises(NotPossible):
+            export_workspace(first, path)
+    assert archive.read_bytes() == before
+    assert export_workspace(first, archive, overwrite=True).artifacts == 3
+
+
+ESCAPES = (
+    *("../evil", "/etc/evil", "files/../../evil", "files/runs/../evil", "files/runs/run_1/../../evil", "evil"),
+    *(
+        "files/runs/run_1/a/b",
+        "files\\runs\\run_1\\evil",
+        "files/runs/.evil/steps.json",
+        "files/runs/run_1/..",
+        "C:/evil",
+    ),
+    *("journal/evil", "workspace.sqlite", "files/scratches/run_1/steps.json", "files/runs/run_1/evil\nname"),
+)
+
+
+@pytest.mark.parametrize("name", ESCAPES)
+def test_a_name_that_leads_elsewhere_is_refused(name: str, archive: Path, tmp_path: Path) -> None:
+    second = Workspace(tmp_path / "second")
+    with pytest.raises(UnsafeInput, match="no place in a workspace"):
+        import_workspace(second, rewritten(archive, {name: b"evil"}))
+    assert second.newest() == []
+    assert list(tmp_path.rglob("*evil*")) == []
+
+
+@pytest.mark.parametrize("kind", [stat.S_IFLNK, stat.S_IFDIR, stat.S_IFIFO, stat.S_IFCHR])
+def test_links_folders_and_devices_are_refused(kind: int, archive: Path, tmp_path: Path) -> None:
+    path = rewritten(archive, {})
+    with zipfile.ZipFile(path, "a") as opened:
+        entry = zipfile.ZipInfo("files/runs/run_1/link.json")
+        entry.external_attr = (kind | 0o777) << 16
+        opened.writestr(entry, "/etc/passwd")
+    with pytest.raises(UnsafeInput, match="a link, a folder or encrypted"):
+        import_workspace(Workspace(tmp_path / "second"), path)
+
+
+def test_the_same_name_twice_is_refused(archive: Path, tmp_path: Path) -> None:
+    path = rewritten(archive, {})
+    with zipfile.ZipFile(path, "a") as opened, pytest.warns(UserWarning, match="Duplicate name"):
+        opened.writestr("files/runs/run_1/steps.json", "{}")
+    with pytest.raises(UnsafeInput, match="twice"):
+        import_workspace(Workspace(tmp_path / "second"), path)
+
+
+@pytest.mark.parametrize(
+    ("limits", "told"),
+    [
+        (ArchiveLimits(entries=5), "files; at most 5"),
+        (ArchiveLimits(unpacked_bytes=100), "bytes when unpacked; at most 100"),
+        (ArchiveLimits(), "for each byte of its own; at most 200"),
+    ],
+)
+def test_a_bomb_is_refused_by_what_it_says_of_itself(
+    limits: ArchiveLimits, told: str, archive: Path, tmp_path: Path
+) -> None:
+    bomb = rewritten(archive, {"files/runs/run_1/steps.json": bytes(30_000_000)})
+    with pytest.raises(UnsafeInput, match=told):
+        import_workspace(Workspace(tmp_path / "second"), bomb, limits=limits)
+
+
+def without_files(line: dict[str, object]) -> None:
+    line["files"] = []
+
+
+def with_path(line: dict[str, object]) -> None:
+    line["artifact_id"] = "../" + str(line["artifact_id"])
+
+
+DAMAGES: dict[str, Callable[[Path], Path]] = {
+    "a changed file": lambda path: rewritten(path, {"files/runs/run_1/steps.json": b"[]"}, sums=False),
+    "a changed record": lambda path: rewritten(path, {"records.jsonl": b""}, sums=False),
+    "a file less": lambda path: rewritten(path, {"files/runs/run_1/steps.json": None}, sums=False),
+    "a file without a record": lambda path: rewritten(path, {"files/runs/run_9/steps.json": b"{}"}),
+    "a record without its file": lambda path: rewritten(path, {"files/runs/run_1/steps.json": None}),
+    "a record that names no file": lambda path: rewritten(path, {"records.jsonl": records(path, without_files)}),
+    "an id that is a path": lambda path: rewritten(path, {"records.jsonl": records(path, with_path)}),
+    "a record less": lambda path: rewritten(path, {"records.jsonl": read(path, "records.jsonl").split(b"\n")[2]}),
+    "a record twice": lambda path: rewritten(path, {"records.jsonl": read(path, "records.jsonl") * 2}),
+    "no record": lambda path: rewritten(path, {"records.jsonl": b"{}\n"}),
+    "no head": lambda path: rewritten(path, {"workspace.json": None}),
+    "a head that says nothing": lambda path: rewritten(path, {"workspace.json": b"{}"}),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_archive_stores_nothing(damage: str, archive: Path, tmp_path: Path) -> None:
+    second = Workspace(tmp_path / "second")
+    second.put("search", "search_0", recipe=Recipe(tool="find_scenarios"), record=Note(text="own"))
+    before = contents(second.root)
+    with pytest.raises(UnsafeInput, match="damaged"):
+        import_workspace(second, DAMAGES[damage](archive))
+    assert contents(second.root) == before
+
+
+def test_an_archive_that_was_cut_or_is_none_is_refused(archive: Path, tmp_path: Path) -> None:
+    content = archive.read_bytes()
+    broken = bytearray(content)
+    broken[len(content) // 3] ^= 0xFF
+    for damaged in (content[: len(content) // 2], bytes(broken), b"", b"no archive"):
+        path = tmp_path / "damaged.zip"
+        path.write_bytes(damaged)
+        with pytest.raises(UnsafeInput):
+            import_workspace(Workspace(tmp_path / "second"), path)
+    assert Workspace(tmp_path / "second").newest() == []
+
+
+@pytest.mark.parametrize(("key", "value"), [("revision", SCHEMA_VERSION + 1), ("format", 2)])
+def test_an_archive_of_a_newer_program_is_refused_by_that(key: str, value: int, archive: Path, tmp_path: Path) -> None:
+    head = json.loads(read(archive, "workspace.json")) | {key: value, "something_new": True}
+    with pytest.raises(InvalidRequest, match="a newer PlannerForge wrote the archive"):
+        import_workspace(
+            Workspace(tmp_path / "second"), rewritten(archive, {"workspace.json": json.dumps(head).encode()})
+        )
+
+
+def test_an_archive_of_an_earlier_version_is_taken(archive: Path, tmp_path: Path) -> None:
+    head = json.loads(read(archive, "workspace.json")) | {"revision": 1, "made_by": "0.0.1"}
+    earlier = rewritten(archive, {"workspace.json": json.dumps(head).encode()})
+    assert import_workspace(Workspace(tmp_path / "second"), earlier).added == 3
+
+
+def test_an_id_that_stands_for_something_else_is_refused_and_named(archive: Path, tmp_path: Path) -> None:
+    second = filled(tmp_path / "second", text="another")
+    before = contents(second.root)
+    with pytest.raises(NotPossible, match=r"2 artifacts .* different: run run_1, search search_1"):
+        import_workspace(second, archive)
+    assert contents(second.root) == before
+
+
+def test_another_file_under_the_same_id_is_another_scenario(archive: Path, tmp_path: Path) -> None:
+    second = filled(tmp_path / "second")
+    second.file("scenario", "ZAM_A-1_1_T-1", "scenario.xml").write_text("<other/>")
+    with pytest.raises(NotPossible, match="scenario ZAM_A-1_1_T-1"):
+        import_workspace(second, archive)
+
+
+def test_each_file_is_looked_into_before_any_is_stored(archive: Path, tmp_path: Path) -> None:
+    second, looked = Workspace(tmp_path / "second"), list[str]()
+
+    def check(path: Path) -> None:
+        looked.append(path.name)
+        if path.suffix == ".json":
+            raise UnsafeInput("a bad file")
+
+    with pytest.raises(UnsafeInput, match="a bad file"):
+        import_workspace(second, archive, check=check)
+    assert looked == ["scenario.xml", "steps.json"]
+    assert second.newest() == []
+
+
+class Interrupted(BaseException):
+    """In place of Ctrl-C."""
+
+
+@pytest.mark.parametrize("after", range(5))
+def test_an_interrupted_import_leaves_the_workspace_as_it_was(after: int, archive: Path, tmp_path: Path) -> None:
+    second = Workspace(tmp_path / "second")
+    second.put("search", "search_0", recipe=Recipe(tool="find_scenarios"), record=Note(text="own"))
+    before, steps = contents(second.root), 0
+
+    def interrupt(*told: object) -> None:
+        nonlocal steps
+        steps += 1
+        if steps > after:
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        import_workspace(second, archive, on_bytes=interrupt)
+    assert contents(second.root) == before
+
+
+def test_an_import_interrupted_while_it_stores_leaves_no_trace(
+    archive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    second = Workspace(tmp_path / "second")
+    second.put("search", "search_0", recipe=Recipe(tool="find_scenarios"), record=Note(text="own"))
+    before, rename = contents(second.root), Path.rename
+
+    def interrupted(self: Path, target: Path) -> Path:
+        moved = rename(self, target)
+        if target.name == "run_1":
+            raise Interrupted
+        return moved
+
+    monkeypatch.setattr(Path, "rename", interrupted)
+    with pytest.raises(Interrupted):
+        import_workspace(second, archive)
+    assert contents(second.root) == before
+    assert [artifact.artifact_id for artifact in second.newest()] == ["search_0"]
+
+
+def test_a_full_disk_is_told_before_anything_is_unpacked(
+    archive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usage = os.statvfs_result((1, 1, 0, 0, 0, 0, 0, 0, 0, 255))
+    monkeypatch.setattr(os, "statvfs", lambda path: usage)
+    with pytest.raises(ResourceFailure, match="the disk has less"):
+        import_workspace(Workspace(tmp_path / "second"), archive)
+
+
+def test_the_commands_take_a_workspace_from_one_folder_to_another(archive: Path, tmp_path: Path) -> None:
+    def run(*words: str) -> str:
+        told = CliRunner().invoke(application, ["workspace", *words])
+        if isinstance(told.exception, PlannerForgeError):
+            raise told.exception
+        assert told.exit_code == 0, told.output
+        return told.output
+
+    first, second, file = (str(tmp_path / name) for name in ("first", "second", "again.zip"))
+    assert "3 artifacts, 2 files" in run("export", file, "--workspace", first)
+    with pytest.raises(UnsafeInput, match="well-formed"):  # what the gate does not let in comes by no other way either
+        run(
+            "import",
+            str(rewritten(archive, {"files/scenarios/ZAM_A-1_1_T-1/scenario.xml": b"<a>"})),
+            "--workspace",
+            second,
+        )
+    assert "3 artifacts added, 0 were there already" in run("import", file, "--workspace", second)
+    assert "0 artifacts added, 3 were there already" in run("import", file, "--workspace", second)
+    big = rewritten(archive, {"files/runs/run_1/steps.json": os.urandom(2_000_000)})
+    with pytest.raises(UnsafeInput, match="bytes when unpacked"):
+        run("import", str(big), "--most-mb", "1", "--workspace", second)
