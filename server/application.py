@@ -6,7 +6,7 @@ both. What each client made last is remembered (``clients.py``); nothing else is
 
 import logging
 import time
-from collections.abc import AsyncIterator, Callable, Iterable, Mapping
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -45,9 +45,10 @@ from ..tools.call import Services, ToolCall
 from ..tools.registry import ToolSpec, only_reading
 from .asking import Asker, PacedProgress, question_result
 from .clients import ClientIdentity, ClientMemories, client_of
-from .journal import Journal
 from .messages import ReadableMessages, standard_input
 from .news import WorkspaceNews
+from .observing.journal import Journal
+from .observing.logs import EndedCall, call_under_way, log_call, outcome_of
 from .reading import PAGE, ResourceReading, page_of
 from .tasks import Tasks
 from .tool_calls import InputNeeded, answer
@@ -68,6 +69,8 @@ MOST_EVENT_BYTES = 700_000
 _MOST_CALLS = 32
 """Calls that are carried out at once; others wait for their turn. Chosen: clients send a few, and each has a thread."""
 _Entry = TypeVar("_Entry")
+OnEnd = Callable[[EndedCall], None]
+"""Is told of each call that has ended."""
 _ServicesFactory = Callable[[], AbstractAsyncContextManager[Services]]
 
 
@@ -80,6 +83,7 @@ class PlannerForgeServer(MCPServer[Services]):
         open_services: _ServicesFactory,
         threads: CallThreads,
         journal: Journal | None,
+        on_end: Sequence[OnEnd] = (log_call,),
     ) -> None:
         self._opened: Services | None = None
 
@@ -114,6 +118,7 @@ class PlannerForgeServer(MCPServer[Services]):
         self._specs = {spec.name: spec for spec in tools}
         self._reading = {spec.name: spec for spec in only_reading(tools)}
         self._threads, self._journal, self._memories = threads, journal, ClientMemories()
+        self._on_end = on_end
         self._resources = ResourceReading(tools, threads, self._news)
         self._resources.serve_on(self._lowlevel_server)
         self._at_once = anyio.Semaphore(_MOST_CALLS)
@@ -231,14 +236,29 @@ class PlannerForgeServer(MCPServer[Services]):
         """
         async with turn or self._at_once:
             started, clock = datetime.now(UTC), time.perf_counter()
-            result = await self._threads.run(answer, spec, arguments, call)
+            with call_under_way(spec.name, client.name) as names:
+                outcome = "cancelled"
+                try:
+                    result = await self._threads.run(answer, spec, arguments, call)
+                    outcome = outcome_of(result)
+                except InputNeeded:
+                    outcome = "asks"
+                    raise
+                except MCPError:
+                    outcome = "protocol"
+                    raise
+                finally:
+                    duration_s = time.perf_counter() - clock
+                    for tell in self._on_end:
+                        tell(EndedCall(names, outcome, duration_s))
         if self._journal is not None:
             self._journal.add(
                 time=started.isoformat(timespec="milliseconds"),
+                call_id=names.call_id,
                 client=client.name,
                 tool=spec.name,
                 arguments=dict(arguments),
-                duration_s=time.perf_counter() - clock,
+                duration_s=duration_s,
                 result=result,
             )
         return result

@@ -1,11 +1,11 @@
 """Puts a server together from its settings."""
 
 import logging
-import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import anyio
 
@@ -17,8 +17,12 @@ from ..schemas.errors import NotPossible, PlannerForgeError
 from ..tools.call import INDEX_FOLDER, Services
 from ..tools.registry import TOOLS, ToolSpec, only_reading
 from .application import PlannerForgeServer
-from .journal import JOURNAL, Journal
+from .observing.journal import JOURNAL, Journal
+from .observing.logs import log_call, log_to_stderr
 from .settings import Settings
+
+if TYPE_CHECKING:
+    from .observing.telemetry import Telemetry
 
 logger = logging.getLogger(__name__)
 _WARM_UP_DELAY_S = 1.0
@@ -34,7 +38,7 @@ def create_server(
         start_folder: from where paths lead that are not absolute; the working folder where it is left out.
         beside: tools that it offers beside its own.
     """
-    logging.basicConfig(stream=sys.stderr, level=settings.log_level, format="%(levelname)s %(name)s: %(message)s")
+    log_to_stderr(settings.log_level, settings.log_format, settings.journal_redact)
     workspace_root = settings.workspace.expanduser().resolve()
     folder = start_folder or Path.cwd()
     journal_path = workspace_root / JOURNAL
@@ -42,23 +46,37 @@ def create_server(
         Journal(journal_path, settings.journal_mb * 1024**2, settings.journal_redact) if settings.journal else None
     )
 
-    threads = CallThreads()
+    threads, telemetry = CallThreads(), _telemetry_of(settings)
 
     @asynccontextmanager
     async def services() -> AsyncIterator[Services]:
         try:
-            async with open_services(settings, folder, threads) as opened:
+            async with open_services(settings, folder, threads, telemetry) as opened:
                 yield opened
         finally:
             threads.close()
-            if journal is not None:
-                journal.close()
+            ends = [each.close for each in (telemetry, journal) if each is not None]
+            with anyio.CancelScope(shield=True):
+                async with anyio.create_task_group() as tasks:  # at once: a client waits two seconds, then it kills
+                    for end in ends:
+                        tasks.start_soon(anyio.to_thread.run_sync, end)
 
-    return PlannerForgeServer((*offered_tools(settings), *beside), services, threads, journal)
+    on_end = (log_call,) if telemetry is None else (log_call, telemetry.call_ended)
+    return PlannerForgeServer((*offered_tools(settings), *beside), services, threads, journal, on_end)
+
+
+def _telemetry_of(settings: Settings) -> "Telemetry | None":
+    if not settings.telemetry_endpoint:
+        return None
+    from .observing.telemetry import Telemetry
+
+    return Telemetry.sending_to(settings.telemetry_endpoint)
 
 
 @asynccontextmanager
-async def open_services(settings: Settings, start_folder: Path, threads: CallThreads) -> AsyncIterator[Services]:
+async def open_services(
+    settings: Settings, start_folder: Path, threads: CallThreads, telemetry: "Telemetry | None" = None
+) -> AsyncIterator[Services]:
     """What tools work with: workspace, workers, jobs (in these threads) and bounds, closed at the end."""
     workspace_root = settings.workspace.expanduser().resolve()
     limits = settings.limits(start_folder)
@@ -76,13 +94,14 @@ async def open_services(settings: Settings, start_folder: Path, threads: CallThr
             carried_out(settings.cluster, workers, limits) as executor,
             anyio.create_task_group() as tasks,
         ):
-            jobs = JobRunner(JobStore(workspace.database), tasks, threads.run)
+            store, reachable, run_apart = JobStore(workspace.database), ReachableExecutor(executor), threads.run
+            jobs = JobRunner(store, tasks, telemetry.jobs_apart(run_apart, store) if telemetry else run_apart)
             claims = Claims(workspace.database)
             if settings.warm_up:
                 tasks.start_soon(warm_up, workers, workspace, threads, settings.embedding_model)
             yield Services(
                 workspace,
-                ReachableExecutor(executor),
+                telemetry.watched(reachable, lambda: len(workers.worker_pids)) if telemetry else reachable,
                 jobs,
                 claims,
                 limits,

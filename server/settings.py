@@ -29,6 +29,7 @@ _HUB_NAME = re.compile(r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*")
 _ADDRESS = re.compile(r"https?://[A-Za-z0-9.\-]+(:\d{1,5})?(/[A-Za-z0-9._~/\-]*)?")
 ANSWERS_FOLDER = "answers"
 """Where, in the workspace, the answers of map services are kept; it may be deleted at any time."""
+LogFormat = Literal["text", "json"]
 Addresses = Annotated[tuple[str, ...], NoDecode]
 """In a variable, addresses are separated by commas or spaces, or a JSON list."""
 Secrets = Annotated[tuple[SecretStr, ...], NoDecode]
@@ -105,6 +106,10 @@ class Settings(BaseSettings):
     oauth_keys_url: str = Field("", description="where its public keys are; default: where its metadata say")
     server_memory_mb: int = Field(1024, ge=256, description="data memory of the server's own process")
     log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = Field("WARNING", description="what goes to stderr")
+    log_format: LogFormat = Field("text", description="how: lines of text, or of JSON")
+    telemetry_endpoint: str = Field(
+        "", description="OpenTelemetry collector for traces and metrics, such as http://127.0.0.1:4318"
+    )
 
     @field_validator("roots", "map_folders", mode="before")
     @classmethod
@@ -149,7 +154,7 @@ class Settings(BaseSettings):
             return _listed_texts(value) if isinstance(value, str) else value
         return [part.strip() for part in re.split(r"[,\n]", value) if part.strip()]
 
-    @field_validator("http_url", "oauth_issuer", "oauth_keys_url")
+    @field_validator("http_url", "oauth_issuer", "oauth_keys_url", "telemetry_endpoint")
     @classmethod
     def _one_address(cls, value: str) -> str:
         if value and not _ADDRESS.fullmatch(value):

@@ -10,6 +10,8 @@ from pathlib import Path
 CHECKOUT = Path(__file__).resolve().parent.parent
 LAYERS = ("schemas", "engine", "tools", "resources", "prompts", "server", "agent", "evals")
 COMES_WITH = {"pydantic-core": "pydantic", "transformers": "sentence-transformers"}
+SHARED_NAMES = {"opentelemetry": {"sdk": "opentelemetry-sdk", "exporter": "opentelemetry-exporter-otlp-json-http"}}
+"""Top-level names that several packages share: which one a module below them is of, where it is not ``NAME-api``."""
 RUN_ELSEWHERE = {
     "evals/analysis/crime_driver.py": "runs in the environment of CriMe, which is set beside our measures",
     "evals/maps/factory_driver.py": "runs in the other generator's environment, which a bench makes for it",
@@ -32,15 +34,22 @@ def asked_for(*, with_extras: bool = False) -> set[str]:
     return {normalised(re.split(r"[<>=~!\[; ]", line, maxsplit=1)[0]) for line in lines}
 
 
+def module_of(name: str) -> str:
+    """The top-level name, or the package where several share that."""
+    first, _, rest = name.partition(".")
+    shared = SHARED_NAMES.get(first)
+    return first if shared is None else shared.get(rest.partition(".")[0], f"{first}-api")
+
+
 def imported_modules() -> set[str]:
     modules: set[str] = set()
     files = {file for folder in LAYERS for file in (CHECKOUT / folder).rglob("*.py")}
     for path in files - {CHECKOUT / script for script in RUN_ELSEWHERE}:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
-                modules.update(alias.name.split(".")[0] for alias in node.names)
+                modules.update(module_of(alias.name) for alias in node.names)
             elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-                modules.add(node.module.split(".")[0])
+                modules.add(module_of(node.module))
     return modules - set(sys.stdlib_module_names) - {"plannerforge"}
 
 

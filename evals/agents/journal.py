@@ -16,7 +16,8 @@ from pydantic import AwareDatetime, TypeAdapter, ValidationError
 
 from ...schemas.errors import InvalidRequest
 from ...schemas.text import LONGEST_TEXT
-from ...server.journal import KEPT_FILES, MOST_ELEMENTS, REDACTED
+from ...server.observing.journal import KEPT_FILES, MOST_ELEMENTS
+from ...server.observing.logs import REDACTED
 from .attempts import Attempt, EvalRequest, MadeCall, ToolSession
 
 Said = Literal["answered", "asked", "refused"]

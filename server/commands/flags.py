@@ -40,7 +40,14 @@ PANELS: Mapping[str, tuple[str, ...]] = types.MappingProxyType(
             *("http_host", "http_port", "http_url", "http_hosts", "http_origins", "http_token_file", "http_proxies"),
             *("http_body_mb", "http_calls", "http_rate", "http_stop_s", "oauth_issuer", "oauth_keys_url"),
         ),
-        "Journal and log": ("journal", "journal_mb", "journal_redact", "log_level"),
+        "Journal, log, telemetry": (
+            "journal",
+            "journal_mb",
+            "journal_redact",
+            "log_level",
+            "log_format",
+            "telemetry_endpoint",
+        ),
     }
 )
 """Under which heading ``serve --help`` has the flag of a setting."""

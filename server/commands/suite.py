@@ -1,8 +1,6 @@
 """``plannerforge test SUITE.yaml``: run a suite, judge its limits, and write what came out for people and for CI."""
 
-import logging
 import os
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -34,6 +32,7 @@ from ...schemas.text import counted, one_line, quoted
 from ...tools.analysis.suite import carry_out, limits_of
 from ..arguments.checking import read_arguments
 from ..assembly import open_services
+from ..observing.logs import log_to_stderr
 from ..settings import Settings
 
 if TYPE_CHECKING:
@@ -153,7 +152,7 @@ def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]
 async def _carry_out(suite: Suite, folder: Path, settings: Settings, console: Console) -> SuiteReport:
     from ...tools.call import ToolCall
 
-    logging.basicConfig(stream=sys.stderr, level=settings.log_level, format="%(levelname)s %(name)s: %(message)s")
+    log_to_stderr(settings.log_level, settings.log_format, settings.journal_redact)
     columns = (SpinnerColumn(), BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
     threads = CallThreads()
     try:

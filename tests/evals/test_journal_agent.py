@@ -18,7 +18,7 @@ from plannerforge.evals.agents.journal import JournalAgent, ask_one_by_one, open
 from plannerforge.evals.agents.roster import open_agent
 from plannerforge.evals.agents.running import print_requests
 from plannerforge.schemas.errors import InvalidRequest
-from plannerforge.server.journal import Journal
+from plannerforge.server.observing.journal import Journal
 
 pytestmark = pytest.mark.anyio
 
@@ -33,7 +33,7 @@ class RefusingSession(EchoSession):
 def journalled(journal: Journal, at_s: float, tool: str, error: str = "", **arguments: Any) -> None:
     result = CallToolResult(content=[TextContent(type="text", text=error or "done")], is_error=bool(error))
     moment = datetime.fromtimestamp(at_s, UTC).isoformat(timespec="milliseconds")
-    journal.add(time=moment, client="test", tool=tool, arguments=arguments, duration_s=0.1, result=result)
+    journal.add(time=moment, call_id="1", client="test", tool=tool, arguments=arguments, duration_s=0.1, result=result)
 
 
 def agent_of(folder: Path, *marks: Mapping[str, Any]) -> JournalAgent:

@@ -9,11 +9,12 @@ from typing import Any
 import pytest
 from mcp.types import CallToolResult, TextContent
 
-from plannerforge.server.journal import KEPT_FILES, REDACTED, Journal
+from plannerforge.server.observing.journal import KEPT_FILES, Journal
+from plannerforge.server.observing.logs import REDACTED
 from plannerforge.server.settings import Settings
 from plannerforge.server.tokens import count_tokens
 
-FIELDS = {"time", "client", "tool", "arguments", "result_ids", "duration_s", "result_tokens", "error"}
+FIELDS = {"time", "call_id", "client", "tool", "arguments", "result_ids", "duration_s", "result_tokens", "error"}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -31,7 +32,15 @@ def add(journal: Journal, text: str = "done", structured: dict[str, Any] | None 
         structured_content=structured,
         is_error=changes.pop("is_error", False),
     )
-    call = {"time": "t", "client": "c", "tool": "echo", "arguments": {}, "duration_s": 0.123456, **changes}
+    call = {
+        "time": "t",
+        "call_id": "1",
+        "client": "c",
+        "tool": "echo",
+        "arguments": {},
+        "duration_s": 0.123456,
+        **changes,
+    }
     journal.add(result=result, **call)
 
 

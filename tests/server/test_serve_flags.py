@@ -37,6 +37,8 @@ WORDS: dict[str, tuple[list[str], Any]] = {
     "oauth_issuer": (["https://who.example"], "https://who.example"),
     "oauth_keys_url": (["https://who.example/keys"], "https://who.example/keys"),
     "log_level": (["INFO"], "INFO"),
+    "log_format": (["json"], "json"),
+    "telemetry_endpoint": (["http://127.0.0.1:4318"], "http://127.0.0.1:4318"),
     "server_memory_mb": (["512"], 512),
 }
 """Values for the flags of settings that are neither yes or no, nor a number that may be 7."""

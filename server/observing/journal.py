@@ -18,10 +18,11 @@ from typing import Any
 
 from mcp.types import CallToolResult
 
-from ..engine.workspace import make_private
-from ..schemas.text import LONGEST_TEXT, one_line, quoted
-from .tokens import count_tokens
-from .tool_calls import answer_text
+from ...engine.workspace import make_private
+from ...schemas.text import LONGEST_TEXT, one_line, quoted
+from ..tokens import count_tokens
+from ..tool_calls import answer_text
+from .logs import Secrets
 
 logger = logging.getLogger(__name__)
 JOURNAL = "journal/calls.jsonl"
@@ -30,16 +31,6 @@ KEPT_FILES = 5
 _MOST_IDS = 20
 MOST_ELEMENTS = 50
 """Rotated files that are kept, ids that a line holds of one answer, and elements of a list or object; chosen."""
-_SECRETS = (
-    r"(?i)\b(?:bearer|basic)\s+[\w.~+/=-]{8,}",
-    r"(?i)\b\w*(?:password|passwd|secret|token|api[_-]?key)\s*[=:]\s*\S+",
-    r"\b(?:sk|pk|rk|ghp|gho|ghs|glpat|xox[abprs]|AKIA)[-_A-Za-z0-9]{12,}",
-    r"\beyJ[\w-]{8,}\.[\w-]{8,}\.[\w-]*",
-    r"(?<=://)[^/\s:@]+:[^/\s@]+(?=@)",
-    r"-----BEGIN [A-Z ]+-----",
-)
-"""Forms of keys, tokens and passwords; the setting ``journal_redact`` adds others."""
-REDACTED = "[redacted]"
 _SEARCHED, _LONGEST_ERROR, _LARGEST_BITS = 5000, 2000, 128
 """Characters of a text that are searched for secrets, and of an error that are kept; bits of a whole number; chosen."""
 _CLOSE_TIMEOUT_S = 10.0
@@ -51,9 +42,10 @@ _ID = re.compile(
 
 @dataclass(frozen=True)
 class _JournalledCall:
-    """One call: when (UTC), by which client, what was asked, how long it took and what came out."""
+    """One call: when (UTC), its id in the log, by which client, what was asked, how long it took and what came out."""
 
     time: str
+    call_id: str
     client: str
     tool: str
     arguments: dict[str, Any]
@@ -66,6 +58,7 @@ class _JournalledCall:
         said = json.dumps(structured, ensure_ascii=False) if structured else text
         return {
             "time": self.time,
+            "call_id": self.call_id,
             "client": self.client,
             "tool": self.tool,
             "arguments": self.arguments,
@@ -81,18 +74,26 @@ class Journal:
 
     def __init__(self, path: Path, size_bytes: int, redact: Iterable[str] = ()) -> None:
         self._path, self._size_bytes = path, size_bytes
-        self._secrets = [re.compile(pattern) for pattern in (*_SECRETS, *redact)]
+        self._secrets = Secrets(redact)
         self._waiting: queue.SimpleQueue[_JournalledCall | None] = queue.SimpleQueue()
         self._thread: threading.Thread | None = None
 
     def add(
-        self, *, time: str, client: str, tool: str, arguments: dict[str, Any], duration_s: float, result: CallToolResult
+        self,
+        *,
+        time: str,
+        call_id: str,
+        client: str,
+        tool: str,
+        arguments: dict[str, Any],
+        duration_s: float,
+        result: CallToolResult,
     ) -> None:
         """Write down a call."""
         if self._thread is None:
             self._thread = threading.Thread(target=self._write, name="journal", daemon=True)
             self._thread.start()
-        self._waiting.put(_JournalledCall(time, client, tool, arguments, duration_s, result))
+        self._waiting.put(_JournalledCall(time, call_id, client, tool, arguments, duration_s, result))
 
     def close(self) -> None:
         """Write what is waiting, and stop."""
@@ -122,9 +123,7 @@ class Journal:
     def _fit(self, value: Any, longest: int = LONGEST_TEXT) -> Any:
         """A value as the journal keeps it: texts on one line, cut and without secrets, the first of many elements."""
         if isinstance(value, str):
-            for secret in self._secrets:
-                value = secret.sub(REDACTED, value[:_SEARCHED])
-            return one_line(value, longest)
+            return one_line(self._secrets.left_out_of(value[:_SEARCHED]), longest)
         if isinstance(value, dict):
             kept = list(value.items())[:MOST_ELEMENTS]
             return {

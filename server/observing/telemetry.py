@@ -1,0 +1,212 @@
+"""Traces and metrics by OpenTelemetry, sent where ``telemetry_endpoint`` says; nothing of it is imported otherwise.
+
+The SDK of MCP makes a span of each request, below the trace that the request names (``traceparent`` in ``_meta``), as
+soon as a provider is set. That span is used: it is told which call it was, and below it stand spans of what the call
+had done by workers, and of the job that it began.
+"""
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Awaitable, Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
+from opentelemetry import trace
+from opentelemetry.metrics import CallbackOptions, Observation
+from opentelemetry.trace import SpanKind, StatusCode
+
+from ... import __version__
+from ...engine.execution import Executor, JobStore, Lane, OnProgress, Operation, Request, Response, no_progress
+from ...schemas.errors import NotPossible, PlannerForgeError
+from .logs import EndedCall
+
+if TYPE_CHECKING:
+    from opentelemetry.sdk.metrics import MeterProvider
+    from opentelemetry.sdk.trace import TracerProvider
+
+    from ...engine.execution.jobs import RunApart
+
+_NAME = "plannerforge"
+_TIMEOUT_S, _DELAY_MS, _INTERVAL_MS = 5.0, 1_000, 15_000
+"""How long one message to the collector may take, and how often spans and metrics are sent; chosen."""
+_SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 25, 50, 100, 300)
+"""Bounds of the histograms, in seconds: a call that reads takes 0.003, an operation has 300."""
+_OK = frozenset({"ok", "asks"})
+
+
+class Telemetry:
+    """What is told of calls, jobs, operations and workers, to the providers that it is made with."""
+
+    def __init__(self, traces: "TracerProvider", metrics: "MeterProvider") -> None:
+        self._traces, self._metrics = traces, metrics
+        self._tracer = traces.get_tracer(_NAME, __version__)
+        meter = metrics.get_meter(_NAME, __version__)
+        self._calls = meter.create_counter("plannerforge.calls", "{call}", "Calls of tools that have ended")
+        self._errors = meter.create_counter("plannerforge.call.errors", "{call}", "Calls that were refused or failed")
+        self._call_s = meter.create_histogram(
+            "mcp.server.operation.duration", "s", "Time of calls", explicit_bucket_boundaries_advisory=_SECONDS
+        )
+        self._operation_s = meter.create_histogram(
+            "plannerforge.operation.duration",
+            "s",
+            "Time of operations in workers, with the time that they waited for one",
+            explicit_bucket_boundaries_advisory=_SECONDS,
+        )
+        self._jobs = meter.create_up_down_counter("plannerforge.jobs", "{job}", "Jobs of this server that run")
+        self._meter = meter
+        self._under_way: Counter[Lane] = Counter()
+        self._lock = threading.Lock()
+
+    @classmethod
+    def sending_to(cls, endpoint: str) -> "Telemetry":
+        """Traces and metrics to a collector by OTLP over HTTP; spans of the SDK of MCP, too.
+
+        Args:
+            endpoint: its address without the path of a signal, such as ``http://127.0.0.1:4318``.
+
+        Raises:
+            NotPossible: the packages for it are not installed.
+        """
+        try:
+            from opentelemetry.exporter.otlp.json.http.metric_exporter import OTLPMetricExporter
+            from opentelemetry.exporter.otlp.json.http.trace_exporter import OTLPSpanExporter
+            from opentelemetry.sdk.metrics import MeterProvider
+            from opentelemetry.sdk.metrics.export import PeriodicExportingMetricReader
+            from opentelemetry.sdk.resources import Resource
+            from opentelemetry.sdk.trace import TracerProvider
+            from opentelemetry.sdk.trace.export import BatchSpanProcessor
+        except ImportError as error:
+            raise NotPossible(
+                f"telemetry_endpoint asks for {endpoint}, and the packages for it are not installed",
+                next_step="pip install 'plannerforge-mcp[telemetry]', or leave the setting out",
+            ) from error
+        resource = Resource.create({"service.name": _NAME, "service.version": __version__})
+        address = endpoint.rstrip("/")
+        traces = TracerProvider(resource=resource)
+        spans = OTLPSpanExporter(endpoint=f"{address}/v1/traces", timeout=_TIMEOUT_S)
+        traces.add_span_processor(BatchSpanProcessor(spans, schedule_delay_millis=_DELAY_MS))
+        sender = OTLPMetricExporter(endpoint=f"{address}/v1/metrics", timeout=_TIMEOUT_S)
+        metrics = MeterProvider([PeriodicExportingMetricReader(sender, _INTERVAL_MS)], resource)
+        trace.set_tracer_provider(traces)  # where the SDK of MCP looks for it
+        return cls(traces, metrics)
+
+    def close(self) -> None:
+        """Send what is left, and stop; blocks, some seconds where nobody answers."""
+        self._traces.shutdown()
+        self._metrics.shutdown()
+
+    def call_ended(self, call: EndedCall) -> None:
+        """Count a call, and tell the span of its request which one it was."""
+        about = {"gen_ai.tool.name": call.names.tool}
+        failed = {} if call.outcome in _OK else {"error.type": call.outcome}
+        self._calls.add(1, about)
+        if failed:
+            self._errors.add(1, about | failed)
+        self._call_s.record(call.duration_s, {"mcp.method.name": "tools/call"} | about | failed)
+        span = trace.get_current_span()
+        if span.is_recording():
+            span.set_attributes(
+                {
+                    "plannerforge.call.id": call.names.call_id,
+                    "plannerforge.client": call.names.client,
+                    "plannerforge.outcome": call.outcome,
+                }
+            )
+
+    def watched(self, executor: Executor, workers: Callable[[], int]) -> Executor:
+        """The executor, with a span of each operation.
+
+        Args:
+            workers: how many worker processes there are now.
+        """
+        most: dict[Lane, int] = {"compute": executor.capacity, "retrieval": 1}
+
+        def waiting(options: CallbackOptions) -> Iterable[Observation]:
+            del options
+            return [Observation(max(0, self._under_way[lane] - most[lane]), {"lane": lane}) for lane in most]
+
+        def running(options: CallbackOptions) -> Iterable[Observation]:
+            del options
+            return [Observation(min(most[lane], self._under_way[lane]), {"lane": lane}) for lane in most]
+
+        def processes(options: CallbackOptions) -> Iterable[Observation]:
+            del options
+            return [Observation(workers())]
+
+        for name, callback, unit, words in (
+            ("plannerforge.operations.waiting", waiting, "{operation}", "Operations that wait for a worker"),
+            ("plannerforge.operations.running", running, "{operation}", "Operations that a worker carries out"),
+            ("plannerforge.workers", processes, "{process}", "Worker processes"),
+        ):
+            self._meter.create_observable_gauge(name, [callback], unit, words)
+        return _WatchedExecutor(executor, self._carried_out)
+
+    def jobs_apart(self, run_apart: "RunApart", store: JobStore) -> "RunApart":
+        """How jobs are run, with a span of each below the call that began it."""
+
+        async def run(function: Callable[..., Awaitable[None]], job_id: str, *arguments: object) -> None:
+            async def in_its_thread() -> None:
+                with self._tracer.start_as_current_span("job", attributes={"plannerforge.job.id": job_id}) as span:
+                    self._jobs.add(1)
+                    try:
+                        await function(job_id, *arguments)
+                        state = store.get(job_id).state
+                        span.set_attribute("plannerforge.job.state", state)
+                        if state == "failed":
+                            span.set_status(StatusCode.ERROR)
+                    finally:
+                        self._jobs.add(-1)
+
+            await run_apart(in_its_thread)
+
+        return run
+
+    async def _carried_out(
+        self, executor: Executor, operation: Operation[Request, Response], request: Request, on_progress: OnProgress
+    ) -> Response:
+        about: dict[str, Any] = {"plannerforge.operation": operation.name, "plannerforge.lane": operation.lane}
+        failed: dict[str, str] = {}
+        started = time.perf_counter()
+        self._count(operation.lane, 1)
+        try:
+            with self._tracer.start_as_current_span(
+                f"operation {operation.name}", kind=SpanKind.INTERNAL, attributes=about, record_exception=False
+            ) as span:
+                try:
+                    return await executor.run(operation, request, on_progress=on_progress)
+                except BaseException as raised:
+                    code = raised.code if isinstance(raised, PlannerForgeError) else type(raised).__name__
+                    failed = {"error.type": code}
+                    span.set_attributes(failed)
+                    raise
+        finally:
+            self._count(operation.lane, -1)
+            self._operation_s.record(time.perf_counter() - started, about | failed)
+
+    def _count(self, lane: Lane, change: int) -> None:
+        with self._lock:
+            self._under_way[lane] += change
+
+
+class _WatchedExecutor:
+    """An executor whose operations are told of."""
+
+    def __init__(self, inner: Executor, run: Callable[..., Awaitable[Any]]) -> None:
+        self._inner, self._run = inner, run
+
+    @property
+    def capacity(self) -> int:
+        """That of the executor behind it."""
+        return self._inner.capacity
+
+    @property
+    def notice(self) -> str:
+        """That of the executor behind it."""
+        return self._inner.notice
+
+    async def run(
+        self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress
+    ) -> Response:
+        """Run the operation there."""
+        response: Response = await self._run(self._inner, operation, request, on_progress)
+        return response
