@@ -14,7 +14,7 @@ SEED ?= 1
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
 	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning bench-serve \
-	starter house chat-page train-rbfn format clean
+	dist bundle starter house chat-page train-rbfn format clean
 
 help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
@@ -24,6 +24,8 @@ help:
 	@echo "make bench   measure what the README states, one bench after the other; takes long (developers)"
 	@echo "make bench-same-bytes RECORD=after.json BEFORE=before.json"
 	@echo "             record digests of what a fixed list of requests makes; with BEFORE, name what differs (developers)"
+	@echo "make dist    build sdist and wheel into dist/ (developers)"
+	@echo "make bundle  build the bundle that hosts install by a click (.mcpb) into dist/; needs Node (developers)"
 	@echo "make starter re-make the maps and the starter catalogue that ship with the package"
 	@echo "make train-rbfn train the network of the planner MP-RBFN anew; the same weights (developers)"
 	@echo "make house   draw the map of the packages anew (developers)"
@@ -145,6 +147,15 @@ bench-tuning: $(DEV_STAMP)
 
 bench-serve: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.serve
+
+dist: $(DEV_STAMP)
+	@echo "==> Building sdist and wheel"
+	@rm -f dist/plannerforge_mcp-*
+	@$(PYTHON) -m build --no-isolation --outdir dist
+
+bundle: dist
+	@echo "==> Building the bundle"
+	@$(PYTHON) scripts/bundle.py
 
 train-rbfn: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.planners.rbfn_training

@@ -11,6 +11,7 @@ server after its warm-up, ``slowest_share`` (calls of the client that got fewest
 ``http_kills``: ``kills`` of a server by HTTP, ``lost`` of what clients were told that it is there.
 ``app_frames``: ``app_fps``, frames a second of the player with 300 vehicles in a browser without graphics card.
 ``conformance``: ``conformance_2026``, ``conformance_2025``, ``conformance_all`` (checks that hold, of all).
+``install``: ``install_s`` (from nothing to the first answer in a host, from a wheel, packages from pip's cache).
 
 What a killed worker, a cancelled call and a client that left cost is ``make bench-server`` (``workers.py``).
 
@@ -35,6 +36,7 @@ PARTS: Parts[ServeBench] = Parts(
         "http_kills": ("kills", "lost"),
         "app_frames": ("app_fps",),
         "conformance": ("conformance_2026", "conformance_2025", "conformance_all"),
+        "install": ("install_s",),
     },
 )
 """The parts in the order in which they are measured, and the keys that each owes."""

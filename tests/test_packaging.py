@@ -1,0 +1,267 @@
+"""Bundle, registry entry, image and release workflow: they name what there is, in its present version, and no more."""
+
+import importlib.util
+import json
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from support.tree import CHECKOUT
+from typer.main import get_command
+
+from plannerforge import __version__
+from plannerforge.evals.command_line import application
+from plannerforge.server.settings import Settings
+from plannerforge.tools.registry import TOOLS
+
+PACKAGING = CHECKOUT / "packaging"
+WORKFLOW = CHECKOUT / ".github" / "workflows" / "release.yml"
+TARGETS = set(re.findall(r"^([a-z-]+):", (CHECKOUT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+
+
+def project() -> dict[str, Any]:
+    return tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def flags_of(command: str) -> set[str]:
+    """The flags of a command of ``plannerforge``."""
+    options = get_command(application).commands[command].params  # type: ignore[attr-defined]
+    return {flag for option in options for flag in (*option.opts, *option.secondary_opts)}
+
+
+def instructions() -> list[tuple[str, str]]:
+    """The Dockerfile's instructions with what they say, lines joined."""
+    text = (PACKAGING / "Dockerfile").read_text(encoding="utf-8").replace("\\\n", " ")
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    return [(line.split(maxsplit=1)[0], " ".join(line.split()[1:])) for line in lines]
+
+
+def final_stage() -> list[tuple[str, str]]:
+    every = instructions()
+    starts = [number for number, (word, _) in enumerate(every) if word == "FROM"]
+    return every[starts[-1] :]
+
+
+def compose() -> dict[str, Any]:
+    made: dict[str, Any] = yaml.safe_load((PACKAGING / "compose.yaml").read_text(encoding="utf-8"))
+    return made
+
+
+def test_versions_that_files_name_are_that_of_the_package() -> None:
+    registry = json.loads((PACKAGING / "server.json").read_text(encoding="utf-8"))
+    manifest = json.loads((PACKAGING / "bundle" / "manifest.json").read_text(encoding="utf-8"))
+    labels = " ".join(said for word, said in final_stage() if word == "LABEL")
+    assert registry["version"] == registry["packages"][0]["version"] == manifest["version"] == __version__
+    assert f'image.version="{__version__}"' in labels
+    assert compose()["services"]["plannerforge"]["image"] == f"plannerforge:{__version__}"
+
+
+# ---- the image
+
+
+def test_the_final_stage_runs_as_a_user_without_rights_and_installs_nothing() -> None:
+    stage = final_stage()
+    assert [said for word, said in stage if word == "USER"] == ["10001:10001"]
+    runs = [said for word, said in stage if word == "RUN"]
+    assert runs == ["install -d -o 10001 -g 10001 -m 700 /workspace"]
+    assert not re.search(r"apt-get|gcc|build-essential", " ".join(said for _, said in instructions()))
+    words = [word for word, _ in stage]
+    assert words.index("USER") > max(number for number, word in enumerate(words) if word in {"RUN", "COPY"})
+
+
+def test_the_image_writes_to_its_volume_and_tmp_alone() -> None:
+    stage = dict(final_stage())
+    variables = dict(re.findall(r"(\w+)=(\S+)", stage["ENV"]))
+    assert stage["VOLUME"] == variables["PLANNERFORGE_WORKSPACE"] == "/workspace"
+    assert variables["HOME"] == "/tmp"
+    assert variables["MPLCONFIGDIR"].startswith("/tmp/")
+    assert variables["PYTHONDONTWRITEBYTECODE"] == "1"
+    assert {
+        name.lower().removeprefix("plannerforge_") for name in variables if name.startswith("PLANNERFORGE_")
+    } <= set(Settings.model_fields)
+
+
+def test_the_image_serves_by_http_with_flags_that_there_are_and_looks_after_itself() -> None:
+    stage = dict(final_stage())
+    assert json.loads(stage["ENTRYPOINT"])[0] in project()["project"]["scripts"]
+    command, *arguments = json.loads(stage["CMD"])
+    assert {word for word in arguments if word.startswith("--")} <= flags_of(command)
+    assert "--token-file" in arguments, "who listens at every address asks for a token"
+    port = str(Settings.model_fields["http_port"].default)
+    assert stage["EXPOSE"] == port
+    assert f"http://127.0.0.1:{port}/health" in stage["HEALTHCHECK"]
+
+
+def test_the_build_takes_torch_for_the_cpu_and_no_compiler() -> None:
+    build = " ".join(said for _, said in instructions())
+    assert "--torch-backend cpu" in build
+    assert project()["tool"]["uv"]["override-dependencies"][0] in build
+
+
+def test_what_the_build_is_given_is_all_that_a_wheel_is_built_from() -> None:
+    lines = (PACKAGING / "Dockerfile.dockerignore").read_text(encoding="utf-8").splitlines()
+    let_in = {line[1:] for line in lines if line.startswith("!")}
+    metadata = project()["project"]
+    needed = {*project()["tool"]["setuptools"]["package-dir"].values(), metadata["readme"], *metadata["license-files"]}
+    assert needed | {"pyproject.toml", "setup.py", "__init__.py", "__main__.py"} == let_in
+    assert all((CHECKOUT / name).exists() for name in let_in)
+
+
+def test_compose_runs_it_without_rights_on_a_root_that_cannot_be_written() -> None:
+    service = compose()["services"]["plannerforge"]
+    assert service["read_only"] is True
+    assert service["tmpfs"] == ["/tmp"]
+    assert service["cap_drop"] == ["ALL"]
+    assert service["security_opt"] == ["no-new-privileges:true"]
+    assert service["volumes"] == ["workspace:/workspace"]
+    assert service["ports"] == ["127.0.0.1:8765:8765"]
+    assert compose()["secrets"]["tokens"] == {"file": "tokens"}
+    assert (PACKAGING / service["build"]["context"] / service["build"]["dockerfile"]).is_file()
+    names = {name.lower().removeprefix("plannerforge_") for name in service["environment"]}
+    assert names <= set(Settings.model_fields)
+
+
+# ---- the bundle
+
+
+@pytest.fixture(scope="module")
+def staged(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a bundle, made from a wheel that holds nothing."""
+    folder = tmp_path_factory.mktemp("bundle")
+    wheel = folder / f"plannerforge_mcp-{__version__}-py3-none-any.whl"
+    with zipfile.ZipFile(wheel, "w") as made:
+        made.writestr("nothing", "")
+    spec = importlib.util.spec_from_file_location("bundle", CHECKOUT / "scripts" / "bundle.py")
+    assert spec is not None
+    assert spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    assert script.stage(wheel, folder / "staged") == __version__
+    return folder / "staged"
+
+
+def test_a_bundle_holds_the_wheel_that_its_environment_is_made_of(staged: Path) -> None:
+    wheel = f"plannerforge_mcp-{__version__}-py3-none-any.whl"
+    assert {path.name for path in staged.iterdir()} == {"manifest.json", "pyproject.toml", "server.py", wheel}
+    environment = tomllib.loads((staged / "pyproject.toml").read_text(encoding="utf-8"))
+    assert environment["tool"]["uv"]["sources"]["plannerforge-mcp"] == {"path": wheel}
+    assert environment["tool"]["uv"]["override-dependencies"] == project()["tool"]["uv"]["override-dependencies"]
+    assert environment["project"]["requires-python"] == project()["project"]["requires-python"]
+    assert "VERSION" not in (staged / "pyproject.toml").read_text(encoding="utf-8").split("\n", 1)[1]
+
+
+def test_the_manifest_names_all_tools_and_only_flags_and_settings_that_there_are(staged: Path) -> None:
+    manifest = json.loads((staged / "manifest.json").read_text(encoding="utf-8"))
+    assert {tool["name"] for tool in manifest["tools"]} == {spec.name for spec in TOOLS}
+    assert all(tool["description"] for tool in manifest["tools"])
+    server = manifest["server"]
+    assert (staged / server["entry_point"]).is_file()
+    arguments = server["mcp_config"]["args"]
+    command = arguments[arguments.index(server["entry_point"]) + 1]
+    assert {word for word in arguments if word.startswith("--")} - {"--directory"} <= flags_of(command)
+    names = {name.lower().removeprefix("plannerforge_") for name in server["mcp_config"]["env"]}
+    assert names <= set(Settings.model_fields)
+    asked = set(re.findall(r"\$\{user_config\.(\w+)\}", json.dumps(server)))
+    assert asked == set(manifest["user_config"])
+    for setting in manifest["user_config"].values():
+        assert {"type", "title", "description"} <= set(setting)
+
+
+def test_what_a_bundle_starts_is_the_command_line() -> None:
+    told = subprocess.run(
+        [sys.executable, str(PACKAGING / "bundle" / "server.py"), "--version"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert told.stdout == f"plannerforge {__version__}\n"
+
+
+# ---- the registry
+
+
+def test_the_entry_of_the_registry_keeps_to_its_rules_and_invents_no_address() -> None:
+    entry = json.loads((PACKAGING / "server.json").read_text(encoding="utf-8"))
+    assert re.fullmatch(r"[a-zA-Z0-9.-]+/[a-zA-Z0-9._-]+", entry["name"])
+    assert entry["name"].partition("/")[0] == "com.example", "the namespace is the owner's to fill in"
+    assert 1 <= len(entry["description"]) <= 100
+    assert not {"repository", "websiteUrl", "remotes"} & set(entry)
+    (package,) = entry["packages"]
+    assert (package["identifier"], package["registryType"]) == (project()["project"]["name"], "pypi")
+    assert package["transport"] == {"type": "stdio"}
+    first, *named = package["packageArguments"]
+    assert {argument["name"] for argument in named} <= flags_of(first["value"])
+    names = {variable["name"].lower().removeprefix("plannerforge_") for variable in package["environmentVariables"]}
+    assert names <= set(Settings.model_fields)
+
+
+def test_no_public_address_is_made_up() -> None:
+    assert "urls" not in project()["project"]
+
+
+# ---- the release
+
+
+def jobs() -> dict[str, Any]:
+    made: dict[str, Any] = yaml.safe_load(WORKFLOW.read_text(encoding="utf-8"))["jobs"]
+    return made
+
+
+def commands() -> list[list[str]]:
+    """The words of each line that a step runs."""
+    steps = [step for job in jobs().values() for step in job["steps"]]
+    return [shlex.split(line) for step in steps for line in str(step.get("run", "")).splitlines() if line.strip()]
+
+
+def test_every_command_of_the_release_exists() -> None:
+    made = [words for words in commands() if words[0] == "make"]
+    assert made
+    assert {target for words in made for target in words[1:]} <= TARGETS
+    ours = [words for words in commands() if words[0].endswith("/plannerforge")]
+    known = {*get_command(application).commands, "--version"}  # type: ignore[attr-defined]
+    assert ours
+    assert {words[1] for words in ours} <= known
+    modules = [words[words.index("-m") + 1] for words in commands() if "-m" in words]
+    for module in set(modules) - {"pip"}:
+        assert importlib.util.find_spec(f"{module}.__main__") is not None
+    from plannerforge.evals.serve.__main__ import PARTS
+
+    (only,) = [words[words.index("--only") + 1] for words in commands() if "--only" in words]
+    assert PARTS.chosen([only]) == ("install",)
+
+
+def test_the_tag_is_held_against_the_version() -> None:
+    step = next(step for step in jobs()["build"]["steps"] if step.get("name") == "The tag is the version")
+    name = f"v{__version__}"
+    for tag, expected in ((name, 0), ("v9.9.9", 1)):
+        script = step["run"].replace("python ", f"{shlex.quote(sys.executable)} ")
+        environment = {"GITHUB_REF_NAME": tag, "PATH": "/usr/bin:/bin"}
+        ended = subprocess.run(["bash", "-c", script], cwd=CHECKOUT, env=environment, capture_output=True, check=False)
+        assert ended.returncode == expected
+
+
+def test_actions_are_pinned_and_rights_are_given_where_they_are_needed() -> None:
+    uses = [step["uses"] for job in jobs().values() for step in job["steps"] if "uses" in step]
+    assert [action for action in uses if not re.search(r"@v\d+\.\d+\.\d+$", action)] == []
+    rights = {name: job.get("permissions", {}) for name, job in jobs().items()}
+    assert {name for name, given in rights.items() if "id-token" in given} == {"attest", "publish"}
+    assert {name for name, given in rights.items() if given.get("contents") == "write"} == {"attach"}
+    assert yaml.safe_load(WORKFLOW.read_text(encoding="utf-8"))["permissions"] == {"contents": "read"}
+
+
+def test_nothing_is_published_before_it_was_tried_and_attested() -> None:
+    def before(job: str) -> list[str]:
+        needed = jobs()[job].get("needs")
+        return [] if needed is None else [needed, *before(needed)]
+
+    assert before("publish") == ["attest", "try", "build"]
+    assert "publish" in before("attach")
+    assert any("pypi-publish" in step.get("uses", "") for step in jobs()["publish"]["steps"])
+    assert not any("password" in step.get("with", {}) for step in jobs()["publish"]["steps"]), "a trusted publisher"
