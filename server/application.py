@@ -48,7 +48,7 @@ from .clients import ClientIdentity, ClientMemories, client_of
 from .messages import ReadableMessages, standard_input
 from .news import WorkspaceNews
 from .observing.journal import Journal
-from .observing.logs import EndedCall, call_under_way, log_call, outcome_of
+from .observing.logs import EndedCall, log_call, named_call, outcome_of
 from .reading import PAGE, ResourceReading, page_of
 from .tasks import Tasks
 from .tool_calls import InputNeeded, answer
@@ -236,7 +236,7 @@ class PlannerForgeServer(MCPServer[Services]):
         """
         async with turn or self._at_once:
             started, clock = datetime.now(UTC), time.perf_counter()
-            with call_under_way(spec.name, client.name) as names:
+            with named_call(spec.name, client.name) as names:
                 outcome = "cancelled"
                 try:
                     result = await self._threads.run(answer, spec, arguments, call)

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 import yaml
+from jsonschema import Draft202012Validator
 from support.tree import CHECKOUT
 from typer.main import get_command
 
@@ -186,12 +187,77 @@ def test_what_a_bundle_starts_is_the_command_line() -> None:
 
 # ---- the registry
 
+TEXT = {"type": "string", "minLength": 1}
+ARGUMENT = {
+    "type": "object",
+    "required": ["type"],
+    "properties": {
+        "type": {"enum": ["named", "positional"]},
+        "format": {"enum": ["string", "number", "boolean", "filepath"]},
+        "isRepeated": {"type": "boolean"},
+        "isRequired": {"type": "boolean"},
+        **dict.fromkeys(("name", "value", "valueHint", "description", "default", "placeholder"), TEXT),
+    },
+    "oneOf": [
+        {"properties": {"type": {"const": "named"}}, "required": ["name"]},
+        {
+            "properties": {"type": {"const": "positional"}},
+            "anyOf": [{"required": ["value"]}, {"required": ["valueHint"]}],
+        },
+    ],
+    "additionalProperties": False,
+}
+ENTRY = {
+    "type": "object",
+    "required": ["$schema", "name", "description", "version", "packages"],
+    "properties": {
+        "$schema": {"const": "https://static.modelcontextprotocol.io/schemas/2025-12-11/server.schema.json"},
+        "name": {"type": "string", "pattern": "^[a-zA-Z0-9.-]+/[a-zA-Z0-9._-]+$", "minLength": 3, "maxLength": 200},
+        "title": TEXT | {"maxLength": 100},
+        "description": TEXT | {"maxLength": 100},
+        "version": TEXT | {"maxLength": 255, "pattern": r"^\d+\.\d+\.\d+$"},
+        "packages": {
+            "type": "array",
+            "items": {
+                "type": "object",
+                "required": ["registryType", "identifier", "transport"],
+                "properties": {
+                    "registryType": {"enum": ["npm", "pypi", "cargo", "oci", "nuget", "mcpb"]},
+                    "registryBaseUrl": {"type": "string", "pattern": "^https://"},
+                    "transport": {
+                        "properties": {"type": {"enum": ["stdio", "streamable-http", "sse"]}},
+                        "required": ["type"],
+                    },
+                    "runtimeArguments": {"type": "array", "items": ARGUMENT},
+                    "packageArguments": {"type": "array", "items": ARGUMENT},
+                    "environmentVariables": {
+                        "type": "array",
+                        "items": {
+                            "type": "object",
+                            "required": ["name"],
+                            "properties": {
+                                "choices": {"type": "array", "items": TEXT},
+                                **dict.fromkeys(("name", "description", "default"), TEXT),
+                            },
+                            "additionalProperties": False,
+                        },
+                    },
+                    **dict.fromkeys(("identifier", "version", "runtimeHint"), TEXT),
+                },
+                "dependentRequired": {"runtimeArguments": ["runtimeHint"]},
+                "additionalProperties": False,
+            },
+        },
+    },
+    "additionalProperties": False,
+}
+"""What the registry's schema of 2025-12-11 asks of the fields that our entry has; it has no others."""
+
 
 def test_the_entry_of_the_registry_keeps_to_its_rules_and_invents_no_address() -> None:
     entry = json.loads((PACKAGING / "server.json").read_text(encoding="utf-8"))
-    assert re.fullmatch(r"[a-zA-Z0-9.-]+/[a-zA-Z0-9._-]+", entry["name"])
+    assert [error.message for error in Draft202012Validator(ENTRY).iter_errors(entry)] == []
     assert entry["name"].partition("/")[0] == "com.example", "the namespace is the owner's to fill in"
-    assert 1 <= len(entry["description"]) <= 100
     assert not {"repository", "websiteUrl", "remotes"} & set(entry)
     (package,) = entry["packages"]
     assert (package["identifier"], package["registryType"]) == (project()["project"]["name"], "pypi")

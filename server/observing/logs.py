@@ -74,7 +74,7 @@ class EndedCall:
 
 
 @contextmanager
-def call_under_way(tool: str, client: str) -> Iterator[CallNames]:
+def named_call(tool: str, client: str) -> Iterator[CallNames]:
     """Names for a call; what is logged in the block, and in threads and jobs that it starts, bears them."""
     names = CallNames(uuid.uuid4().hex[:16], tool, client)
     token = _CALL.set(names)

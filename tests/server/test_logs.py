@@ -18,15 +18,7 @@ from mcp.client.stdio import stdio_client
 from support.server import Connect
 
 from plannerforge.engine.execution import CallThreads
-from plannerforge.server.observing.logs import (
-    REDACTED,
-    EndedCall,
-    JsonLines,
-    Secrets,
-    TextLines,
-    call_under_way,
-    log_call,
-)
+from plannerforge.server.observing.logs import REDACTED, EndedCall, JsonLines, Secrets, TextLines, log_call, named_call
 
 SECRET = "ghp_" + "a1B2" * 8
 
@@ -97,7 +89,7 @@ async def test_threads_and_tasks_of_a_call_bear_its_id_and_those_of_others_do_no
         await anyio.sleep(0.01)
         logger.info(word)
 
-    with call_under_way("first", "one") as first:
+    with named_call("first", "one") as first:
         await threads.run(say, "in a thread")
         async with anyio.create_task_group() as tasks:
             tasks.start_soon(say, "in a task")
@@ -110,7 +102,7 @@ async def test_threads_and_tasks_of_a_call_bear_its_id_and_those_of_others_do_no
 @pytest.mark.parametrize("lines", [JsonLines, TextLines], indirect=True)
 def test_no_line_holds_a_secret_or_more_than_one_line(lines: io.StringIO) -> None:
     logger = logging.getLogger("plannerforge.test")
-    with call_under_way("echo", f"client {SECRET}\nINFO forged: line"):
+    with named_call("echo", f"client {SECRET}\nINFO forged: line"):
         logger.warning("asked with %s, Authorization: Bearer %s and forge-123", "password=hunter22", "x" * 30)
         try:
             raise ValueError(f"token={SECRET}")
@@ -127,7 +119,7 @@ def test_no_line_holds_a_secret_or_more_than_one_line(lines: io.StringIO) -> Non
 
 @as_text
 def test_text_is_level_name_message_and_call(lines: io.StringIO) -> None:
-    with call_under_way("echo", "host 1.0") as names:
+    with named_call("echo", "host 1.0") as names:
         log_call(EndedCall(names, "ok", 0.25))
     expected = f"INFO plannerforge.calls: echo: ok in 0.250 s (call {names.call_id} of echo by host 1.0)\n"
     assert lines.getvalue() == expected
