@@ -47,12 +47,11 @@ def measure(bench: ServeBench) -> Figures:
     _run([*_pip(environment), str(wheel)])
     installed = time.perf_counter()
     program = environment / "bin" / "plannerforge"
-    clean = {name: value for name, value in os.environ.items() if name not in {"PYTHONPATH", "VIRTUAL_ENV"}}
-    clean |= {"HOME": str(home), **QUIET}
-    _run([str(program), "install", _HOST[0], "--workspace", str(folder / "workspace")], environment=clean, cwd=home)
+    told = _clean() | {"HOME": str(home), **QUIET}
+    _run([str(program), "install", _HOST[0], "--workspace", str(folder / "workspace")], environment=told, cwd=home)
     settled = time.perf_counter()
     entry = tomllib.loads((home / _HOST[1]).read_text(encoding="utf-8"))[_HOST[2]]["plannerforge"]
-    anyio.run(_ask, entry["command"], entry["args"], clean, home)
+    anyio.run(_ask, entry["command"], entry["args"], told, home)
     answered = time.perf_counter()
     taken = sum(file.stat().st_size for file in environment.rglob("*") if file.is_file() and not file.is_symlink())
     return {
@@ -74,7 +73,7 @@ def _install_torch(environment: Path) -> None:
     wanted = next(line for line in requires("plannerforge-mcp") or () if line.startswith("torch=="))
     index = os.environ.get("PLANNERFORGE_TORCH_INDEX", _TORCH_INDEX)
     own = [*_pip(environment), "--no-deps", "--retries", "0", "--timeout", "10", "--index-url", index, f"{wanted}+cpu"]
-    if sys.platform != "linux" or subprocess.run(own, capture_output=True, check=False).returncode:
+    if sys.platform != "linux" or subprocess.run(own, capture_output=True, env=_clean(), check=False).returncode:
         sys.stderr.write("install: torch from the usual index\n")
         _run([*_pip(environment), wanted])
 
@@ -83,13 +82,18 @@ def _pip(environment: Path) -> list[str]:
     return [str(environment / "bin" / "python"), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
 
 
+def _clean() -> dict[str, str]:
+    """The environment without what would let a new one find packages of this one."""
+    return {name: value for name, value in os.environ.items() if name not in {"PYTHONPATH", "VIRTUAL_ENV"}}
+
+
 def _run(command: list[str], *, environment: dict[str, str] | None = None, cwd: Path | None = None) -> None:
     """Run a command.
 
     Raises:
         RuntimeError: it failed, with the end of what it said.
     """
-    ended = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=cwd, check=False)
+    ended = subprocess.run(command, capture_output=True, text=True, env=environment or _clean(), cwd=cwd, check=False)
     if ended.returncode:
         raise RuntimeError(
             f"{' '.join(command)} ended with {ended.returncode}: {(ended.stderr + ended.stdout)[-2000:]}"
