@@ -18,8 +18,9 @@ import anyio
 from mcp import Client, StdioServerParameters
 from mcp.client.stdio import stdio_client
 
+from ..faults.http_process import QUIET
 from ..harness import Figures, LeftOut
-from .bench import QUIET, ServeBench
+from .bench import ServeBench
 
 _CHECKOUT = Path(__file__).resolve().parents[2]
 _TORCH_INDEX = "https://download.pytorch.org/whl/cpu"

@@ -6,7 +6,7 @@ import webbrowser
 from ..assembly import create_server
 from ..http.pages.application import ROOT, Pages
 from ..http.serving import serve_http
-from ..journal import JOURNAL
+from ..observing.journal import JOURNAL
 from ..settings import Settings
 from .view import has_screen
 

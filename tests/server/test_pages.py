@@ -13,7 +13,7 @@ from support.http_serving import PATIENCE_S, Served, served
 
 from plannerforge.server.http.pages.application import Pages
 from plannerforge.server.http.pages.content import Content, Facts
-from plannerforge.server.journal import JOURNAL
+from plannerforge.server.observing.journal import JOURNAL
 from plannerforge.server.settings import Settings
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("warm_workers")]
