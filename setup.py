@@ -16,7 +16,7 @@ FOLDERS = [folder for folder in SETTINGS["package-dir"].values() if folder != "p
 
 
 def package_page(readme: str) -> str:
-    """The README for a package page, where relative links lead nowhere: they name the file, and pictures are left out."""
+    """The README for a package page, where relative links lead nowhere: they name the file, pictures are left out."""
     without_pictures = re.sub(r"^!\[[^\]]*\]\((?!https?:)[^)]*\)\n\n", "", readme, flags=re.MULTILINE)
     return re.sub(r"\[([^\]]*)\]\((?!https?:)([^)#]*)(?:#[^)]*)?\)", r"\1 (`\2`)", without_pictures)
 

@@ -25,7 +25,7 @@ class Site(yaml.SafeLoader):
 
 
 Site.add_multi_constructor("tag:yaml.org,2002:python/", lambda *_: None)
-CONFIGURATION = yaml.load((CHECKOUT / "mkdocs.yml").read_text(encoding="utf-8"), Site)  # noqa: S506 - a safe loader
+CONFIGURATION = yaml.load((CHECKOUT / "mkdocs.yml").read_text(encoding="utf-8"), Site)
 
 
 def pages_of(part: object) -> Iterator[str]:
@@ -43,7 +43,9 @@ def pages_of(part: object) -> Iterator[str]:
 def anchors(page: Path) -> set[str]:
     """The anchors of a page's headings, as code hosts and the site make them."""
     found: list[str] = []
-    for heading in re.findall(r"^#+ (.+)$", re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL), re.MULTILINE):
+    for heading in re.findall(
+        r"^#+ (.+)$", re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL), re.MULTILINE
+    ):
         text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading)
         slug = re.sub(r"[^\w\- ]", "", text.lower()).strip().replace(" ", "-")
         found.append(slug if slug not in found else f"{slug}_{found.count(slug)}")
@@ -63,7 +65,9 @@ def test_every_page_has_one_place_in_the_navigation() -> None:
     assert sorted(named) == [page.relative_to(DOCS).as_posix() for page in PAGES]
 
 
-@pytest.mark.parametrize("page", [CHECKOUT / "README.md", *PAGES], ids=lambda page: page.relative_to(CHECKOUT).as_posix())
+@pytest.mark.parametrize(
+    "page", [CHECKOUT / "README.md", *PAGES], ids=lambda page: page.relative_to(CHECKOUT).as_posix()
+)
 def test_every_link_leads_to_a_file_and_a_heading(page: Path) -> None:
     for file, anchor in links(page):
         target = page.parent / file if file else page
@@ -94,7 +98,9 @@ class _Requests(HTMLParser):
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         given = {name: value or "" for name, value in attrs}
         wanted = [given.get("src", ""), given.get("srcset", "")] + ([given.get("href", "")] if tag == "link" else [])
-        self.loaded += [value for value in wanted if re.match(r"(https?:)?//", value) and given.get("rel") != "canonical"]
+        self.loaded += [
+            value for value in wanted if re.match(r"(https?:)?//", value) and given.get("rel") != "canonical"
+        ]
 
 
 @pytest.mark.skipif(MKDOCS is None, reason="the site is built by mkdocs-material: make docs installs it")

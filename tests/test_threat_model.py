@@ -47,7 +47,8 @@ def test_no_command_goes_through_a_shell() -> None:
         if isinstance(node, ast.Call)
         and (
             any(word.arg == "shell" and ast.unparse(word.value) != "False" for word in node.keywords)
-            or ast.unparse(node.func) in {"os.system", "os.popen", "subprocess.getoutput", "asyncio.create_subprocess_shell"}
+            or ast.unparse(node.func)
+            in {"os.system", "os.popen", "subprocess.getoutput", "asyncio.create_subprocess_shell"}
         )
     ]
     assert calls == []

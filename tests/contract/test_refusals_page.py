@@ -1,4 +1,4 @@
-"""The page on refusals shows some of each tool, as told: ``pytest tests/contract --update-snapshots`` writes it anew."""
+"""The page on refusals shows some of each tool, as told: ``pytest tests/contract --update-snapshots`` renews it."""
 
 import json
 from collections.abc import Iterator
