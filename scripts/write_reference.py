@@ -11,6 +11,7 @@ import re
 import sys
 from collections.abc import Iterator, Mapping
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -96,8 +97,8 @@ def tool_page(spec: ToolSpec) -> str:
             for name, kind in EDITS.items()
         ]
         parts.append(
-            f"### An edit\n\n{_arguments(Edit, schema)}\n\nWhich arguments belong to which `op`; what they do stands in "
-            f"[edits](../../edits.md).\n\n{table('`op`|letter|arguments', kinds)}"
+            f"### An edit\n\n{_arguments(Edit, schema)}\n\nWhich arguments belong to which `op`; what they do stands "
+            f"in [edits](../../edits.md).\n\n{table('`op`|letter|arguments', kinds)}"
         )
     parts += [f"## Answer\n\n{_answer(spec)}", f"## Example\n\n{_recorded('answers.md', spec.name)}"]
     parts.append(
@@ -144,7 +145,7 @@ def field_docstrings(model: type[BaseModel]) -> dict[str, str]:
     for base in reversed(model.__mro__):
         if issubclass(base, BaseModel) and base.__module__.startswith("plannerforge"):
             (body,) = (node.body for node in ast.parse(inspect.getsource(base)).body if isinstance(node, ast.ClassDef))
-            for field, text in zip(body, body[1:], strict=False):
+            for field, text in pairwise(body):
                 if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and _is_text(text):
                     found[field.target.id] = ast.literal_eval(text.value)  # type: ignore[attr-defined]
     return found
@@ -372,16 +373,19 @@ def configurations_page() -> str:
         for setting in known_settings().values()
     ]
     parts = [
-        f"# Configurations\n\n{MADE}\n\nWhat a configuration of a planner holds, and what may stand in files of your own.",
+        f"# Configurations\n\n{MADE}",
+        "What a configuration of a planner holds, and what may stand in files of your own.",
         *(_planner_part(name, tuning) for name, tuning in TUNINGS.items()),
-        f"## Settings of all planners\n\n{table('setting|range|meaning', settings)}\n\n"
+        f"## Settings of all planners\n\n{table('setting|range|meaning', settings)}",
         "What is idle in which planner stands in [planners](../planners.md).",
-        f"## A suite\n\nThe file of `plannerforge test` ([how it is written](../gate.md)).\n\n{_model_table(SuiteFile)}",
-        "## A planner that is a program\n\nA section `[planners.NAME]` of the settings file "
-        f"([how](../own_planner.md#a-program)).\n\n{_model_table(CommandPlanner)}\n\nA weight:\n\n"
-        f"{_model_table(DeclaredWeight)}\n\nA preset:\n\n{_model_table(DeclaredPreset)}",
-        "## The agent\n\nVariables `PLANNERFORGE_AGENT_…` of `plannerforge agent` and `chat` ([how](../agent.md)).\n\n"
-        f"{_model_table(AgentSettings)}",
+        "## A suite\n\nThe file of `plannerforge test` ([how it is written](../gate.md)).",
+        _model_table(SuiteFile),
+        "## A planner that is a program",
+        "A section `[planners.NAME]` of the settings file ([how](../own_planner.md#a-program)).",
+        _model_table(CommandPlanner),
+        f"A weight:\n\n{_model_table(DeclaredWeight)}\n\nA preset:\n\n{_model_table(DeclaredPreset)}",
+        "## The agent\n\nVariables `PLANNERFORGE_AGENT_…` of `plannerforge agent` and `chat` ([how](../agent.md)).",
+        _model_table(AgentSettings),
         f"## Errors\n\n{_errors_table()}\n\nWhen each comes stands in [errors](../errors.md).",
     ]
     return "\n\n".join(parts) + "\n"
