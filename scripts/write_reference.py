@@ -74,9 +74,9 @@ def tools_page() -> str:
         for spec in TOOLS
     ]
     return (
-        f"# Tools\n\n{MADE}\n\n{table('tool|what the model reads of it|effect|offered', rows)}\n\n"
-        "No tool deletes anything. *Essential*: also in the small set for small models (`plannerforge serve --tools\n"
-        "essential`). Arguments are refused by name where they are unknown, and a refusal says what is valid\n"
+        f"# Tools\n\n{MADE}\n\n{table('tool|what the model reads of it|effect|sets', rows)}\n\n"
+        "No tool deletes anything. `essential` is the small set for small models (`plannerforge serve --tools\nessential`). "
+        "Arguments are refused by name where they are unknown, and a refusal says what is valid\n"
         "([errors](../../errors.md)). The schemas themselves are the resources `plannerforge://schema/{tool}`\n"
         "([resources](../../resources.md)).\n"
     )
@@ -87,7 +87,7 @@ def tool_page(spec: ToolSpec) -> str:
     described = _described(spec)
     parts = [
         f"# {spec.name}\n\n{MADE}",
-        f"{described.description}\n\n{_effect(spec)}. Offered in {_set_of(spec)}.",
+        f"{described.description}\n\n{_effect(spec)}. Sets: {_set_of(spec)}.",
         f"## Arguments\n\n{_arguments(spec.arguments_type, described.input_schema)}",
     ]
     if spec.name == "modify_scenario":
@@ -121,7 +121,7 @@ def _effect(spec: ToolSpec) -> str:
 
 
 def _set_of(spec: ToolSpec) -> str:
-    return "both sets, also the essential one" if spec.essential else "the full set"
+    return "`all` and `essential`" if spec.essential else "`all`"
 
 
 def _arguments(model: type[BaseModel], schema: Schema) -> str:
@@ -263,17 +263,16 @@ def _types_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def settings_table() -> str:
-    """Every setting of the server."""
+    """Every setting of the server, with its flag where it has one."""
     schema, flags = Settings.model_json_schema(), _flags_of("serve")
     rows = []
     for name, field in Settings.model_fields.items():
         part = schema["properties"][name]
-        kind = "text" if part.get("format") in {"path", "password"} else _type(part).replace("TYPES", "#")
+        kind = "text" if part.get("format") in {"path", "password"} else _type(part)
         kind = "section" if name == "planners" else kind
-        rows.append(
-            (f"`{name}`", kind, _setting_default(name, field.get_default()), flags.get(name, ""), field.description)
-        )
-    return table("setting|type|default|flag of `serve`|meaning", rows)  # type: ignore[arg-type]
+        meaning = f"{field.description} ({flags[name]})" if name in flags else str(field.description)
+        rows.append((f"`{name}`", kind, _setting_default(name, field.get_default()), meaning))
+    return table("setting|type|default|meaning", rows)
 
 
 def _setting_default(name: str, value: Any) -> str:
