@@ -75,7 +75,7 @@ def tools_page() -> str:
     ]
     return (
         f"# Tools\n\n{MADE}\n\n{table('tool|what the model reads of it|effect|sets', rows)}\n\n"
-        "No tool deletes anything. `essential` is the small set for small models (`plannerforge serve --tools\nessential`). "
+        "No tool deletes anything. `essential` is the small set for small models.\n"
         "Arguments are refused by name where they are unknown, and a refusal says what is valid\n"
         "([errors](../../errors.md)). The schemas themselves are the resources `plannerforge://schema/{tool}`\n"
         "([resources](../../resources.md)).\n"
