@@ -3,6 +3,7 @@
 import json
 import re
 import shlex
+import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,9 @@ from support.tree import CHECKOUT
 
 from plannerforge.evals.command_line import application
 from plannerforge.schemas.base import Arguments
+from plannerforge.schemas.planning import CommandPlanner
+from plannerforge.server.commands.suite import read_suite
+from plannerforge.tools.analysis.suite import limits_of
 from plannerforge.tools.registry import TOOLS
 
 PAGES = [CHECKOUT / "README.md", CHECKOUT / "CONTRIBUTING.md", *sorted((CHECKOUT / "docs").rglob("*.md"))]
@@ -134,3 +138,29 @@ def test_every_block_of_json_is_json(page: Path) -> None:
         if language == "json":
             for part in text.splitlines() if text.startswith('{"tool"') else [text]:
                 json.loads(part)
+
+
+def blocks_of(language: str) -> list[tuple[str, str]]:
+    """The blocks of a language on all pages, with the page's name."""
+    return [
+        (page.relative_to(CHECKOUT).as_posix(), text)
+        for page in PAGES
+        for found, text in BLOCK.findall(page.read_text(encoding="utf-8"))
+        if found == language
+    ]
+
+
+@pytest.mark.parametrize(("page", "text"), blocks_of("yaml"), ids=lambda part: part[:40])
+def test_a_shown_suite_is_one_that_is_read(page: str, text: str, tmp_path: Path) -> None:
+    file = tmp_path / "suite.yaml"
+    file.write_text(text, encoding="utf-8")
+    suite = read_suite(file)
+    assert set(suite.limits) <= {limit.text for limit in limits_of(suite)}
+
+
+@pytest.mark.parametrize(("page", "text"), blocks_of("toml"), ids=lambda part: part[:40])
+def test_shown_settings_name_planners_that_are_understood(page: str, text: str) -> None:
+    read = tomllib.loads(text)
+    assert set(read) <= {"planners", "project"}
+    for planner in read.get("planners", {}).values():
+        CommandPlanner.model_validate(planner)
