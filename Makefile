@@ -6,6 +6,8 @@ VENV ?= .venv
 PYTHON := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
 DEV_STAMP := $(VENV)/.installed-dev
+DOCS_VENV ?= .venv-docs
+DOCS_STAMP := $(DOCS_VENV)/.installed
 WORKERS ?= 2
 SEEDS ?= 1001 1002 1003
 RECORD ?= same-bytes.json
@@ -14,14 +16,14 @@ SEED ?= 1
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
 	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning bench-serve \
-	dist bundle starter house chat-page train-rbfn format clean
+	dist bundle starter house chat-page tutorial-page reference docs train-rbfn format clean
 
 help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
 	@echo "make test    set everything up and run the tests"
 	@echo "make coverage run the tests and fail where they reach less of the code than the figure in pyproject (developers)"
 	@echo "make check   lint, types and import directions (developers)"
-	@echo "make bench   measure what the README states, one bench after the other; takes long (developers)"
+	@echo "make bench   measure what docs/measured.md states, one bench after the other; takes long (developers)"
 	@echo "make bench-same-bytes RECORD=after.json BEFORE=before.json"
 	@echo "             record digests of what a fixed list of requests makes; with BEFORE, name what differs (developers)"
 	@echo "make dist    build sdist and wheel into dist/ (developers)"
@@ -30,6 +32,9 @@ help:
 	@echo "make train-rbfn train the network of the planner MP-RBFN anew; the same weights (developers)"
 	@echo "make house   draw the map of the packages anew (developers)"
 	@echo "make chat-page record docs/chat.md, a chat through five stages, anew (developers)"
+	@echo "make tutorial-page record docs/tutorial.md and its pictures anew (developers)"
+	@echo "make reference write the pages of docs/reference and docs/settings.md anew from the program (developers)"
+	@echo "make docs    build the documentation as a site into site/, in an environment of its own"
 	@echo "make bench-robust SEEDS=\"1 2 3\""
 	@echo "             all that shows soundness: hostile inputs, growth, symmetries, fresh data of these seeds, kills (developers)"
 	@echo "make clean   remove what was built"
@@ -172,6 +177,22 @@ chat-page: $(DEV_STAMP)
 	@echo "==> Recording docs/chat.md"
 	@$(PYTHON) scripts/record_chat.py
 
+tutorial-page: $(DEV_STAMP)
+	@echo "==> Recording docs/tutorial.md and its pictures"
+	@$(PYTHON) scripts/record_tutorial.py
+
+reference: $(DEV_STAMP)
+	@echo "==> Writing docs/reference and docs/settings.md"
+	@$(PYTHON) scripts/write_reference.py
+
+docs: $(DOCS_STAMP)
+	@echo "==> Building the documentation into site/"
+	@NO_MKDOCS_2_WARNING=1 $(DOCS_VENV)/bin/mkdocs build --strict --quiet
+
+$(DOCS_STAMP): pyproject.toml scripts/setup.sh
+	@bash scripts/setup.sh $(DOCS_VENV) docs
+	@touch $@
+
 house: $(DEV_STAMP)
 	@echo "==> Drawing docs/house.svg from the imports"
 	@$(PYTHON) scripts/draw_house.py
@@ -181,5 +202,5 @@ format: $(DEV_STAMP)
 	@$(VENV)/bin/ruff check --fix .
 
 clean:
-	@rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage .coverage.* demo-output soundness .mutation
+	@rm -rf $(VENV) $(DOCS_VENV) site build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage .coverage.* demo-output soundness .mutation
 	@find . -name __pycache__ -type d -not -path './$(VENV)/*' -prune -exec rm -rf {} +

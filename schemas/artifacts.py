@@ -35,10 +35,13 @@ class ListArtifactsArguments(Arguments):
     """What was made in this workspace, newest first; batches with their success rates."""
 
     kind: Literal["scenario", "search", "config", "run", "batch", "map", "plan", "study", "job"] | None = None
+    """Only artifacts of this kind."""
     parent: str | None = Field(None, description="id that it was made from")
     text: str | None = Field(None, description="in ids, names and recipes")
     limit: int = Field(10, ge=1, le=50)
+    """How many are listed."""
     offset: int = Field(0, ge=0)
+    """Artifacts to pass over."""
 
 
 class ConfigSuccess(Model):
@@ -137,9 +140,12 @@ class ExportArtifactsArguments(Arguments):
     longest_texts: ClassVar[Mapping[str, int]] = {"folder": LONGEST_PATH}
 
     ids: list[str] = Field(min_length=1, max_length=200)
+    """What is to be written."""
     folder: str
+    """Where to, in a folder that the server may use; it is made where it is not there."""
     formats: list[ExportFormat] = Field([], description="none: all stored files")
     overwrite: bool = False
+    """Replace files that are there."""
 
 
 NEAR_M = 0.1

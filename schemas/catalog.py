@@ -23,8 +23,10 @@ class DescribeCatalogArguments(Arguments):
     """What there is, with counts. Read before filtering."""
 
     facet: Facet = "all"
+    """What is counted; `all` tells each in brief, with the state of the server."""
     within: str | None = Field(None, description="search id, country or place")
     offset: int = Field(0, ge=0)
+    """Entries of the facet to pass over, where it has more than a page."""
 
 
 class CountryMaps(Model):
@@ -75,6 +77,7 @@ class FindScenariosArguments(Arguments):
 
     country: str | None = Field(None, description="ISO alpha-3")
     city: str | None = None
+    """A town that scenarios lie in, by its name."""
     tags: list[str] = Field([], description="in the file, all of them; 'a|b' either, '!a' without")
     features: list[str] = Field([], description="computed: ramp, ego_turns_left, oncoming_traffic …, 'ttc<=3s'")
     road_net: list[str] = Field(
@@ -87,15 +90,21 @@ class FindScenariosArguments(Arguments):
     )
     ego_speed: str | None = Field(None, description="'50km/h' (±2 m/s), '10..15m/s', '>=20mph'")
     origin: Origin | None = None
+    """How the motion of the others came about."""
     text: str | None = Field(None, description="only ranks")
     like: str | None = Field(None, description="scenario id")
     within: str | None = Field(None, description="search id")
     method: Method = "funnel"
+    """How text ranks what the conditions leave."""
     sort: Literal["match", "criticality", "size"] = "match"
+    """The order of the matches: how well they fit, how critical they are, or how many road users they have."""
     diverse: int | None = Field(None, ge=1, le=100, description="N unlike matches")
     fallback: Literal["nearest", "none"] = "nearest"
+    """Where nothing matches: show the nearest ones, each with what it leaves unmet, or nothing."""
     limit: int = Field(5, ge=1, le=50)
+    """How many matches are shown."""
     offset: int = Field(0, ge=0)
+    """Matches to pass over."""
 
     def in_words(self) -> str:
         """The conditions as they were given, with the text; for a list of searches."""

@@ -528,8 +528,10 @@ class GenerateScenariosArguments(Arguments):
     country: str | None = Field(None, description="ISO alpha-3")
     bbox: list[float] | None = Field(None, description="south, west, north, east")
     scenario_type: ScenarioType = "any"
+    """The type of site that is looked for on the map."""
     road_classes: list[str] | None = Field(None, description="roads, link, all or OSM highway values")
     density: Density = "low"
+    """How much traffic, in vehicles per kilometre of lane."""
     vehicles: list[str] = Field(
         [],
         description=(
@@ -538,12 +540,15 @@ class GenerateScenariosArguments(Arguments):
         ),
     )
     duration_s: float = Field(20, ge=5, le=120)
+    """How long the scenario lasts, in s."""
     ego: str = Field(
         "first", description="first, index:N (cars, from 0), type:CLASS (joins traffic, the ego stays a car)"
     )
     goal: str = Field("through", description="through; steps:N, distance_m:X on its track, lanelet:ID:POSITION")
     count: int = Field(1, ge=1, le=5000)
+    """How many scenarios; each is made at another site or with other traffic."""
     seed: int = 0
+    """The same arguments with the same seed give the same bytes."""
     trial_run: bool = Field(False, description="run a planner too")
     conditions: list[str] = Field([], description="time=rush_hour or 17:30, weather=rain, drivers=PRESET, mix=natural")
     cover: list[str] = Field([], description="combine: 'density=low|high', 'turn=left|right'")

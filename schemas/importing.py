@@ -16,8 +16,11 @@ class ImportFilesArguments(Arguments):
     longest_texts: ClassVar[Mapping[str, int]] = {"path": LONGEST_PATH}
 
     path: str
+    """A file or a folder, in a folder that the server may use."""
     kind: Literal["auto", "scenario", "map", "config"] = "auto"
+    """What the files are; `auto` looks into them."""
     name: str | None = None
+    """What a map or a configuration is to be called."""
     country: str | None = Field(None, description="of maps")
 
 

@@ -18,13 +18,16 @@ class GetJobArguments(Arguments):
     """State, progress, estimate and partial results of a job; waits for its end."""
 
     job_id: str = "latest"
+    """The job."""
     wait_s: float = Field(30, ge=0, le=50)
+    """How long the answer may wait for the end of the job, in s."""
 
 
 class CancelJobArguments(Arguments):
     """Stop a job; what is finished stays."""
 
     job_id: str
+    """The job."""
 
 
 class JobResult(Result):

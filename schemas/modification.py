@@ -66,6 +66,7 @@ class Edit(Arguments):
     """One change of the traffic or of the ego's goal."""
 
     op: EditOperation
+    """What is done; each takes only the arguments that belong to it."""
     vehicles: list[str] = Field(
         default=[],
         description="ids, all (never the ego), one:truck ('the truck'), class:truck (all of them), nearest:3, "
@@ -80,10 +81,14 @@ class Edit(Arguments):
     preset: str | None = Field(None, description="aggressive, cautious, emergency (urgent), eco, balanced, speeder")
     params: list[str] = Field([], description="SUMO names: 'tau=0.7', 'minGap=1'")
     vehicle_class: str | None = None
+    """The class of what is added, or `pedestrian`."""
     count: int | None = Field(None, ge=1, le=20)
+    """How many are added, one behind the other."""
     spacing_m: float | None = Field(None, gt=0)
+    """Between several that are added, in m."""
     at: str | None = Field(None, description="where to put: lanelet, edge, ego, vehicle:ID")
     lane: Literal["same", "left", "right", "oncoming"] | None = None
+    """Beside `at`, where that is the ego or a vehicle."""
     offset_m: float | None = Field(None, description="from at, between centres along the lane; - behind")
     position: str | None = Field(
         None,
@@ -92,9 +97,11 @@ class Edit(Arguments):
     speed: str | None = Field(None, description="'30km/h', '8m/s'")
     time_s: float | None = Field(None, description="from when on; shift_time: later by, - earlier")
     former_ego: Literal["vanish", "traffic"] | None = None
+    """What becomes of the old ego where a recorded car takes its place."""
     rectangle_m: list[float] | None = Field(None, description="goal [length, width]")
     goal_time: str | None = Field(None, description="'8..12s', '<=90steps'")
     goal_speed: str | None = None
+    """Speed at the goal, such as `'5..10m/s'`."""
 
     @property
     def given(self) -> tuple[str, ...]:
@@ -136,12 +143,18 @@ class ModifyScenarioArguments(Arguments):
     """
 
     scenario_id: str = "latest"
+    """The scenario that the edits begin from; it stays as it is."""
     edits: list[Edit] = Field(min_length=1, max_length=50)
+    """The edits, in their order."""
     on_conflict: Literal["report", "refuse"] = "report"
+    """Where edits end in a collision between others: report it, or refuse all of them."""
     traffic: TrafficAfterEdits = Field("recorded", description="reactive: all vehicles driven anew")
     detail: EditDetail = "brief"
+    """Whether the text of the answer tells the checks too."""
     dry_run: bool = False
+    """Report what the edits would do, and store nothing."""
     seed: int = 0
+    """Of the simulation that drives what the edits touch."""
 
 
 class VehicleRoute(Model):

@@ -119,6 +119,7 @@ class ListPlannersArguments(Arguments):
     """Planners, their weights (value, meaning, effect of raising), presets, settings, configurations here."""
 
     planner: str | None = None
+    """Only this planner."""
     config_id: str | None = Field(None, description="default: the current one")
 
 
@@ -262,9 +263,13 @@ class RunPlannerArguments(Arguments):
     )
     configs: list[str] = Field(["current"], min_length=1, description="config ids, PLANNER[:PRESET]")
     prediction: Prediction = "constant_velocity"
+    """What the planner is told about the motion of others."""
     traffic: Traffic = "recorded"
+    """Whether others follow their recording or react to the ego."""
     wait_s: float = Field(45, ge=0, le=50)
+    """How long the answer may wait for the runs, in s; after that it names the job."""
     seed: int = 0
+    """Of the traffic that reacts."""
 
 
 class RunLine(Model):

@@ -31,6 +31,7 @@ class RenderArguments(Arguments):
 
     ids: list[str] = Field(["latest"], min_length=1, max_length=200, description="scenario, run or batch ids")
     kind: PictureKind = "auto"
+    """What is drawn; `auto`: the outcomes of runs on several scenarios, else a picture."""
     time_s: float | None = Field(None, ge=0, description="moment of a picture; default: the start, or a run's end")
 
 

@@ -333,8 +333,10 @@ class AnalyzeResultsArguments(Arguments):
         description="run or batch ids; latest, latest_run, latest_batch, previous_batch",
     )
     breakdown: Breakdown = "none"
+    """By what the runs are grouped, each group with its rate."""
     where: list[str] = Field([], max_length=12, description="'outcome=collision', 'config=cfg_…', 'time_s=2..4'")
     detail: AnalysisDetail = "summary"
+    """Which section is shown beside the summary."""
     trial: bool = Field(False, description="run suggested changes on failing and passing runs")
 
 

@@ -214,9 +214,12 @@ class DescribeScenarioArguments(Arguments):
     recipe: what an edit is written from."""
 
     scenario_id: str = "latest"
+    """The scenario."""
     detail: Detail = "brief"
+    """What is told beside the brief description."""
     focus: str | None = Field(None, description="ego, a vehicle selector or a lanelet id: the centre of what is listed")
     radius_m: float = Field(80, gt=0, le=2000)
+    """How far around the focus vehicles and lanelets are listed, in m."""
 
 
 class DescribeRequest(Model):

@@ -3,6 +3,7 @@
 #   scripts/setup.sh VENV        the package and what it needs
 #   scripts/setup.sh VENV torch  torch alone, into an environment that is there
 #   scripts/setup.sh VENV dev    what developers and tests need besides
+#   scripts/setup.sh VENV docs   an environment that builds the documentation and holds nothing else
 set -euo pipefail
 venv=${1:?the folder of the virtual environment}
 part=${2:-package}
@@ -66,19 +67,33 @@ pinned() { sed -n "s/^ *\"$1==\([^\"]*\)\".*/\1/p" pyproject.toml; }
 
 install() { "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "$@"; }
 
-install_development() {
-    say "Installing the developers' tools"
-    "$venv/bin/python" - <<'PYTHON' | xargs "$venv/bin/python" -m pip install --quiet --disable-pip-version-check
+install_group() {
+    "$venv/bin/python" - "$1" <<'PYTHON' | xargs "$venv/bin/python" -m pip install --quiet --disable-pip-version-check
+import sys
 import tomllib
 
 with open("pyproject.toml", "rb") as stream:
-    print(*tomllib.load(stream)["dependency-groups"]["dev"], sep="\n")
+    print(*tomllib.load(stream)["dependency-groups"][sys.argv[1]], sep="\n")
 PYTHON
+}
+
+install_development() {
+    say "Installing the developers' tools"
+    install_group dev
+}
+
+install_documentation() {
+    local python
+    python=$(find_python)
+    say "Making the environment of the documentation in $venv with $("$python" --version)"
+    [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
+    install_group docs
 }
 
 case $part in
     package) install_package ;;
     torch) install_torch ;;
     dev) install_development ;;
-    *) fail "no part '$part'; there are package, torch, dev" ;;
+    docs) install_documentation ;;
+    *) fail "no part '$part'; there are package, torch, dev, docs" ;;
 esac

@@ -1,5 +1,6 @@
 """What is installed from a package index: a wheel out of the sdist, with all data files, that needs no checkout."""
 
+import re
 import subprocess
 import sys
 import zipfile
@@ -36,6 +37,16 @@ def test_the_wheel_holds_every_file_of_the_packages_and_nothing_beside(wheel: Pa
     names = zipfile.ZipFile(wheel).namelist()
     assert data_files() - set(names) == set()
     assert {name.partition("/")[0] for name in names if ".dist-info/" not in name} == {"plannerforge"}
+
+
+def test_the_page_of_the_package_has_no_link_that_leads_nowhere(wheel: Path) -> None:
+    archive = zipfile.ZipFile(wheel)
+    (name,) = [name for name in archive.namelist() if name.endswith(".dist-info/METADATA")]
+    page = archive.read(name).decode("utf-8").partition("\n\n")[2]
+    assert page.startswith("# PlannerForge MCP")
+    assert "| `run_planner` |" in page
+    assert "(`docs/tutorial.md`)" in page
+    assert re.findall(r"\]\((?!https?://)[^)]*\)", page) == []
 
 
 def test_the_wheel_works_without_the_checkout(wheel: Path, tmp_path: Path) -> None:

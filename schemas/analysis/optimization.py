@@ -29,11 +29,17 @@ class OptimizePlannerArguments(Arguments):
     constraints: list[str] = Field([], description="'success>=base', 'collisions<=0.1'")
     vary: list[str] = Field([], description="'jerk', 'horizon_s=2..5'; default: all weights")
     method: Literal["tpe", "cmaes", "random", "morris", "sobol"] = "tpe"
+    """How candidates are drawn; `morris` and `sobol` search nothing and tell which weights matter."""
     max_trials: int = Field(40, ge=1, le=2000)
+    """How many candidates are tried at most."""
     prediction: Prediction = "constant_velocity"
+    """As in `run_planner`."""
     traffic: Traffic = "recorded"
+    """As in `run_planner`."""
     wait_s: float = Field(45, ge=0, le=50)
+    """How long the answer may wait for the study, in s; after that it names the job."""
     seed: int = 0
+    """Of the division into halves and of what the method draws."""
 
 
 class ToldTrial(Model):

@@ -55,8 +55,8 @@ def test_folders_in_a_variable_are_separated_as_in_path(monkeypatch: pytest.Monk
 
 
 def test_folders_in_a_variable_may_be_a_json_list(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-    assert """PLANNERFORGE_ROOTS='["/a", "/b"]'""" in readme
+    page = (Path(__file__).parents[2] / "docs" / "settings.md").read_text(encoding="utf-8")
+    assert """PLANNERFORGE_ROOTS='["/a", "/b"]'""" in page
     monkeypatch.setenv("PLANNERFORGE_ROOTS", '["/a", "/b"]')
     assert Settings(workspace=tmp_path).roots == (Path("/a"), Path("/b"))
     monkeypatch.setenv("PLANNERFORGE_ROOTS", '["/a", ')

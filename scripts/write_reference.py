@@ -1,0 +1,451 @@
+"""Write the reference of ``docs/``: ``make reference``. A test holds the pages to what this script makes today.
+
+Read are the descriptions that the server sends, the models' docstrings, the settings and the command line; examples and
+refusals come from the pages that tests record (``docs/answers.md``, ``docs/refusals.md``).
+"""
+
+import ast
+import inspect
+import json
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import typer
+from pydantic import BaseModel
+
+CHECKOUT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(CHECKOUT))
+
+from plannerforge.agent.settings import AgentSettings  # noqa: E402 - the checkout is found first
+from plannerforge.engine.tuning.settings import known_settings  # noqa: E402
+from plannerforge.engine.tuning.tunings import LARGEST_WEIGHT, TUNINGS, PlannerTuning  # noqa: E402
+from plannerforge.evals.command_line import application  # noqa: E402
+from plannerforge.schemas.analysis.suite import SuiteFile  # noqa: E402
+from plannerforge.schemas.errors import PlannerForgeError, error_classes  # noqa: E402
+from plannerforge.schemas.modification import EDITS, Edit  # noqa: E402
+from plannerforge.schemas.planning import CommandPlanner, DeclaredPreset, DeclaredWeight  # noqa: E402
+from plannerforge.server.settings import Settings  # noqa: E402
+from plannerforge.server.tool_schema import tool_description  # noqa: E402
+from plannerforge.tools.registry import TOOLS, ToolSpec  # noqa: E402
+
+DOCS = CHECKOUT / "docs"
+REFERENCE = DOCS / "reference"
+MARK = "<!-- from here on written by scripts/write_reference.py -->\n"
+MADE = "*This page is made from the program by `make reference`.*"
+Schema = Mapping[str, Any]
+
+
+def pages() -> dict[Path, str]:
+    """Every page of the reference as it should be, by its file."""
+    tools = {REFERENCE / "tools" / f"{spec.name}.md": tool_page(spec) for spec in TOOLS}
+    head, mark, _ = (DOCS / "settings.md").read_text(encoding="utf-8").partition(MARK)
+    return tools | {
+        REFERENCE / "tools" / "index.md": tools_page(),
+        REFERENCE / "types.md": types_page(),
+        REFERENCE / "command_line.md": command_line_page(),
+        REFERENCE / "configurations.md": configurations_page(),
+        DOCS / "settings.md": f"{head}{mark}\n{settings_table()}\n",
+    }
+
+
+def table(heading: str, rows: Iterator[tuple[str, ...]] | list[tuple[str, ...]]) -> str:
+    """A table in Markdown; ``heading``: the cells of its first line, separated by ``|``."""
+    names = heading.split("|")
+    lines = [names, ["---"] * len(names), *([_cell(cell) for cell in row] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |".replace("|  |", "| |") for line in lines)
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+# Tools
+
+
+def tools_page() -> str:
+    """All tools at a glance."""
+    rows = [
+        (f"[`{spec.name}`]({spec.name}.md)", _described(spec).description or "", _effect(spec), _set_of(spec))
+        for spec in TOOLS
+    ]
+    return (
+        f"# Tools\n\n{MADE}\n\n{table('tool|what the model reads of it|effect|sets', rows)}\n\n"
+        "No tool deletes anything. `essential` is the small set for small models.\n"
+        "Arguments are refused by name where they are unknown, and a refusal says what is valid\n"
+        "([errors](../../errors.md)). The schemas themselves are the resources `plannerforge://schema/{tool}`\n"
+        "([resources](../../resources.md)).\n"
+    )
+
+
+def tool_page(spec: ToolSpec) -> str:
+    """One tool: arguments, answer, an example, refusals."""
+    described = _described(spec)
+    parts = [
+        f"# {spec.name}\n\n{MADE}",
+        f"{described.description}\n\n{_effect(spec)}. Sets: {_set_of(spec)}.",
+        f"## Arguments\n\n{_arguments(spec.arguments_type, described.input_schema)}",
+    ]
+    if spec.name == "modify_scenario":
+        schema = described.input_schema["properties"]["edits"]["items"]
+        kinds = [
+            (f"`{name}`", kind.letter, ", ".join(f"`{word}`" for word in kind.arguments))
+            for name, kind in EDITS.items()
+        ]
+        parts.append(
+            f"### An edit\n\n{_arguments(Edit, schema)}\n\nWhich arguments belong to which `op`; what they do stands "
+            f"in [edits](../../edits.md).\n\n{table('`op`|letter|arguments', kinds)}"
+        )
+    parts += [f"## Answer\n\n{_answer(spec)}", f"## Example\n\n{_recorded('answers.md', spec.name)}"]
+    parts.append(
+        f"## Refusals\n\nSome of them, as they are told; all codes stand in [errors](../../errors.md).\n\n"
+        f"{_recorded('refusals.md', spec.name)}"
+    )
+    return "\n\n".join(parts) + "\n"
+
+
+@cache
+def _described(spec: ToolSpec) -> Any:
+    return tool_description(spec)
+
+
+def _effect(spec: ToolSpec) -> str:
+    reads = "Makes nothing" if spec.read_only and not spec.making else "Makes artifacts"
+    if spec.read_only and spec.making:
+        reads = f"Makes nothing without {', '.join(f'`{name}`' for name in spec.making)}"
+    return reads + ("; may ask services on the net" if spec.open_world else "")
+
+
+def _set_of(spec: ToolSpec) -> str:
+    return "`all` and `essential`" if spec.essential else "`all`"
+
+
+def _arguments(model: type[BaseModel], schema: Schema) -> str:
+    meanings, required = field_docstrings(model), schema.get("required", [])
+    rows = []
+    for name, part in schema["properties"].items():
+        default = "needed" if name in required else _default(part)
+        meaning = meanings.get(name) or part.get("description", "")
+        rows.append((f"`{name}`", _type(part), default, meaning))
+    return table("argument|type|default|meaning", rows) if rows else "None."
+
+
+def _default(schema: Schema) -> str:
+    value = schema.get("default")
+    return "none" if value in (None, [], "") else f"`{json.dumps(value, ensure_ascii=False)}`"
+
+
+def field_docstrings(model: type[BaseModel]) -> dict[str, str]:
+    """What the strings below the fields of a model say, by field."""
+    found: dict[str, str] = {}
+    for base in reversed(model.__mro__):
+        if issubclass(base, BaseModel) and base.__module__.startswith("plannerforge"):
+            (body,) = (node.body for node in ast.parse(inspect.getsource(base)).body if isinstance(node, ast.ClassDef))
+            for field, text in pairwise(body):
+                if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and _is_text(text):
+                    found[field.target.id] = ast.literal_eval(text.value)  # type: ignore[attr-defined]
+    return found
+
+
+def _is_text(node: ast.stmt) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+
+
+def _type(schema: Schema) -> str:
+    """The type in words, with its bounds."""
+    if "$ref" in schema:
+        name = schema["$ref"].rpartition("/")[2]
+        return "any JSON" if name == "JsonValue" else f"[{name}](TYPES#{name.lower()})"
+    if "anyOf" in schema:
+        arms = [part for part in schema["anyOf"] if part.get("type") != "null"]
+        return " or ".join(map(_type, arms)) + (" or null" if len(arms) < len(schema["anyOf"]) else "")
+    if "const" in schema or "enum" in schema:
+        return ", ".join(f"`{value}`" for value in schema.get("enum", [schema.get("const")]))
+    kind = schema.get("type", "any")
+    if kind == "array" and "prefixItems" in schema:
+        return "pair of " + ", ".join(map(_type, schema["prefixItems"]))
+    if kind == "array":
+        items = schema.get("items", {})
+        return "list of edits" if items.get("type") == "object" else f"list of {_plural(_type(items))}"
+    if kind == "object":
+        values = schema.get("additionalProperties")
+        return f"object: name → {_type(values)}" if isinstance(values, dict) and values else "object"
+    word = {"string": "text", "integer": "whole number", "boolean": "true or false"}.get(kind, kind)
+    return f"{word}{_bounds(schema)}"
+
+
+def _plural(text: str) -> str:
+    return {"text": "texts", "number": "numbers", "whole number": "whole numbers"}.get(text, text)
+
+
+def _bounds(schema: Schema) -> str:
+    lowest, above = schema.get("minimum"), schema.get("exclusiveMinimum")
+    highest = schema.get("maximum", schema.get("exclusiveMaximum"))
+    words = [f"from {lowest:g}"] if lowest is not None else [f"above {above:g}"] if above is not None else []
+    words += [f"to {highest:g}"] if highest is not None else []
+    return f", {' '.join(words)}" if words else ""
+
+
+def _answer(spec: ToolSpec) -> str:
+    model = spec.result_type
+    if model is None:
+        return "The pictures themselves, a sentence on each, and a link to each; no structured content."
+    schema = _described(spec).output_schema
+    fields = _fields(model, schema).replace("TYPES", "../types.md")
+    return f"{_doc(model)}\n\n{fields}\n\nThe text of the answer says the same ([how](../../answers.md))."
+
+
+def _fields(model: type[BaseModel], schema: Schema) -> str:
+    """The fields of a model: what they mean stands in their description, or in the docstring as ``name``: meaning."""
+    said = dict(re.findall(r"`(\w+)`: ([^;.]+)", " ".join(_doc(model).split())))
+    rows = [
+        (f"`{name}`", _type(part), model.model_fields[name].description or said.get(name, ""))
+        for name, part in schema.get("properties", {}).items()
+    ]
+    return table("field|type|meaning", rows)
+
+
+def _doc(model: type[BaseModel]) -> str:
+    return inspect.cleandoc(model.__doc__ or "").replace("``", "`")
+
+
+def _recorded(page: str, tool: str) -> str:
+    """What a recorded page shows of a tool, without its heading."""
+    text = (DOCS / page).read_text(encoding="utf-8")
+    found = re.search(rf"^### {tool}\n\n(.*?)(?=^### |\Z)", text, re.DOTALL | re.MULTILINE)
+    if found is None:
+        raise LookupError(
+            f"docs/{page} shows nothing of {tool}: record it with pytest tests/contract --update-snapshots"
+        )
+    return found[1].rstrip()
+
+
+def types_page() -> str:
+    """The models that answers are made of."""
+    definitions: dict[str, Schema] = {}
+    models: dict[str, type[BaseModel]] = {}
+    for spec in TOOLS:
+        if spec.result_type is not None:
+            definitions |= (_described(spec).output_schema or {}).get("$defs", {})
+            models |= {model.__name__: model for model in _models_below(spec.result_type, set())}
+    parts = [
+        f"## {name}\n\n{_doc(models[name])}\n\n{_fields(models[name], definitions[name])}".replace("TYPES#", "#")
+        for name in sorted(models.keys() & definitions.keys())
+    ]
+    return (
+        f"# Types of answers\n\n{MADE}\n\nWhat structured answers of the [tools](tools/index.md) are made of.\n\n"
+        + ("\n\n".join(parts) + "\n")
+    )
+
+
+def _models_below(model: type[BaseModel], seen: set[type[BaseModel]]) -> set[type[BaseModel]]:
+    """The models that a model holds, itself included."""
+    if model not in seen:
+        seen.add(model)
+        for field in model.model_fields.values():
+            for part in _types_in(field.annotation):
+                _models_below(part, seen)
+    return seen
+
+
+def _types_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in getattr(annotation, "__args__", ()):
+        yield from _types_in(part)
+
+
+# Settings
+
+
+def settings_table() -> str:
+    """Every setting of the server, with its flag where it has one."""
+    schema, flags = Settings.model_json_schema(), _flags_of("serve")
+    rows = []
+    for name, field in Settings.model_fields.items():
+        part = schema["properties"][name]
+        kind = "text" if part.get("format") in {"path", "password"} else _type(part)
+        kind = "section" if name == "planners" else kind
+        meaning = f"{field.description} ({flags[name]})" if name in flags else str(field.description)
+        rows.append((f"`{name}`", kind, _setting_default(name, field.get_default()), meaning))
+    return table("setting|type|default|meaning", rows)
+
+
+def _setting_default(name: str, value: Any) -> str:
+    if name == "workspace":
+        return "the user's data folder"
+    if value in (None, "", (), {}) or str(value) == "PydanticUndefined":
+        return "none"
+    if isinstance(value, tuple):
+        return " ".join(f"`{part}`" for part in value)
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    text = re.sub(r"PlannerForge-MCP/[\w.]+", "PlannerForge-MCP/VERSION", str(value))
+    return f"`{value:g}`" if isinstance(value, float) else f"`{text}`"
+
+
+def _flags_of(name: str) -> dict[str, str]:
+    """The flags of a command by the setting that they set."""
+    command = _program().commands[name]
+    flags = {str(part.name): f"`{part.opts[0]}`" for part in command.params if part.param_type_name == "option"}
+    renamed = {"host": "http_host", "port": "http_port", "token_file": "http_token_file", "no_journal": "journal"}
+    return {renamed.get(name, name): flag for name, flag in flags.items()}
+
+
+# The command line
+
+
+@cache
+def _program() -> Any:
+    """The command line as click has it; which click that is, is typer's affair."""
+    return typer.main.get_command(application)
+
+
+def command_line_page() -> str:
+    """Every command with its arguments and options."""
+    parts = [_command_part(path, command) for path, command in commands(_program(), ("plannerforge",))]
+    return f"# Command line\n\n{MADE}\n\n`plannerforge --help` and `plannerforge COMMAND --help` say the same.\n\n" + (
+        "\n\n".join(parts) + "\n"
+    )
+
+
+def commands(group: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """All commands below a group, with the words that call them."""
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands(command, (*path, name))
+        else:
+            yield (*path, name), command
+
+
+def _command_part(path: tuple[str, ...], command: Any) -> str:
+    arguments = [part for part in command.params if part.param_type_name == "argument"]
+    options = [part for part in command.params if part.param_type_name == "option"]
+    usage = " ".join([*path, *(_as_called(part) for part in arguments), *(["[OPTIONS]"] if options else [])])
+    rows = [(f"`{_metavar(part)}`", _shown(part), _help(part)) for part in arguments]
+    rows += [
+        (", ".join(f"`{flag}`" for flag in (*part.opts, *part.secondary_opts)), _shown(part), _help(part))
+        for part in options
+    ]
+    shown = f"\n\n{table('argument or option|default|meaning', rows)}" if rows else ""
+    return f"## {' '.join(path[1:])}\n\n```text\n{usage}\n```\n\n{inspect.cleandoc(command.help or '')}{shown}"
+
+
+def _metavar(part: Any) -> str:
+    return str(part.name).upper()
+
+
+def _as_called(part: Any) -> str:
+    name = _metavar(part) + ("..." if part.nargs == -1 else "")
+    return name if part.required else f"[{name}]"
+
+
+_DEFAULT = re.compile(r"\s*\[default: ([^\]]*)\]")
+"""How the help of a flag names the default that a setting has."""
+
+
+def _shown(part: Any) -> str:
+    told = _DEFAULT.search(part.help or "")
+    value = told[1] if told else part.default
+    return "" if value in (None, False, (), "") or callable(value) or "UNSET" in str(value) else f"`{value}`"
+
+
+def _help(part: Any) -> str:
+    return _DEFAULT.sub("", part.help or "")
+
+
+# Configurations
+
+
+def configurations_page() -> str:
+    """What can stand in files of the user, and in configurations of planners."""
+    settings = [
+        (
+            f"`{setting.name}`",
+            f"{setting.lowest:g} to {setting.highest:g}{f' {setting.unit}' if setting.unit else ''}",
+            setting.meaning,
+        )
+        for setting in known_settings().values()
+    ]
+    parts = [
+        f"# Configurations\n\n{MADE}",
+        "What a configuration of a planner holds, and what may stand in files of your own.",
+        *(_planner_part(name, tuning) for name, tuning in TUNINGS.items()),
+        f"## Settings of all planners\n\n{table('setting|range|meaning', settings)}",
+        "What is idle in which planner stands in [planners](../planners.md).",
+        "## A suite\n\nThe file of `plannerforge test` ([how it is written](../gate.md)).",
+        _model_table(SuiteFile),
+        "## A planner that is a program",
+        "A section `[planners.NAME]` of the settings file ([how](../own_planner.md#a-program)).",
+        _model_table(CommandPlanner),
+        f"A weight:\n\n{_model_table(DeclaredWeight)}\n\nA preset:\n\n{_model_table(DeclaredPreset)}",
+        "## The agent\n\nVariables `PLANNERFORGE_AGENT_…` of `plannerforge agent` and `chat` ([how](../agent.md)).",
+        _model_table(AgentSettings),
+        f"## Errors\n\n{_errors_table()}\n\nWhen each comes stands in [errors](../errors.md).",
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _planner_part(name: str, tuning: PlannerTuning) -> str:
+    presets = tuning.presets
+    rows = [
+        (
+            f"`{weight.name}`",
+            weight.meaning,
+            weight.raising,
+            "0 or more" if weight.highest == LARGEST_WEIGHT else f"{weight.lowest:g} to {weight.highest:g}",
+            *(f"{preset.weights.get(weight.name, 0.0):g}" for preset in presets.values()),
+        )
+        for weight in tuning.weights.values()
+    ]
+    named = [
+        (f"`{preset.name}`" + (f", `{preset.short_name}`" if preset.short_name != preset.name else ""), preset.intent)
+        for preset in presets.values()
+    ]
+    heads = "|".join(preset.short_name for preset in presets.values())
+    return (
+        f"## {name}\n\n{tuning.summary[:1].upper()}{tuning.summary[1:]}.\n\n{table('preset|meant for', named)}\n\n"
+        f"{table(f'weight|meaning|raising it|range|{heads}', rows)}"
+    )
+
+
+def _model_table(model: type[BaseModel]) -> str:
+    schema, documented = model.model_json_schema(), field_docstrings(model)
+    rows = [
+        (
+            f"`{name}`",
+            _type(schema["properties"][name]).replace("TYPES", ""),
+            "needed" if field.is_required() else _default(schema["properties"][name]),
+            documented.get(name) or field.description or "",
+        )
+        for name, field in model.model_fields.items()
+    ]
+    return re.sub(r"\[(\w+)\]\(#\w+\)", r"\1", table("key|type|default|meaning", rows))
+
+
+def _errors_table() -> str:
+    known = [error for error in error_classes().values() if error.__module__ == PlannerForgeError.__module__]
+    rows = [(f"`{error.code}`", error.__name__, _base(error), error.usual_step) for error in known]
+    return table("code|class|kind of|usual next step", sorted(rows))
+
+
+def _base(error: type[PlannerForgeError]) -> str:
+    (base, *_) = error.__bases__
+    return base.__name__ if issubclass(base, PlannerForgeError) else ""
+
+
+def main() -> None:
+    """Write the pages that differ, and say which."""
+    for file, text in pages().items():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        if not file.is_file() or file.read_text(encoding="utf-8") != text:
+            file.write_text(text, encoding="utf-8")
+            sys.stdout.write(f"{file.relative_to(CHECKOUT)}\n")
+
+
+if __name__ == "__main__":
+    main()
