@@ -110,7 +110,7 @@ def test_what_the_build_is_given_is_all_that_a_wheel_is_built_from() -> None:
     lines = (PACKAGING / "Dockerfile.dockerignore").read_text(encoding="utf-8").splitlines()
     let_in = {line[1:] for line in lines if line.startswith("!")}
     metadata = project()["project"]
-    needed = {*project()["tool"]["setuptools"]["package-dir"].values(), metadata["readme"], *metadata["license-files"]}
+    needed = {*project()["tool"]["setuptools"]["package-dir"].values(), "README.md", *metadata["license-files"]}
     assert needed | {"pyproject.toml", "setup.py", "__init__.py", "__main__.py"} == let_in
     assert all((CHECKOUT / name).exists() for name in let_in)
 

@@ -13,7 +13,7 @@ from typing import Any
 import anyio
 from mcp import Client
 
-from ...engine.rendering.views.pages import filled_page
+from ...engine.rendering import filled_page
 from ...resources.templates import SCHEME
 from ...server.assembly import create_server
 from ..harness import Figures, LeftOut, ask, percentile_95, settings_for

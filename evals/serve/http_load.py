@@ -22,7 +22,7 @@ import anyio
 import psutil
 from mcp import Client, MCPError
 
-from ...engine.workspace.artifacts import ArtifactKind
+from ...engine.workspace import ArtifactKind
 from ..faults.http_process import HttpProcess, http_client, http_process
 from ..harness import Figures
 from .bench import ServeBench

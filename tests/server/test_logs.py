@@ -49,7 +49,7 @@ def entries(written: io.StringIO, logger: str = "plannerforge") -> list[dict[str
 @pytest.mark.anyio
 @pytest.mark.usefixtures("probe_tools")
 @as_json
-async def test_each_call_is_one_line_with_who_what_and_how_long(lines: io.StringIO, connect: Connect) -> None:
+async def test_each_call_is_one_line_with_client_tool_and_duration(lines: io.StringIO, connect: Connect) -> None:
     async with connect() as client:
         await client.call_tool("echo", {"text": "hello " + SECRET})
         await client.call_tool("refuse", {})

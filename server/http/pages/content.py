@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from mcp import Client, MCPError
 from mcp.types import CallToolResult, ImageContent, ResourceLink, TextResourceContents
 
-from ....engine.rendering.views.pages import filled_page
+from ....engine.rendering import filled_page
 from ....resources.templates import SCHEME
 from ....schemas.artifacts import ListArtifactsResult
 from ....schemas.base import Result

@@ -90,7 +90,7 @@ def test_animation_moves_and_ends_with_the_run(
         assert opened.convert("RGB").tobytes() != first
 
 
-def test_strip_beside_an_animation_shows_its_moments_to_who_sees_no_motion(
+def test_strip_beside_an_animation_shows_its_moments(
     tmp_path: Path, town: ScenarioSource, pair: tuple[RunSource, RunSource]
 ) -> None:
     request = RenderRequest(kind="animation", scenarios=(town,), runs=pair[:1], folder=str(tmp_path))
