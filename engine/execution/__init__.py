@@ -16,6 +16,7 @@
 ``JobRunner``: Starts, waits for and cancels jobs.
 ``JobStore``: Reads and writes job records.
 ``JobWork``: What a job does, given the means to report its progress.
+``RunApart``: Runs an async function of a job with its arguments, in another thread for instance.
 ``Task``: A call that is carried out apart, whose answer is asked for later.
 ``TaskStore``: Reads and writes tasks.
 ``Limits``: The folders, processes, memory in bytes and time in seconds that a call may use.
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
         no_progress,
         silent,
     )
-    from .jobs import Job, JobProgress, JobRunner, JobStore, JobWork
+    from .jobs import Job, JobProgress, JobRunner, JobStore, JobWork, RunApart
     from .limits import Limits, end_with_parent, limit_memory
     from .pool import PRELOAD, WorkerPool
     from .tasks import Task, TaskStore
