@@ -88,6 +88,7 @@ async def open_services(settings: Settings, start_folder: Path, threads: CallThr
                 settings.starter,
                 settings.embedding_model,
                 online=settings.map_services(),
+                links=settings.links,
             )
             tasks.cancel_scope.cancel()
     finally:

@@ -8,6 +8,7 @@ keys. The keys that count:
 ``http_load``: ``http_errors`` (answers that are neither right nor a stated limit), ``memory_slope_mb_per_h`` of the
 server after its warm-up, ``slowest_share`` (calls of the client that got fewest, of an equal share).
 ``conformance``: ``conformance_2026``, ``conformance_2025``, ``conformance_all`` (checks that hold, of all).
+``hosts``: ``hosts_passed`` (clients of others that find, modify, run, compare and draw); goal: at least 8.
 
 What a killed worker, a cancelled call and a client that left cost is ``make bench-server`` (``workers.py``).
 
@@ -29,6 +30,7 @@ PARTS: Parts[ServeBench] = Parts(
         "latency": ("memory_ms", "stdio_ms", "http_ms", "start_ratio"),
         "http_load": ("http_errors", "memory_slope_mb_per_h", "slowest_share"),
         "conformance": ("conformance_2026", "conformance_2025", "conformance_all"),
+        "hosts": ("hosts_passed",),
     },
 )
 """The parts in the order in which they are measured, and the keys that each owes."""
@@ -42,13 +44,20 @@ def _main() -> int:
     parser.add_argument("--limit", type=float, default=_MINUTES, help="minutes of load (default: 10)")
     parser.add_argument("--clients", type=int, default=8, help="clients that load the server at once (default: 8)")
     parser.add_argument("--node", default="", help="program of Node 22 or newer (default: one is fetched from PyPI)")
+    parser.add_argument("--host", nargs="+", default=[], metavar="NAME", help="only these clients of others")
+    parser.add_argument(
+        "--hosts-folder", type=Path, help="where their environments are kept (default: the user's cache)"
+    )
+    parser.add_argument("--page", type=Path, help="the page that their table is written into")
     given = parser.parse_args()
     try:
         parts = PARTS.chosen(given.only)
     except ValueError as error:
         parser.error(str(error))
     with tempfile.TemporaryDirectory() as scratch:
-        bench = ServeBench(Path(scratch), given.limit, given.clients, given.node)
+        bench = ServeBench(
+            Path(scratch), given.limit, given.clients, given.node, tuple(given.host), given.hosts_folder, given.page
+        )
         figures, faults = PARTS.measured(parts, bench)
     return print_parts("Serve", figures, faults, as_json=given.json)
 

@@ -28,12 +28,18 @@ class ServeBench:
         minutes: how long the load lasts.
         clients: how many load the server at once.
         node: program of Node; empty where one is to be fetched.
+        hosts: the clients of others that are tried; all of them where none is named.
+        environments: where their environments are kept; none for the usual folder.
+        page: the page that their table is written into.
     """
 
     scratch: Path
     minutes: float = 10.0
     clients: int = 8
     node: str = ""
+    hosts: tuple[str, ...] = ()
+    environments: Path | None = None
+    page: Path | None = None
 
     def folder(self, name: str) -> Path:
         """A new folder in the scratch."""
