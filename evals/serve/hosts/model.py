@@ -351,10 +351,19 @@ def _responses_item(reply: _Reply) -> dict[str, Any]:
 
 
 def _responses_head(status: str, output: list[Any]) -> dict[str, Any]:
-    details = {"input_tokens_details": {"cached_tokens": 0}, "output_tokens_details": {"reasoning_tokens": 0}}
+    details = {
+        "input_tokens_details": {"cached_tokens": 0, "cache_write_tokens": 0},
+        "output_tokens_details": {"reasoning_tokens": 0},
+    }
     usage = {"input_tokens": _USAGE[0], "output_tokens": _USAGE[1], "total_tokens": sum(_USAGE), **details}
     head = {"id": "resp_1", "object": "response", "created_at": _CREATED, "status": status, "model": NAME}
-    rest = {"error": None, "incomplete_details": None, "instructions": None, "metadata": {}, "tools": []}
+    rest: dict[str, Any] = {
+        "error": None,
+        "incomplete_details": None,
+        "instructions": None,
+        "metadata": {},
+        "tools": [],
+    }
     rest |= {"parallel_tool_calls": False, "tool_choice": "auto", "temperature": None, "top_p": None}
     return {**head, **rest, "output": output, "usage": usage if status == "completed" else None}
 
