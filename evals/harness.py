@@ -270,13 +270,22 @@ def made_environment(name: str, title: str, requirements: Path) -> Path:
     digest = hashlib.sha256(requirements.read_bytes()).hexdigest()[:12]
     default = Path(tempfile.gettempdir()) / f"plannerforge-{name}-{digest}"
     folder = Path(os.environ.get(f"PLANNERFORGE_{name.upper()}", default))
+    return installed_environment(folder, title, digest, ["--requirement", str(requirements)])
+
+
+def installed_environment(folder: Path, title: str, digest: str, wanted: Sequence[str]) -> Path:
+    """The same in a folder, of what pip is to install; ``digest`` is the name of what is wanted.
+
+    Raises:
+        LeftOut: it cannot be made here.
+    """
     whole = folder / f"{digest}.whole"
     if whole.exists():
         return folder
     sys.stderr.write(f"making {title}'s environment in {folder} …\n")
     commands = (
         [sys.executable, "-m", "venv", str(folder)],
-        [str(folder / "bin" / "python"), "-m", "pip", "install", "--quiet", "--requirement", str(requirements)],
+        [str(folder / "bin" / "python"), "-m", "pip", "install", "--quiet", *wanted],
     )
     for command in commands:
         done = subprocess.run(command, capture_output=True, text=True, check=False)

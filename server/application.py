@@ -130,6 +130,11 @@ class PlannerForgeServer(MCPServer[Services]):
                 options = self._lowlevel_server.create_initialization_options()
                 await self._lowlevel_server.run(ReadableMessages(incoming, outgoing), outgoing, options)
 
+    def finish_journal(self) -> None:
+        """Have the journal hold all calls so far, before the process ends."""
+        if self._journal is not None:
+            self._journal.close()
+
     @property
     def protocol(self) -> Server[Services]:
         """The protocol's side of the server, which a transport speaks to."""

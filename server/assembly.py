@@ -109,6 +109,7 @@ async def open_services(
                 settings.starter,
                 settings.embedding_model,
                 online=settings.map_services(),
+                links=settings.links,
             )
             tasks.cancel_scope.cancel()
     finally:

@@ -8,8 +8,9 @@ Commands import what they need when they run, so that ``serve`` answers fast.
 import gc
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -97,8 +98,17 @@ def serve(
         serve_http(server, settings)
         return
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # the SDK reads standard input in a thread that nothing can interrupt
+    signal.signal(signal.SIGTERM, partial(_end, server.finish_journal))  # hosts send it 2 s after they have left
     _collect_again()
     server.run("stdio")
+
+
+def _end(finish: Callable[[], None], number: int, frame: object) -> None:
+    """End by a signal as if nothing had caught it, when what must not be lost is written."""
+    del frame
+    finish()
+    signal.signal(number, signal.SIG_DFL)
+    signal.raise_signal(number)
 
 
 def _collect_again() -> None:

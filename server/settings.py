@@ -85,6 +85,7 @@ class Settings(BaseSettings):
     maps_km2: float = Field(10.0, ge=1, le=100, description="largest area that is fetched at once")
     tools: Literal["all", "essential"] = Field("all", description="essential: the small set for small models")
     read_only: bool = Field(False, description="offer only tools that make nothing")
+    links: bool = Field(True, description="answers link what they made; false where the host cannot take links")
     journal: bool = Field(True, description="write one line per call into the workspace's journal")
     journal_mb: int = Field(20, ge=1, description="size at which the journal is rotated; five are kept")
     journal_redact: tuple[str, ...] = Field(

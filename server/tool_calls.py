@@ -70,6 +70,8 @@ def answer_text(result: CallToolResult) -> str:
 
 def linked_by(call: ToolCall) -> list[ResourceLink]:
     """Links to what a call made, the last ones where it made many; with type, title and size."""
+    if not call.services.links:
+        return []
     links: list[ResourceLink] = []
     for kind, made_id in list(call.links)[-MOST_LINKS:]:
         if kind == "job":
@@ -94,7 +96,8 @@ def _shaped(result: Result | ImageAnswer, call: ToolCall) -> CallToolResult:
         notes = [f"Note: too large for this answer, to be opened by their links: {left_out}"] if left_out else []
         text = _bounded(printable("\n".join([result.text, *notes, *remarks])))
         blocks: list[ContentBlock] = [TextContent(type="text", text=text), *shown]
-        return CallToolResult(content=[*blocks, *map(_as_link, result.links)])
+        links = map(_as_link, result.links if call.services.links else ())
+        return CallToolResult(content=[*blocks, *links])
     text = _bounded(printable("\n".join([result.to_text(), *remarks])))
     structured = _printable_parts(result.model_dump(mode="json"))
     _bounded(json.dumps(structured, ensure_ascii=False))

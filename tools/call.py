@@ -100,6 +100,8 @@ class Services:
     embedding_model: str = PACKAGED_MODEL
     recent: Recent = field(default_factory=Recent)
     online: MapServices = field(default_factory=MapServices)
+    links: bool = True
+    """Whether answers link what they made."""
 
 
 class ToolCall:

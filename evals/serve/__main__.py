@@ -12,6 +12,7 @@ server after its warm-up, ``slowest_share`` (calls of the client that got fewest
 ``app_frames``: ``app_fps``, frames a second of the player with 300 vehicles in a browser without graphics card.
 ``conformance``: ``conformance_2026``, ``conformance_2025``, ``conformance_all`` (checks that hold, of all).
 ``install``: ``install_s`` (from nothing to the first answer in a host, from a wheel, packages from pip's cache).
+``hosts``: ``hosts_passed`` (clients of others that find, modify, run, compare and draw); goal: at least 8.
 
 What a killed worker, a cancelled call and a client that left cost is ``make bench-server`` (``workers.py``).
 
@@ -37,6 +38,7 @@ PARTS: Parts[ServeBench] = Parts(
         "app_frames": ("app_fps",),
         "conformance": ("conformance_2026", "conformance_2025", "conformance_all"),
         "install": ("install_s",),
+        "hosts": ("hosts_passed",),
     },
 )
 """The parts in the order in which they are measured, and the keys that each owes."""
@@ -52,13 +54,28 @@ def _main() -> int:
     parser.add_argument("--inputs", type=int, default=20_000, help="hostile inputs (default: 20000)")
     parser.add_argument("--kills", type=int, default=20, help="kills of the server (default: 20)")
     parser.add_argument("--node", default="", help="program of Node 22 or newer (default: one is fetched from PyPI)")
+    parser.add_argument("--host", nargs="+", default=[], metavar="NAME", help="only these clients of others")
+    parser.add_argument(
+        "--hosts-folder", type=Path, help="where their environments are kept (default: the user's cache)"
+    )
+    parser.add_argument("--page", type=Path, help="the page that their table is written into")
     given = parser.parse_args()
     try:
         parts = PARTS.chosen(given.only)
     except ValueError as error:
         parser.error(str(error))
     with tempfile.TemporaryDirectory() as scratch:
-        bench = ServeBench(Path(scratch), given.limit, given.clients, given.inputs, given.kills, given.node)
+        bench = ServeBench(
+            Path(scratch),
+            given.limit,
+            given.clients,
+            given.inputs,
+            given.kills,
+            given.node,
+            tuple(given.host),
+            given.hosts_folder,
+            given.page,
+        )
         figures, faults = PARTS.measured(parts, bench)
     return print_parts("Serve", figures, faults, as_json=given.json)
 

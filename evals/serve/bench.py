@@ -15,6 +15,9 @@ class ServeBench:
         inputs: hostile inputs that are sent to it.
         kills: how often it is killed.
         node: program of Node; empty where one is to be fetched.
+        hosts: the clients of others that are tried; all of them where none is named.
+        environments: where their environments are kept; none for the usual folder.
+        page: the page that their table is written into.
     """
 
     scratch: Path
@@ -23,6 +26,9 @@ class ServeBench:
     inputs: int = 20_000
     kills: int = 20
     node: str = ""
+    hosts: tuple[str, ...] = ()
+    environments: Path | None = None
+    page: Path | None = None
 
     def folder(self, name: str) -> Path:
         """A new folder in the scratch."""

