@@ -31,7 +31,7 @@ PANELS: Mapping[str, tuple[str, ...]] = types.MappingProxyType(
             *("workers", "worker_memory_mb", "operation_timeout_s", "server_memory_mb"),
             *("cluster", "planners", "embedding_model", "warm_up"),
         ),
-        "Tools": ("tools", "read_only"),
+        "Tools": ("tools", "read_only", "links"),
         "Maps from the net": (
             *("maps_online", "nominatim_url", "overpass_urls", "maps_user_agent", "maps_delay_s", "maps_timeout_s"),
             *("maps_cache_mb", "maps_cache_days", "maps_km2"),

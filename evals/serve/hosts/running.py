@@ -19,8 +19,9 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
+from ...faults.http_process import QUIET, http_process
 from ...harness import Figures, LeftOut
-from ..bench import QUIET, ServeBench, http_process
+from ..bench import ServeBench
 from . import wire
 from .environments import Environments, Installed, default_folder, quiet_variables
 from .model import NAME, scripted_model
