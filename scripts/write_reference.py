@@ -263,15 +263,14 @@ def _types_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def settings_table() -> str:
-    """Every setting of the server, with its flag where it has one."""
-    schema, flags = Settings.model_json_schema(), _flags_of("serve")
+    """Every setting of the server."""
+    schema = Settings.model_json_schema()
     rows = []
     for name, field in Settings.model_fields.items():
         part = schema["properties"][name]
         kind = "text" if part.get("format") in {"path", "password"} else _type(part)
         kind = "section" if name == "planners" else kind
-        meaning = f"{field.description} ({flags[name]})" if name in flags else str(field.description)
-        rows.append((f"`{name}`", kind, _setting_default(name, field.get_default()), meaning))
+        rows.append((f"`{name}`", kind, _setting_default(name, field.get_default()), str(field.description)))
     return table("setting|type|default|meaning", rows)
 
 
@@ -286,14 +285,6 @@ def _setting_default(name: str, value: Any) -> str:
         return f"`{str(value).lower()}`"
     text = re.sub(r"PlannerForge-MCP/[\w.]+", "PlannerForge-MCP/VERSION", str(value))
     return f"`{value:g}`" if isinstance(value, float) else f"`{text}`"
-
-
-def _flags_of(name: str) -> dict[str, str]:
-    """The flags of a command by the setting that they set."""
-    command = _program().commands[name]
-    flags = {str(part.name): f"`{part.opts[0]}`" for part in command.params if part.param_type_name == "option"}
-    renamed = {"host": "http_host", "port": "http_port", "token_file": "http_token_file", "no_journal": "journal"}
-    return {renamed.get(name, name): flag for name, flag in flags.items()}
 
 
 # The command line
