@@ -8,7 +8,7 @@ had done by workers, and of the job that it began.
 import threading
 import time
 from collections import Counter
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable, Coroutine, Iterable
 from typing import TYPE_CHECKING, Any
 
 from opentelemetry import trace
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from opentelemetry.sdk.metrics import MeterProvider
     from opentelemetry.sdk.trace import TracerProvider
 
-    from ...engine.execution.jobs import RunApart
-
+RunApart = Callable[..., Coroutine[Any, Any, None]]
+"""Runs an async function with its arguments in a thread of its own."""
 _NAME = "plannerforge"
 _TIMEOUT_S, _DELAY_MS, _INTERVAL_MS = 5.0, 1_000, 15_000
 """How long one message to the collector may take, and how often spans and metrics are sent; chosen."""
@@ -141,7 +141,7 @@ class Telemetry:
             self._meter.create_observable_gauge(name, [callback], unit, words)
         return _WatchedExecutor(executor, self._carried_out)
 
-    def jobs_apart(self, run_apart: "RunApart", store: JobStore) -> "RunApart":
+    def jobs_apart(self, run_apart: RunApart, store: JobStore) -> RunApart:
         """How jobs are run, with a span of each below the call that began it."""
 
         async def run(function: Callable[..., Awaitable[None]], job_id: str, *arguments: object) -> None:
