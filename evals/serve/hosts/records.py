@@ -90,7 +90,7 @@ def _sentence(record: HostRecord) -> str:
     told = [f"{record.version}: {'passed' if record.passed else 'not passed'}"]
     for run in record.runs:
         how = f"{run.transport}{' with help' if run.helped else ''}"
-        told.append(f"{how}: {', '.join(run.faults) or run.revision or 'whole'}")
+        told.append(f"{how}: {run.faults[0] if run.faults else run.revision or 'whole'}")
     return "; ".join(told)
 
 
