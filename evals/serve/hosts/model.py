@@ -113,6 +113,7 @@ def scripted_model() -> Iterator[ScriptedModel]:
     model = ScriptedModel()
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listener:
         listener.bind(("127.0.0.1", 0))
+        listener.listen()  # who connects before the server has started waits for it
         model.url = f"http://127.0.0.1:{listener.getsockname()[1]}"
         config = uvicorn.Config(
             model_application(model), log_level="error", access_log=False, lifespan="off", timeout_graceful_shutdown=1

@@ -38,7 +38,7 @@ class StoryRun:
         shown: what it passes on of answers; none where it showed nothing.
         asks_progress: whether it asked for notes of progress, where that was seen.
         progress_shown: how many it gave to its user; none where its driver found no place for them.
-        goes_on: whether it called another tool after the refusals.
+        goes_on: whether another call was carried out after the refusals; none where it did not come to them.
     """
 
     transport: Transport
@@ -49,7 +49,7 @@ class StoryRun:
     shown: ShownSummary | None = None
     asks_progress: bool = False
     progress_shown: int | None = None
-    goes_on: bool = False
+    goes_on: bool | None = None
 
     @property
     def passed(self) -> bool:
@@ -90,7 +90,7 @@ def _sentence(record: HostRecord) -> str:
     told = [f"{record.version}: {'passed' if record.passed else 'not passed'}"]
     for run in record.runs:
         how = f"{run.transport}{' with help' if run.helped else ''}"
-        told.append(f"{how}: {', '.join(run.faults) or run.revision or 'whole'}")
+        told.append(f"{how}: {run.faults[0] if run.faults else run.revision or 'whole'}")
     return "; ".join(told)
 
 
@@ -149,7 +149,7 @@ def _after_refusals(record: HostRecord, run: StoryRun) -> str:
     words = ", the model reads why" if run.shown and run.shown.refusals else ""
     if not run.goes_on:
         return f"ends{words}"
-    return f"goes on{words}{'' if first.goes_on else '; without the setting below it ends'}"
+    return f"goes on{words}{'; without the setting below it ends' if first.goes_on is False else ''}"
 
 
 def _notes(record: HostRecord) -> list[str]:

@@ -30,6 +30,7 @@ _SCENARIO = re.compile(r"\b[A-Z]{3}_[A-Za-z]\w*-\d+_\d+_T-\d+")
 _VEHICLE = re.compile(r"- (\d+) car:|vehicle_id\\*\"?: ?(\d+)")
 _BATCH, _JOB = re.compile(r"\bbatch_[0-9a-f]{8,}"), re.compile(r"\bjob_[0-9a-f]{8,}")
 _PNG, _PNG_AS_TEXT = b"\x89PNG\r\n\x1a\n", "iVBORw0KGgo"
+_WRONG_EDITS = 2
 _UNKNOWN = "unknown"
 """The client's name in a journal where it gave none."""
 
@@ -265,16 +266,16 @@ def faults_of(work: StoredWork, said: str, own_name: str = "") -> list[str]:
 
 
 def _refusal_faults(calls: Sequence[JournalledCall]) -> list[str]:
-    refused = [place for place, call in enumerate(calls) if call.error and call.tool == "modify_scenario"]
-    if len(refused) < 2:
-        return [f"{len(refused)} of the 2 wrong edits reached the server"]
-    return [] if goes_on_after_refusals(calls) else ["nothing was carried out after the refusals"]
+    goes_on = goes_on_after_refusals(calls)
+    if goes_on is None:
+        return [f"fewer than {_WRONG_EDITS} wrong edits reached the server"]
+    return [] if goes_on else ["nothing was carried out after the refusals"]
 
 
-def goes_on_after_refusals(calls: Sequence[JournalledCall]) -> bool:
-    """Whether a call was carried out after both wrong edits."""
+def goes_on_after_refusals(calls: Sequence[JournalledCall]) -> bool | None:
+    """Whether a call was carried out after both wrong edits; None where they were not made."""
     refused = [place for place, call in enumerate(calls) if call.error and call.tool == "modify_scenario"]
-    return len(refused) > 1 and any(not call.error for call in calls[refused[-1] :])
+    return None if len(refused) < _WRONG_EDITS else any(not call.error for call in calls[refused[-1] :])
 
 
 def _name_faults(calls: Sequence[JournalledCall], own_name: str) -> list[str]:
