@@ -23,7 +23,7 @@ from ..faults.mixed_load import broken
 from ..faults.processes import MARK, command_of, marked, remaining
 from ..harness import Figures
 from .bench import ServeBench
-from .http_load import LoadClient, Tally, Told
+from .http_load import LoadClient, Tally, Told, token_settings, tokens_of_clients
 
 _SEED = 20261124
 _CLIENTS = 4
@@ -71,20 +71,22 @@ def measure(bench: ServeBench) -> Figures:
 
 def _serve(folder: Path, number: int, duration_s: float, tally: Tally, *, is_killed: bool) -> list[str]:
     """Load a server of its own for some time, and kill it in the middle of its work; the processes that it left."""
-    mark = uuid.uuid4().hex
-    environment = {**os.environ, **QUIET, MARK: mark}
+    mark, tokens = uuid.uuid4().hex, tokens_of_clients(_CLIENTS)
+    environment = {**os.environ, **QUIET, **token_settings(tokens), MARK: mark}
     arguments = ["-m", "plannerforge.server", "serve", "--http", "--workspace", str(folder / "workspace")]
     with listening(arguments, folder, environment, folder / f"server{number}.log") as server:
-        anyio.run(_load, server, number, duration_s, tally, is_killed)
+        anyio.run(_load, server, tokens, number, duration_s, tally, is_killed)
     left = remaining(lambda: marked(mark, os.getpid()))
     return [f"after server {number}: {' '.join(command_of(process))}" for process in left]
 
 
-async def _load(server: HttpProcess, number: int, duration_s: float, tally: Tally, is_killed: bool) -> None:
+async def _load(
+    server: HttpProcess, tokens: dict[str, str], number: int, duration_s: float, tally: Tally, is_killed: bool
+) -> None:
     async with anyio.create_task_group() as tasks:
-        for client in range(_CLIENTS):
-            mode = "legacy" if client % 2 else "auto"
-            tasks.start_soon(_one_client, server.url, f"{number}-{client}", mode, tally)
+        for place, token in enumerate(tokens.values()):
+            mode = "legacy" if place % 2 else "auto"
+            tasks.start_soon(_one_client, server.url, f"{number}-{place}", token, mode, tally)
         await anyio.sleep(duration_s)
         if is_killed:
             server.process.kill()
@@ -93,8 +95,8 @@ async def _load(server: HttpProcess, number: int, duration_s: float, tally: Tall
         tasks.cancel_scope.cancel()
 
 
-async def _one_client(url: str, name: str, mode: str, tally: Tally) -> None:
-    async with http_client(url, mode=mode) as client:
+async def _one_client(url: str, name: str, token: str, mode: str, tally: Tally) -> None:
+    async with http_client(url, token, mode) as client:
         await LoadClient(name, client, tally).work_until(float("inf"))
 
 

@@ -14,7 +14,7 @@ import random
 import sys
 import time
 from collections import Counter
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -170,9 +170,8 @@ def measure(bench: ServeBench) -> Figures:
     """Load a server, watch its memory, count."""
     tally = Tally()
     folder = bench.folder("load")
-    tokens = {f"client-{number}": f"{number:02d}-" + "l" * 32 for number in range(bench.clients)}
-    listed = ",".join(f"{name} {token}" for name, token in tokens.items())
-    with http_process(folder, settings={"PLANNERFORGE_HTTP_TOKENS": listed}) as server:
+    tokens = tokens_of_clients(bench.clients)
+    with http_process(folder, settings=token_settings(tokens)) as server:
         anyio.run(_load, server, tokens, bench.minutes * 60.0, tally)
     for error in tally.errors[:_MOST_TOLD]:
         sys.stderr.write(f"{error}\n")
@@ -189,6 +188,16 @@ def measure(bench: ServeBench) -> Figures:
         "slowest_share": round(fewest * len(tokens) / calls, 3) if calls else 0.0,
         "slowest_call_s": round(tally.slowest_s, 2),
     }
+
+
+def tokens_of_clients(count: int) -> dict[str, str]:
+    """Names and tokens of clients: by its token a server tells a client without a session from others."""
+    return {f"client-{number}": f"{number:02d}-" + "l" * 32 for number in range(count)}
+
+
+def token_settings(tokens: Mapping[str, str]) -> dict[str, str]:
+    """The variable that lets these clients in."""
+    return {"PLANNERFORGE_HTTP_TOKENS": ",".join(f"{name} {token}" for name, token in tokens.items())}
 
 
 async def _load(server: HttpProcess, tokens: dict[str, str], duration_s: float, tally: Tally) -> None:
