@@ -5,6 +5,7 @@
 ``Executor``: Runs operations, each apart from the others; gives their responses.
 ``Lane``: Which workers carry an operation out: ``compute`` or ``retrieval``.
 ``OnProgress``: A listener to progress: an async function of the share done in [0, 1] and a few words.
+``ExecutorAround``: What executors share that hand operations on to another one.
 ``Operation``: A function of the engine that runs in a worker, with its request, response and time limit in seconds.
 ``ProgressReporter``: Called by an operation with the share done in [0, 1] and a few words.
 ``Request``: Type variable of what an operation takes.
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from .cluster import ClusterExecutor
     from .executor import (
         Executor,
+        ExecutorAround,
         Lane,
         OnProgress,
         Operation,

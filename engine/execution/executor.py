@@ -82,6 +82,23 @@ class Executor(Protocol):
         """
 
 
+class ExecutorAround:
+    """What executors share that hand operations on to another one: they add ``run``."""
+
+    def __init__(self, inner: Executor) -> None:
+        self._inner = inner
+
+    @property
+    def capacity(self) -> int:
+        """That of the executor behind it."""
+        return self._inner.capacity
+
+    @property
+    def notice(self) -> str:
+        """That of the executor behind it."""
+        return self._inner.notice
+
+
 def silent(share: float, message: str = "") -> None:
     """A progress reporter that drops what it is given."""
     del share, message

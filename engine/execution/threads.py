@@ -16,7 +16,7 @@ from typing import Generic, TypeVar
 
 import anyio
 
-from .executor import Executor, OnProgress, Operation, Request, Response, no_progress
+from .executor import Executor, ExecutorAround, OnProgress, Operation, Request, Response, no_progress
 
 _Result = TypeVar("_Result")
 _MOST_IDLE = 8
@@ -137,21 +137,12 @@ class _LentThread:
             self.loop.close()
 
 
-class ReachableExecutor:
+class ReachableExecutor(ExecutorAround):
     """An executor of the event loop that this is made in, for callers in the loops of other threads."""
 
     def __init__(self, inner: Executor) -> None:
-        self._inner, self._home = inner, asyncio.get_running_loop()
-
-    @property
-    def capacity(self) -> int:
-        """That of the executor behind it."""
-        return self._inner.capacity
-
-    @property
-    def notice(self) -> str:
-        """That of the executor behind it."""
-        return self._inner.notice
+        super().__init__(inner)
+        self._home = asyncio.get_running_loop()
 
     async def run(
         self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress

@@ -5,7 +5,16 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ...engine.execution import Executor, OnProgress, Operation, ProgressReporter, Request, Response, no_progress
+from ...engine.execution import (
+    Executor,
+    ExecutorAround,
+    OnProgress,
+    Operation,
+    ProgressReporter,
+    Request,
+    Response,
+    no_progress,
+)
 from ...schemas.planning import RunRequest, RunResponse
 
 RunOperation = Operation[RunRequest, RunResponse]
@@ -32,7 +41,7 @@ HANG, CRASH = (
 )
 
 
-class FaultInjector:
+class FaultInjector(ExecutorAround):
     """An executor that carries out another operation for the runs of some scenarios.
 
     Args:
@@ -41,17 +50,8 @@ class FaultInjector:
     """
 
     def __init__(self, inner: Executor, instead: Mapping[str, RunOperation]) -> None:
-        self._inner, self._instead = inner, instead
-
-    @property
-    def capacity(self) -> int:
-        """That of the executor behind it."""
-        return self._inner.capacity
-
-    @property
-    def notice(self) -> str:
-        """That of the executor behind it."""
-        return self._inner.notice
+        super().__init__(inner)
+        self._instead = instead
 
     async def run(
         self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress

@@ -16,7 +16,17 @@ from opentelemetry.metrics import CallbackOptions, Observation
 from opentelemetry.trace import SpanKind, StatusCode
 
 from ... import __version__
-from ...engine.execution import Executor, JobStore, Lane, OnProgress, Operation, Request, Response, no_progress
+from ...engine.execution import (
+    Executor,
+    ExecutorAround,
+    JobStore,
+    Lane,
+    OnProgress,
+    Operation,
+    Request,
+    Response,
+    no_progress,
+)
 from ...schemas.errors import NotPossible, PlannerForgeError
 from .logs import EndedCall
 
@@ -188,21 +198,12 @@ class Telemetry:
             self._under_way[lane] += change
 
 
-class _WatchedExecutor:
+class _WatchedExecutor(ExecutorAround):
     """An executor whose operations are told of."""
 
     def __init__(self, inner: Executor, run: Callable[..., Awaitable[Any]]) -> None:
-        self._inner, self._run = inner, run
-
-    @property
-    def capacity(self) -> int:
-        """That of the executor behind it."""
-        return self._inner.capacity
-
-    @property
-    def notice(self) -> str:
-        """That of the executor behind it."""
-        return self._inner.notice
+        super().__init__(inner)
+        self._run = run
 
     async def run(
         self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress
