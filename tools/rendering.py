@@ -12,8 +12,8 @@ from ..engine.rendering import filled_page
 from ..engine.workspace import Artifact, versions_of, write_whole
 from ..resources.templates import picture_link
 from ..schemas.analysis.optimization import StudyRecord
-from ..schemas.errors import Faults, InvalidRequest, UnknownName, WorkerFailure, WorkerTimeout
-from ..schemas.planning import PlannerConfiguration, ReplayRequest, RunRequest
+from ..schemas.errors import Faults, InvalidRequest, PlannerForgeError, UnknownName
+from ..schemas.planning import PlannerConfiguration, Replayed, ReplayRequest, RunRequest
 from ..schemas.rendering import (
     PICTURE_FORMAT,
     VIEW_FORMAT,
@@ -191,15 +191,20 @@ async def make_view(words: Sequence[str], call: ToolCall, *, whole: bool = True)
             artifacts.append(named_artifact(word, call))
     faults.raise_all()
     request = _view_request(artifacts, call, whole=whole)
-    note = call.workspace.root / VIEWS / f"{_view_digest(request)}.json"
-    if not note.is_file():
-        with call.workspace.scratch() as folder:
-            path = folder / "view.json"
-            panes = [await _with_plans(pane, folder / f"plans{i}.json", call) for i, pane in enumerate(request.panes)]
-            await call.run(WRITE_VIEW, request.model_copy(update={"path": str(path), "panes": tuple(panes)}))
-            write_whole(note, partial(shutil.copyfile, path))
-    ids = tuple(artifact.artifact_id for artifact in artifacts)
-    return MadeView(ids, request.kind, note.read_text(encoding="utf-8"))
+    kept = call.workspace.root / VIEWS / f"{_view_digest(request)}.json"
+    data = kept.read_text(encoding="utf-8") if kept.is_file() else await _view_data(request, kept, call)
+    return MadeView(tuple(artifact.artifact_id for artifact in artifacts), request.kind, data)
+
+
+async def _view_data(request: ViewRequest, kept: Path, call: ToolCall) -> str:
+    """Make the data of a view, and keep them, unless something is missing that may be there the next time."""
+    with call.workspace.scratch() as folder:
+        path = folder / "view.json"
+        panes = [await _with_plans(pane, folder / f"plans{i}.json", call) for i, pane in enumerate(request.panes)]
+        await call.run(WRITE_VIEW, request.model_copy(update={"path": str(path), "panes": tuple(panes)}))
+        if not any(pane.note for pane in panes):
+            write_whole(kept, partial(shutil.copyfile, path))
+        return path.read_text(encoding="utf-8")
 
 
 def _view_request(artifacts: Sequence[Artifact], call: ToolCall, *, whole: bool) -> ViewRequest:
@@ -251,29 +256,33 @@ async def _with_plans(pane: ViewPane, path: Path, call: ToolCall) -> ViewPane:
     if pane.run is None or pane.run.steps_path is None:
         return pane
     record = pane.run.record
+    try:
+        found = await _replayed(record, pane.scenario.path, pane.run.steps_path, path, call)
+    except PlannerForgeError as error:
+        found = Replayed(note=f"its plans are not shown: {error.message}")
+    note = f"{record.run_id}: {found.note}" if found.note else ""
+    return pane.model_copy(update={"plans_path": found.path, "note": note})
+
+
+async def _replayed(record: RunRecord, scenario_path: str, steps_path: str, path: Path, call: ToolCall) -> Replayed:
+    """Have a run driven once more, and its plans written to ``path``.
+
+    Raises:
+        PlannerForgeError: its planner or configuration is gone, or a worker failed.
+    """
     if planner_version(record.planner):
-        return pane.model_copy(update={"note": f"{record.run_id}: plans of planners of others are not shown"})
-    config = call.workspace.find("config", record.config_id)
-    if config is None:
-        return pane.model_copy(
-            update={"note": f"{record.run_id}: its configuration is gone, so its plans are not shown"}
-        )
+        return Replayed(note="plans of planners of others are not shown")
     run = RunRequest(
         run_id=record.run_id,
-        scenario_path=pane.scenario.path,
+        scenario_path=scenario_path,
         scenario_id=record.scenario_id,
         problem_id=record.problem_id,
-        configuration=config.read(PlannerConfiguration),
+        configuration=call.workspace.get(record.config_id, "config").read(PlannerConfiguration),
         prediction=record.prediction,
         traffic=record.traffic,
         seed=record.seed,
     )
-    try:
-        found = await call.run(REPLAY_PLANS, ReplayRequest(run=run, steps_path=pane.run.steps_path, path=str(path)))
-    except (WorkerFailure, WorkerTimeout) as error:
-        return pane.model_copy(update={"note": f"{record.run_id}: its plans are not shown: {error.message}"})
-    note = f"{record.run_id}: {found.note}" if found.note else ""
-    return pane.model_copy(update={"plans_path": found.path, "note": note})
+    return await call.run(REPLAY_PLANS, ReplayRequest(run=run, steps_path=steps_path, path=str(path)))
 
 
 def _view_digest(request: ViewRequest) -> str:

@@ -1,8 +1,9 @@
 """MCP Apps: hosts that have the extension are told pages and views; for all others nothing is different."""
 
 import json
+import sqlite3
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, closing
 from pathlib import Path
 from typing import Any
 
@@ -94,6 +95,27 @@ async def test_view_of_runs_is_read_as_a_resource(settings: Settings, era: str, 
     board = BoardView.model_validate(batch)
     assert [row.scenario_id for row in board.rows] == [SCENARIO, OTHER]
     assert board.drives == {}  # the page asks for each run that is opened
+
+
+@pytest.mark.usefixtures("warm_workers", "starter_ready")
+async def test_run_whose_planner_is_gone_is_shown_without_plans(settings: Settings, tmp_path: Path) -> None:
+    views = settings.workspace / "views"
+    async with host(settings, "auto", tmp_path) as client:
+        ran = await client.call_tool("run_planner", {"scenarios": [SCENARIO], "configs": ["idm"]})
+        uri = (ran.meta or {})[VIEW_KEY]
+        whole = (await client.read_resource(uri)).contents[0].text  # type: ignore[union-attr]
+        kept = len(list(views.iterdir()))
+        with closing(sqlite3.connect(settings.workspace / "workspace.sqlite")) as database, database:
+            database.execute("UPDATE artifacts SET record = json_set(record, '$.planner', 'gone') WHERE kind = 'run'")
+        without = (await client.read_resource(uri)).contents[0].text  # type: ignore[union-attr]
+    shown, bare = PlayerView.model_validate_json(whole), PlayerView.model_validate_json(without)
+    assert shown.notes == ()
+    assert shown.panes[0].drive is not None
+    assert bare.panes[0].drive is not None
+    assert len(shown.panes[0].drive.plans) == len(shown.panes[0].drive.plan_steps) > 0
+    assert bare.panes[0].drive.plans == ()
+    assert "its plans are not shown: there is no planner 'gone'" in bare.notes[0]
+    assert len(list(views.iterdir())) == kept == 1  # it may be installed again
 
 
 @pytest.mark.usefixtures("starter_ready")
