@@ -93,20 +93,14 @@ class Replayed(Model):
     note: str = ""
 
 
-class ShownPrediction(Model):
-    """Where a planner expected another road user: x, y, x, y, … in m."""
-
-    obstacle_id: int
-    points_m: tuple[float, ...]
-
-
 class ShownPlan(Model):
-    """What a planner had in mind at a step: lines as x, y, x, y, … in m; ``plan`` is the one that it chose."""
+    """What a planner had in mind at a step: lines as x, y, x, y, … in m; ``plan`` is the one that it chose,
+    ``predictions`` where it expected others."""
 
     step: int
     plan: tuple[float, ...]
     candidates: tuple[tuple[float, ...], ...] = ()
-    predictions: tuple[ShownPrediction, ...] = ()
+    predictions: tuple[tuple[float, ...], ...] = ()
 
 
 class RunPlans(Model):

@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...schemas.errors import PlannerFailure
-from ...schemas.planning import Replayed, ReplayRequest, RunPlans, RunRequest, RunResponse, ShownPlan, ShownPrediction
+from ...schemas.planning import Replayed, ReplayRequest, RunPlans, RunRequest, RunResponse, ShownPlan
 from ...schemas.runs import DrivenObstacle, RunMetrics, RunRecord, RunSteps, RunTiming
 from ..commonroad import Track, kept_recording
 from ..criticality import drive_criticality
@@ -26,6 +27,11 @@ from .interface import EgoState, Observation, Plan, Planner, PlanningTask, Shows
 from .registry import check_modes, make_planner, open_traffic, planner_version
 from .simulation import DrivenRun, simulate
 from .solution import steering_of
+
+if TYPE_CHECKING:
+    from commonroad.planning.planning_problem import PlanningProblem
+
+    from ..commonroad import LoadedScenario
 
 _EVERY_S = 0.2
 """Between two points of a line (chosen)."""
@@ -46,19 +52,17 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         PlannerFailure: a planner of others broke its contract.
     """
     began = perf_counter()
-    loaded = kept_recording(Path(request.scenario_path)).loaded
-    problem = loaded.problem(request.problem_id)
-    vehicle = vehicle_of(request.configuration.settings)
+    start = _Start.of(request)
+    loaded, vehicle = start.loaded, start.vehicle
     file = ScenarioFile(Path(request.scenario_path), str(loaded.scenario.scenario_id))
     _check_version(request)
     planner = make_planner(request.configuration.planner, file)
     check_modes(request.traffic, request.prediction)
-    with open_traffic(request.traffic, loaded, problem, vehicle, request.seed) as traffic:
-        driven = simulate(loaded.scenario, problem, request.configuration, planner, request.prediction, report, traffic)
+    driven = start.drive(planner, report)
     record = RunRecord(
         run_id=request.run_id,
         scenario_id=request.scenario_id,
-        problem_id=int(problem.planning_problem_id),
+        problem_id=int(start.problem.planning_problem_id),
         config_id=request.configuration.config_id,
         config_name=request.configuration.name,
         planner=request.configuration.planner,
@@ -90,6 +94,28 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     )
     log = planner.log if isinstance(planner, CommandDriver) else ""
     return RunResponse(record=record, steps=run_steps(driven), timing=timing, planner_log=log)
+
+
+@dataclass(frozen=True)
+class _Start:
+    """What a run begins with, as its request names it."""
+
+    request: RunRequest
+    loaded: "LoadedScenario"
+    problem: "PlanningProblem"
+    vehicle: VehicleParameters
+
+    @classmethod
+    def of(cls, request: RunRequest) -> "_Start":
+        """The scenario in memory, its planning problem, and the ego's vehicle."""
+        loaded = kept_recording(Path(request.scenario_path)).loaded
+        return cls(request, loaded, loaded.problem(request.problem_id), vehicle_of(request.configuration.settings))
+
+    def drive(self, planner: Planner, report: ProgressReporter) -> DrivenRun:
+        """Let a planner drive in the request's traffic."""
+        asked, scenario = self.request, self.loaded.scenario
+        with open_traffic(asked.traffic, self.loaded, self.problem, self.vehicle, asked.seed) as traffic:
+            return simulate(scenario, self.problem, asked.configuration, planner, asked.prediction, report, traffic)
 
 
 def _check_version(request: RunRequest) -> None:
@@ -200,17 +226,13 @@ def replay_plans(request: ReplayRequest, report: ProgressReporter) -> Replayed:
         UnsafeInput: the scenario's file cannot be read.
         UnknownName: no such planning problem or planner.
     """
-    run = request.run
-    loaded = kept_recording(Path(run.scenario_path)).loaded
-    problem = loaded.problem(run.problem_id)
-    vehicle = vehicle_of(run.configuration.settings)
-    planner = _Watched(make_planner(run.configuration.planner), loaded.step_s)
-    with open_traffic(run.traffic, loaded, problem, vehicle, run.seed) as traffic:
-        driven = simulate(loaded.scenario, problem, run.configuration, planner, run.prediction, report, traffic)
+    start = _Start.of(request.run)
+    planner = _Watched(make_planner(request.run.configuration.planner), start.loaded.step_s)
+    driven = start.drive(planner, report)
     stored = RunSteps.model_validate_json(Path(request.steps_path).read_bytes())
     if run_steps(driven) != stored:
         return Replayed(note="this version drives the run otherwise than it is stored, so its plans are not shown")
-    plans = tuple(planner.plans[step] for step in driven.plan_steps if step in planner.plans)
+    plans = tuple(planner.plans[step] for step in driven.plan_steps)
     Path(request.path).write_text(RunPlans(plans=plans).model_dump_json(), encoding="utf-8")
     return Replayed(path=request.path)
 
@@ -245,7 +267,7 @@ class _Watched:
             predictions=tuple(self._predictions(observation)),
         )
 
-    def _predictions(self, observation: Observation) -> list[ShownPrediction]:
+    def _predictions(self, observation: Observation) -> list[tuple[float, ...]]:
         def distance_m(positions: Points) -> float:
             return float(np.linalg.norm(positions[0] - observation.ego.position))
 
@@ -255,10 +277,7 @@ class _Watched:
             for distance, _, one in sorted(near, key=lambda each: each[:2])
             if distance <= _WITHIN_M and np.linalg.norm(one.positions[-1] - one.positions[0]) >= _LEAST_M
         ]
-        return [
-            ShownPrediction(obstacle_id=one.obstacle_id, points_m=self._line(one.positions))
-            for one in moving[:_MOST_PREDICTIONS]
-        ]
+        return [self._line(one.positions) for one in moving[:_MOST_PREDICTIONS]]
 
     def _line(self, positions: Points) -> tuple[float, ...]:
         """x, y, x, y, … in m, to the centimetre, with the last point."""

@@ -146,8 +146,11 @@ def _line(points: Points, origin: Points, tolerance_m: float = _FINEST_M) -> Lin
     import shapely
 
     thin = shapely.LineString(points).simplify(tolerance_m, preserve_topology=False) if len(points) > 2 else None
-    kept = np.asarray(points if thin is None or thin.is_empty else thin.coords)
-    return tuple(np.diff(_cm(kept - origin), axis=0, prepend=[[0, 0]]).ravel().tolist())
+    return _sent(np.asarray(points if thin is None or thin.is_empty else thin.coords), origin)
+
+
+def _sent(points: Points, origin: Points) -> Line:
+    return tuple(np.diff(_cm(points - origin), axis=0, prepend=[[0, 0]]).ravel().tolist())
 
 
 def track_view(track: Track, origin: Points, stride: int = 1, *, driven: bool = False) -> TrackView:
@@ -298,7 +301,7 @@ def _plans(path: str, origin: Points) -> Iterable[PlanView]:
     """The plans of a run from their file; none without one."""
 
     def line(numbers: Sequence[float]) -> Line:
-        return tuple(np.diff(_cm(np.reshape(numbers, (-1, 2)) - origin), axis=0, prepend=[[0, 0]]).ravel().tolist())
+        return _sent(np.reshape(numbers, (-1, 2)), origin)
 
     plans = RunPlans.model_validate_json(Path(path).read_bytes()).plans if path else ()
     for one in plans:
@@ -306,7 +309,7 @@ def _plans(path: str, origin: Points) -> Iterable[PlanView]:
             step=one.step,
             plan=line(one.plan),
             candidates=tuple(map(line, one.candidates)),
-            predictions=tuple(line(prediction.points_m) for prediction in one.predictions),
+            predictions=tuple(map(line, one.predictions)),
         )
 
 

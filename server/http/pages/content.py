@@ -3,7 +3,7 @@
 import base64
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -54,11 +54,10 @@ class Facts:
 
 @dataclass(frozen=True)
 class Told:
-    """What a tool said: its words, and the ids that it named where a page leads on to them."""
+    """What a tool said, and whether that is a refusal."""
 
     text: str
     failed: bool = False
-    batches: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -70,8 +69,8 @@ class JournalLine:
     tool: str
     arguments: str
     duration_s: float
-    result_ids: Sequence[str] = field(default=())
-    error: str = ""
+    result_ids: Sequence[str]
+    error: str
 
 
 class Content:

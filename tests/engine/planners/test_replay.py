@@ -68,7 +68,7 @@ def test_predictions_are_of_moving_others_nearby_alone(tmp_path: Path) -> None:
     run, response = driven(tmp_path, "frenetix:Default")
     predicted = [one for plan in plans(replayed(tmp_path, run, response.steps)) for one in plan.predictions]
     assert predicted
-    assert all(np.linalg.norm(points(one.points_m)[-1] - points(one.points_m)[0]) >= 0.5 for one in predicted)
+    assert all(np.linalg.norm(points(one)[-1] - points(one)[0]) >= 0.5 for one in predicted)
 
 
 def test_run_that_comes_out_otherwise_shows_no_plans(tmp_path: Path) -> None:
