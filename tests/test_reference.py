@@ -1,11 +1,10 @@
 """The reference of the docs says what the program says today: ``make reference`` writes it."""
 
-import importlib.util
 from pathlib import Path
 from types import ModuleType
 
 import pytest
-from support.tree import CHECKOUT
+from support.tree import CHECKOUT, loaded_script
 
 from plannerforge.tools.registry import TOOLS
 
@@ -13,12 +12,7 @@ from plannerforge.tools.registry import TOOLS
 @pytest.fixture(scope="module")
 def script() -> ModuleType:
     """The script that writes the pages."""
-    spec = importlib.util.spec_from_file_location("write_reference", CHECKOUT / "scripts" / "write_reference.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded_script("write_reference")
 
 
 @pytest.fixture(scope="module")

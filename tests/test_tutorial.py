@@ -1,12 +1,11 @@
 """The tutorial shows what the server answers today: ``make tutorial-page`` records it and its pictures."""
 
-import importlib.util
 from types import ModuleType
 
 import numpy as np
 import pytest
 from PIL import Image
-from support.tree import CHECKOUT
+from support.tree import CHECKOUT, loaded_script
 
 from plannerforge.server.settings import Settings
 
@@ -17,12 +16,7 @@ LARGEST_DIFFERENCE = 8.0
 @pytest.fixture(scope="module")
 def recording() -> ModuleType:
     """The script that records the page."""
-    spec = importlib.util.spec_from_file_location("record_tutorial", CHECKOUT / "scripts" / "record_tutorial.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded_script("record_tutorial")
 
 
 def coarse(picture: Image.Image) -> np.ndarray:

@@ -1,12 +1,11 @@
 """The chat of ``docs/chat.md`` with the real server: five stages, each with what the one before made."""
 
-import importlib.util
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 from support.model_servers import serving
-from support.tree import CHECKOUT
+from support.tree import loaded_script
 
 from plannerforge.agent.connection import ToolConnection
 from plannerforge.agent.loop import AgentSession
@@ -19,12 +18,7 @@ from plannerforge.server.settings import Settings
 @pytest.fixture(scope="module")
 def recording() -> ModuleType:
     """The script that records the page."""
-    spec = importlib.util.spec_from_file_location("record_chat", CHECKOUT / "scripts" / "record_chat.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded_script("record_chat")
 
 
 @pytest.mark.anyio

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from mcp import Client
 from support.builders import town_road
+from support.contract import hold_page
 
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
@@ -67,10 +68,4 @@ async def test_the_page_shows_an_answer_of_each_tool(
             if tool not in LISTS and len(text.splitlines()) > MOST_LINES and count_tokens(text) > MOST_TOKENS:
                 too_long[tool] = text
     assert too_long == {}
-    said = PAGE.read_text(encoding="utf-8")
-    head, mark, _ = said.partition(MARK)
-    assert mark
-    page = head + MARK + "\n" + "\n".join(shown)
-    if request.config.getoption("--update-snapshots"):
-        PAGE.write_text(page, encoding="utf-8")
-    assert page == PAGE.read_text(encoding="utf-8"), "run pytest tests/contract --update-snapshots and look"
+    hold_page(PAGE, MARK, shown, update=request.config.getoption("--update-snapshots"))

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from mcp import Client
 from support.builders import town_road
-from support.contract import CASES
+from support.contract import CASES, hold_page
 from support.tree import CHECKOUT
 
 from plannerforge.server.assembly import create_server
@@ -49,10 +49,4 @@ async def test_the_page_shows_refusals_of_each_tool(
                 blocks.append(f"`{json.dumps(arguments, ensure_ascii=False)}`\n\n```text\n{text}\n```")
             assert blocks, spec.name
             shown.append(f"### {spec.name}\n\n" + "\n\n".join(blocks) + "\n")
-    said = PAGE.read_text(encoding="utf-8")
-    head, mark, _ = said.partition(MARK)
-    assert mark
-    page = head + MARK + "\n" + "\n".join(shown)
-    if request.config.getoption("--update-snapshots"):
-        PAGE.write_text(page, encoding="utf-8")
-    assert page == PAGE.read_text(encoding="utf-8"), "run pytest tests/contract --update-snapshots and look"
+    hold_page(PAGE, MARK, shown, update=request.config.getoption("--update-snapshots"))

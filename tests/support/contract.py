@@ -289,3 +289,13 @@ CASES: dict[str, Case] = {
         ),
     ),
 }
+
+
+def hold_page(page: Path, mark: str, sections: list[str], *, update: bool) -> None:
+    """Hold what stands below a page's mark to what was recorded just then, or write it there."""
+    head, found, _ = page.read_text(encoding="utf-8").partition(mark)
+    assert found
+    recorded = head + mark + "\n" + "\n".join(sections)
+    if update:
+        page.write_text(recorded, encoding="utf-8")
+    assert recorded == page.read_text(encoding="utf-8"), "run pytest tests/contract --update-snapshots and look"

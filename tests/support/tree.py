@@ -2,8 +2,9 @@
 
 import ast
 from collections.abc import Iterator
-from importlib.util import resolve_name
+from importlib.util import module_from_spec, resolve_name, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 LAYERS = ("schemas", "engine", "tools", "resources", "prompts", "server", "agent", "evals")
@@ -34,6 +35,16 @@ def imports_of(module: str, source: str) -> Iterator[tuple[str, str]]:
         elif isinstance(node, ast.ImportFrom):
             origin = resolve_name("." * node.level + (node.module or ""), package) if node.level else str(node.module)
             yield from ((origin, alias.name) for alias in node.names)
+
+
+def loaded_script(name: str) -> ModuleType:
+    """A script of the checkout as a module, without running it."""
+    spec = spec_from_file_location(name, CHECKOUT / "scripts" / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def engine_packages() -> list[str]:
