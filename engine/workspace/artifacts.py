@@ -42,7 +42,7 @@ _MAKERS: dict[ArtifactKind, str] = {
 """What makes an artifact of each kind, for the next step of a refusal."""
 _OWN_FOLDERS = frozenset(
     {
-        *("scratch", "index", "logs", "recordings", "journal", "pictures", "reports", "answers", "extracts"),
+        *("scratch", "index", "logs", "recordings", "journal", "pictures", "views", "reports", "answers", "extracts"),
         *(f"{kind}s" for kind in get_args(ArtifactKind)),
     }
 )

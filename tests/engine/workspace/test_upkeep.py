@@ -30,7 +30,7 @@ def workspace(tmp_path: Path) -> Workspace:
         file.write_text("{}")
         recipe = Recipe(tool="run_planner", arguments={"number": number})
         made.put("run", f"run_{number}", recipe=recipe, record=Note(text="x"), files={"steps.json": file})
-    for name in ("recordings", "pictures", "answers"):
+    for name in ("recordings", "pictures", "views", "answers"):
         (made.root / name).mkdir()
         (made.root / name / "one").write_bytes(bytes(MB))
     left = made.root / "runs" / "run_left"
@@ -70,6 +70,7 @@ def test_above_a_quota_caches_go_and_nothing_that_was_made(workspace: Workspace)
     removed = dict(make_room(workspace, quota_bytes=taken - MB - MB // 2))
     assert set(removed) == {"runs/run_left", "recordings/one", "pictures/one"}
     make_room(workspace, quota_bytes=0)
+    assert not (workspace.root / "views" / "one").exists()
     assert not (workspace.root / "answers" / "one").exists()
     assert list(disagreements(workspace)) == []
     assert workspace.file("run", "run_1", "steps.json").is_file()
