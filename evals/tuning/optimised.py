@@ -74,7 +74,7 @@ async def _measured(bench: AnalysisBench) -> Figures:
             for name, row in _rows(base, best, _ends(folder, safety, None)).items():
                 shares.setdefault(name, []).append(row)
     means = {name: tuple(fmean(column) for column in zip(*rows, strict=True)) for name, rows in shares.items()}
-    low, high = _interval({name: row[4] - row[0] for name, row in means.items()}, bench.seed)
+    low, high = place_interval({name: row[4] - row[0] for name, row in means.items()}, bench.seed)
     reached, hit, safe_reached, safe_hit, best_reached, best_hit = (
         fmean(row[i] for row in means.values()) if means else 0.0 for i in range(6)
     )
@@ -144,8 +144,8 @@ def _rows(base: _Ends, best: _Ends, safety: _Ends) -> dict[str, tuple[float, ...
     }
 
 
-def _interval(gains: Mapping[str, float], seed: int) -> tuple[float, float]:
-    """95 % of the means of places drawn with replacement."""
+def place_interval(gains: Mapping[str, float], seed: int) -> tuple[float, float]:
+    """The 95 % interval of a mean over scenarios: places are drawn with replacement."""
     places: dict[str, list[float]] = {}
     for name, gain in gains.items():
         places.setdefault(road_of(name), []).append(gain)
