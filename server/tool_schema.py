@@ -51,6 +51,7 @@ def tool_description(spec: ToolSpec) -> Tool:
         input_schema=input_schema(arguments),
         output_schema=None if result is None else output_schema(result),
         annotations=ToolAnnotations(
+            title=spec.title,
             read_only_hint=spec.read_only and not spec.making,
             destructive_hint=False,
             idempotent_hint=True,

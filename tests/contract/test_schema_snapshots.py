@@ -27,6 +27,14 @@ def test_what_the_server_sends_is_what_the_models_say(spec: ToolSpec) -> None:
     assert described_tool(spec) == tool_description(spec)
 
 
+@pytest.mark.parametrize("spec", TOOLS, ids=lambda spec: spec.name)
+def test_a_tool_has_its_title_where_older_clients_look_for_it_too(spec: ToolSpec) -> None:
+    tool = described_tool(spec)
+    assert tool.title == spec.title
+    assert tool.annotations is not None
+    assert tool.annotations.title == spec.title
+
+
 def test_there_is_no_snapshot_without_a_tool() -> None:
     assert {path.stem for path in SNAPSHOTS.glob("*.json")} == {spec.name for spec in TOOLS}
 
