@@ -19,6 +19,7 @@ from typer.main import get_command
 
 from plannerforge import __version__
 from plannerforge.evals.command_line import application
+from plannerforge.evals.serve.install import LEFT_OUT
 from plannerforge.server.settings import Settings
 from plannerforge.tools.registry import TOOLS
 
@@ -100,10 +101,18 @@ def test_the_image_serves_by_http_with_flags_that_there_are_and_looks_after_itse
     assert f"http://127.0.0.1:{port}/health" in stage["HEALTHCHECK"]
 
 
-def test_the_build_takes_torch_for_the_cpu_and_no_compiler() -> None:
+def test_image_and_bundle_leave_out_what_a_server_does_not_import() -> None:
     build = " ".join(said for _, said in instructions())
-    assert "--torch-backend cpu" in build
-    assert project()["tool"]["uv"]["override-dependencies"][0] in build
+    left_out = re.search(r"""printf "(%s [^"]+)\\n" ([\w -]+) >""", build)
+    assert left_out is not None
+    overrides = [left_out[1].replace("%s", name) for name in left_out[2].split()]
+    bundle = tomllib.loads((PACKAGING / "bundle" / "environment.toml").read_text(encoding="utf-8"))
+    assert overrides == bundle["tool"]["uv"]["override-dependencies"]
+    assert project()["tool"]["uv"]["override-dependencies"][0] in overrides
+    assert "--overrides" in build
+    page = (CHECKOUT / "docs" / "install.md").read_text(encoding="utf-8")
+    assert f"""printf "{left_out[1]}\\n" {left_out[2]} > overrides.txt""" in page
+    assert tuple(left_out[2].split()) == LEFT_OUT
 
 
 def test_what_the_build_is_given_is_all_that_a_wheel_is_built_from() -> None:
@@ -153,7 +162,6 @@ def test_a_bundle_holds_the_wheel_that_its_environment_is_made_of(staged: Path) 
     assert {path.name for path in staged.iterdir()} == {"manifest.json", "pyproject.toml", "server.py", wheel}
     environment = tomllib.loads((staged / "pyproject.toml").read_text(encoding="utf-8"))
     assert environment["tool"]["uv"]["sources"]["plannerforge-mcp"] == {"path": wheel}
-    assert environment["tool"]["uv"]["override-dependencies"] == project()["tool"]["uv"]["override-dependencies"]
     assert environment["project"]["requires-python"] == project()["project"]["requires-python"]
     assert "VERSION" not in (staged / "pyproject.toml").read_text(encoding="utf-8").split("\n", 1)[1]
 

@@ -87,9 +87,16 @@ def _loaded(model: EmbeddingModel) -> Embed:
         return MiniLM(Path(get_model_path())).embed
     if Path(model.name).is_dir():
         os.environ.setdefault("HF_HUB_OFFLINE", "1")
-    import torch
-    from sentence_transformers import SentenceTransformer
-    from transformers.utils import logging as transformers_logging
+    try:
+        import torch
+        from sentence_transformers import SentenceTransformer
+        from transformers.utils import logging as transformers_logging
+    except ImportError as error:
+        raise ResourceFailure(
+            f"the embedding model '{model.name}' cannot be loaded: {error.name} is not installed here",
+            valid=[PACKAGED_MODEL],
+            next_step="install torch and sentence-transformers beside the server, or leave embedding_model as it is",
+        ) from error
 
     transformers_logging.disable_progress_bar()  # type: ignore[no-untyped-call]
     torch.set_num_threads(1)  # two threads wait for each other: 204 instead of 14 ms for a query on two busy cores

@@ -1,18 +1,23 @@
 """From nothing to the first answer in a host: a wheel, a new environment, the host's settings, a call as it makes it.
 
-Keys: ``install_s`` (all of it, with packages from pip's cache where it has them), ``install_packages_s`` (environment,
-torch for the CPU and the wheel with all that it needs), ``install_host_s`` (``plannerforge install`` into a host's
-settings), ``install_answer_s`` (the server started as those settings say, to the answer of a search), ``install_mb``
-(what the environment takes). The wheel itself is built before the clock starts: a user downloads it.
+Keys: ``install_s`` (all of it by pip, with packages from pip's cache where it has them), ``install_packages_s``
+(environment, torch for the CPU and the wheel with all that it needs), ``install_host_s`` (``plannerforge install`` into
+a host's settings), ``install_answer_s`` (the server started as those settings say, to the answer of a search),
+``install_mb`` (what the environment takes); ``install_cold_s``: all of it without pip's cache; ``install_uv_s``,
+``install_uv_cold_s``, ``install_uv_mb``: the same by uv, which leaves out what docs/install.md says, with its cache and
+with an empty one. The wheel itself is built before the clock starts, and uv is had from PyPI: a user has them.
 """
 
 import os
+import shutil
 import subprocess
 import sys
 import time
 import tomllib
+from collections.abc import Callable
 from importlib.metadata import requires
 from pathlib import Path
+from typing import NamedTuple
 
 import anyio
 from mcp import Client, StdioServerParameters
@@ -27,10 +32,26 @@ _TORCH_INDEX = "https://download.pytorch.org/whl/cpu"
 _HOST = ("codex", ".codex/config.toml", "mcp_servers")
 """A host whose settings are one file in the home folder."""
 _BYTES = 1024**2
+LEFT_OUT = ("polygon3", "torch", "sentence-transformers")
+"""What nothing imports in a server with its default settings; uv can leave it out (docs/install.md)."""
+
+
+class Taken(NamedTuple):
+    """Seconds of the packages, of the host's settings and of the first answer; megabytes of the environment."""
+
+    packages_s: float
+    host_s: float
+    answer_s: float
+    megabytes: int
+
+    @property
+    def all_s(self) -> float:
+        """From nothing to the first answer."""
+        return round(self.packages_s + self.host_s + self.answer_s, 1)
 
 
 def measure(bench: ServeBench) -> Figures:
-    """Build a wheel, install it into a new environment and a new home folder, and ask what a host asks.
+    """Build a wheel, install it into new environments and new home folders, and ask what a host asks.
 
     Raises:
         LeftOut: there is no checkout to build a wheel from.
@@ -40,12 +61,30 @@ def measure(bench: ServeBench) -> Figures:
         raise LeftOut("it builds a wheel, and there is no checkout to build it from")
     folder = bench.folder("install")
     wheel = _built(folder / "dist")
+    uv = _uv(folder)
+    cold = _taken(folder / "cold", lambda place: _by_pip(place, wheel, "--no-cache-dir"))
+    warm = _taken(folder / "warm", lambda place: _by_pip(place, wheel))
+    figures: dict[str, float | int | str] = {
+        "install_s": warm.all_s,
+        "install_packages_s": warm.packages_s,
+        "install_host_s": warm.host_s,
+        "install_answer_s": warm.answer_s,
+        "install_mb": warm.megabytes,
+        "install_cold_s": cold.all_s,
+    }
+    if uv is not None:
+        figures["install_uv_cold_s"] = _taken(folder / "uv-cold", lambda place: _by_uv(place, wheel, uv)).all_s
+        by_uv = _taken(folder / "uv-warm", lambda place: _by_uv(place, wheel, uv))
+        figures |= {"install_uv_s": by_uv.all_s, "install_uv_mb": by_uv.megabytes}
+    return figures
+
+
+def _taken(folder: Path, install: Callable[[Path], None]) -> Taken:
+    """Go one way from nothing to the first answer; the environment is gone afterwards."""
     environment, home = folder / "venv", folder / "home"
-    home.mkdir()
+    home.mkdir(parents=True)
     begun = time.perf_counter()
-    _run([sys.executable, "-m", "venv", str(environment)])
-    _install_torch(environment)
-    _run([*_pip(environment), str(wheel)])
+    install(environment)
     installed = time.perf_counter()
     program = environment / "bin" / "plannerforge"
     told = _clean() | {"HOME": str(home), **QUIET}
@@ -54,14 +93,39 @@ def measure(bench: ServeBench) -> Figures:
     entry = tomllib.loads((home / _HOST[1]).read_text(encoding="utf-8"))[_HOST[2]]["plannerforge"]
     anyio.run(_ask, entry["command"], entry["args"], told, home)
     answered = time.perf_counter()
-    taken = sum(file.stat().st_size for file in environment.rglob("*") if file.is_file() and not file.is_symlink())
-    return {
-        "install_s": round(answered - begun, 1),
-        "install_packages_s": round(installed - begun, 1),
-        "install_host_s": round(settled - installed, 2),
-        "install_answer_s": round(answered - settled, 2),
-        "install_mb": round(taken / _BYTES),
-    }
+    size = sum(file.stat().st_size for file in environment.rglob("*") if file.is_file() and not file.is_symlink())
+    shutil.rmtree(environment)
+    sys.stderr.write(f"install: {folder.name}: {answered - begun:.1f} s\n")
+    return Taken(
+        round(installed - begun, 1), round(settled - installed, 2), round(answered - settled, 2), round(size / _BYTES)
+    )
+
+
+def _by_pip(environment: Path, wheel: Path, *options: str) -> None:
+    _run([sys.executable, "-m", "venv", str(environment)])
+    _install_torch(environment, *options)
+    _run([*_pip(environment), *options, str(wheel)])
+
+
+def _by_uv(environment: Path, wheel: Path, uv: Path) -> None:
+    """As docs/install.md has it, with a cache that only this measurement fills."""
+    overrides = environment.with_name("overrides.txt")
+    overrides.write_text("".join(f"{name} ; python_version < '3'\n" for name in LEFT_OUT), encoding="utf-8")
+    own = [str(uv), "--quiet", "--cache-dir", str(environment.parents[1] / "uv-cache")]
+    _run([*own, "venv", "--python", sys.executable, str(environment)])
+    python = str(environment / "bin" / "python")
+    _run([*own, "pip", "install", "--python", python, "--overrides", str(overrides), str(wheel)])
+
+
+def _uv(folder: Path) -> Path | None:
+    """The program; None, and a note, where it cannot be had from PyPI."""
+    _run([sys.executable, "-m", "venv", str(folder / "uv")])
+    try:
+        _run([*_pip(folder / "uv"), "uv"])
+    except RuntimeError as error:
+        sys.stderr.write(f"install: uv cannot be had: {error}\n")
+        return None
+    return folder / "uv" / "bin" / "uv"
 
 
 def _built(folder: Path) -> Path:
@@ -69,14 +133,15 @@ def _built(folder: Path) -> Path:
     return next(folder.glob("*.whl"))
 
 
-def _install_torch(environment: Path) -> None:
+def _install_torch(environment: Path, *options: str) -> None:
     """Torch for the CPU, from PyTorch's own index where that can be reached; else what the usual index has."""
     wanted = next(line for line in requires("plannerforge-mcp") or () if line.startswith("torch=="))
     index = os.environ.get("PLANNERFORGE_TORCH_INDEX", _TORCH_INDEX)
-    own = [*_pip(environment), "--no-deps", "--retries", "0", "--timeout", "10", "--index-url", index, f"{wanted}+cpu"]
+    pip = [*_pip(environment), *options]
+    own = [*pip, "--no-deps", "--retries", "0", "--timeout", "10", "--index-url", index, f"{wanted}+cpu"]
     if sys.platform != "linux" or subprocess.run(own, capture_output=True, env=_clean(), check=False).returncode:
         sys.stderr.write("install: torch from the usual index\n")
-        _run([*_pip(environment), wanted])
+        _run([*pip, wanted])
 
 
 def _pip(environment: Path) -> list[str]:

@@ -1,5 +1,7 @@
 """The packaged model, and any other that sentence-transformers loads."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +61,24 @@ def test_a_folder_without_a_model_is_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(ResourceFailure, match="broken") as refusal:
         EmbeddingModel.of(str(folder)).embed(["a truck"])
     assert "embedding_model" in refusal.value.text
+
+
+def test_the_packaged_model_needs_no_pytorch_and_others_say_that_they_do(own_folder: Path) -> None:
+    script = f"""
+import sys
+sys.modules |= {{name: None for name in ("torch", "sentence_transformers", "transformers")}}
+from plannerforge.engine.catalog.vector_index import EmbeddingModel
+from plannerforge.schemas.errors import ResourceFailure
+print(EmbeddingModel.of("{PACKAGED_MODEL}").embed(["a truck"]).shape)
+try:
+    EmbeddingModel.of({str(own_folder)!r}).embed(["a truck"])
+except ResourceFailure as failure:
+    print(failure.text)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    shape, refusal = done.stdout.splitlines()[:2]
+    assert shape == "(1, 384)"
+    assert "torch is not installed here" in refusal
 
 
 @pytest.mark.filterwarnings("ignore")
