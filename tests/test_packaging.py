@@ -24,7 +24,8 @@ from plannerforge.server.settings import Settings
 from plannerforge.tools.registry import TOOLS
 
 PACKAGING = CHECKOUT / "packaging"
-WORKFLOW = CHECKOUT / ".github" / "workflows" / "release.yml"
+WORKFLOWS = CHECKOUT / ".github" / "workflows"
+RELEASE, CHANGE = "release.yml", "ci.yml"
 TARGETS = set(re.findall(r"^([a-z-]+):", (CHECKOUT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
 
 
@@ -280,17 +281,22 @@ def test_no_public_address_is_made_up() -> None:
     assert "urls" not in project()["project"]
 
 
-# ---- the release
+# ---- the workflows
 
 
-def jobs() -> dict[str, Any]:
-    made: dict[str, Any] = yaml.safe_load(WORKFLOW.read_text(encoding="utf-8"))["jobs"]
+def workflow(name: str) -> dict[str, Any]:
+    read: dict[str, Any] = yaml.safe_load((WORKFLOWS / name).read_text(encoding="utf-8"))
+    return read
+
+
+def jobs(name: str = RELEASE) -> dict[str, Any]:
+    made: dict[str, Any] = workflow(name)["jobs"]
     return made
 
 
-def commands() -> list[list[str]]:
+def commands(name: str = RELEASE) -> list[list[str]]:
     """The words of each line that a step runs."""
-    steps = [step for job in jobs().values() for step in job["steps"]]
+    steps = [step for job in jobs(name).values() for step in job["steps"]]
     return [shlex.split(line) for step in steps for line in str(step.get("run", "")).splitlines() if line.strip()]
 
 
@@ -311,6 +317,22 @@ def test_every_command_of_the_release_exists() -> None:
     assert PARTS.chosen([only]) == ("install",)
 
 
+def test_a_change_is_held_against_tests_conformance_and_the_image() -> None:
+    from plannerforge.evals.serve.__main__ import PARTS
+
+    words = commands(CHANGE)
+    assert [".ci/run"] in words
+    (measured,) = [line for line in words if "--only" in line]
+    assert PARTS.chosen([measured[measured.index("--only") + 1]]) == ("conformance",)
+    assert ["jq", "--exit-status", ".conformance_failed == 0", "conformance.json"] in words
+    (build,) = [line for line in words if line[:2] == ["docker", "build"]]
+    assert (CHECKOUT / build[build.index("-f") + 1]).is_file()
+    uses = [step["uses"] for job in jobs(CHANGE).values() for step in job["steps"] if "uses" in step]
+    assert [action for action in uses if not re.search(r"@v\d+\.\d+\.\d+$", action)] == []
+    assert workflow(CHANGE)["permissions"] == {"contents": "read"}
+    assert not any("permissions" in job for job in jobs(CHANGE).values())
+
+
 def test_the_tag_is_held_against_the_version() -> None:
     step = next(step for step in jobs()["build"]["steps"] if step.get("name") == "The tag is the version")
     name = f"v{__version__}"
@@ -327,7 +349,7 @@ def test_actions_are_pinned_and_rights_are_given_where_they_are_needed() -> None
     rights = {name: job.get("permissions", {}) for name, job in jobs().items()}
     assert {name for name, given in rights.items() if "id-token" in given} == {"attest", "publish"}
     assert {name for name, given in rights.items() if given.get("contents") == "write"} == {"attach"}
-    assert yaml.safe_load(WORKFLOW.read_text(encoding="utf-8"))["permissions"] == {"contents": "read"}
+    assert workflow(RELEASE)["permissions"] == {"contents": "read"}
 
 
 def test_nothing_is_published_before_it_was_tried_and_attested() -> None:
