@@ -41,13 +41,26 @@ check_compiler() {
 install_package() {
     local python
     python=$(find_python)
+    install_by_uv "$python" && return
     check_compiler "$python"
     say "Making the environment in $venv with $("$python" --version)"
-    [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
+    [ -x "$venv/bin/pip" ] || "$python" -m venv "$venv"
     install_torch
     say "Installing PlannerForge and its dependencies (two to three minutes)"
     install -e .
     "$venv/bin/python" -m pip check
+}
+
+install_by_uv() {
+    # Where uv is: in a tenth of the time, without what nothing imports and pip cannot leave out (docs/install.md).
+    command -v uv >/dev/null 2>&1 || return 1
+    say "Making the environment in $venv with $("$1" --version), and installing PlannerForge into it by uv (half a minute)"
+    [ -x "$venv/bin/python" ] || uv venv --quiet --seed --python "$1" "$venv"
+    uv pip install --quiet --python "$venv/bin/python" -e . --overrides <(
+        printf "%s ; python_version < '3'\n" polygon3 torch sentence-transformers
+    ) && return
+    say "uv could not; pip does it"
+    return 1
 }
 
 install_torch() {
@@ -62,6 +75,8 @@ install_torch() {
     fi
     install "torch==$version"
 }
+
+has() { "$venv/bin/python" -c "from importlib.util import find_spec; raise SystemExit(find_spec('$1') is None)"; }
 
 pinned() { sed -n "s/^ *\"$1==\([^\"]*\)\".*/\1/p" pyproject.toml; }
 
@@ -78,6 +93,10 @@ PYTHON
 }
 
 install_development() {
+    if ! has torch || ! has sentence_transformers; then
+        install_torch
+        install "sentence-transformers==$(pinned sentence-transformers)"
+    fi
     say "Installing the developers' tools"
     install_group dev
 }

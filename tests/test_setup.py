@@ -1,4 +1,4 @@
-"""The set-up script takes torch for the CPU where it can, and says where it was had from."""
+"""The set-up script: by uv where that is, else by pip, with torch for the CPU where it can be had; it says which."""
 
 import functools
 import http.server
@@ -15,6 +15,8 @@ from pathlib import Path
 
 import pytest
 from support.tree import CHECKOUT
+
+from plannerforge.evals.serve.install import LEFT_OUT
 
 
 def pinned_torch() -> str:
@@ -83,3 +85,46 @@ def test_torch_is_had_for_the_cpu_and_otherwise_from_the_usual_index(tmp_path: P
         assert f"from {address}/cpu" in told
         assert "from the usual index" not in told
         assert installed == f"{version}+cpu"
+
+
+def stand_in_uv(folder: Path, status: int) -> Path:
+    """A program ``uv`` that writes down its arguments and the overrides, makes an environment and ends so."""
+    folder.mkdir()
+    program = folder / "uv"
+    program.write_text(
+        f"""#!/bin/bash
+echo "$*" >> {folder}/asked
+if [ "$1" = venv ]; then {sys.executable} -m venv --without-pip "${{@: -1}}"; exit; fi
+cat "${{@: -1}}" >> {folder}/overrides
+exit {status}
+""",
+        encoding="utf-8",
+    )
+    program.chmod(0o755)
+    return folder
+
+
+def set_up_by_uv(folder: Path, uv: Path) -> subprocess.CompletedProcess[str]:
+    nowhere = {"PIP_CONFIG_FILE": os.devnull, "PIP_INDEX_URL": "http://127.0.0.1:9/", "PIP_NO_INDEX": "1"}
+    environment = os.environ | nowhere | {"PATH": f"{uv}{os.pathsep}{os.environ['PATH']}"}
+    script = ["bash", "scripts/setup.sh", str(folder)]
+    return subprocess.run(script, cwd=CHECKOUT, env=environment, capture_output=True, text=True, check=False)
+
+
+def test_uv_installs_where_it_is_without_what_nothing_imports(tmp_path: Path) -> None:
+    uv = stand_in_uv(tmp_path / "bin", 0)
+    told = set_up_by_uv(tmp_path / "venv", uv)
+    assert told.returncode == 0, told.stderr
+    assert "by uv" in told.stdout
+    asked = (uv / "asked").read_text(encoding="utf-8").splitlines()
+    assert [line.split()[0] for line in asked] == ["venv", "pip"]
+    assert "-e ." in asked[1]
+    left_out = (uv / "overrides").read_text(encoding="utf-8").splitlines()
+    assert left_out == [f"{name} ; python_version < '3'" for name in LEFT_OUT]
+
+
+def test_pip_goes_on_where_uv_could_not(tmp_path: Path) -> None:
+    told = set_up_by_uv(tmp_path / "venv", stand_in_uv(tmp_path / "bin", 2))
+    assert "uv could not; pip does it" in told.stdout
+    assert "Installing torch" in told.stdout
+    assert told.returncode != 0
