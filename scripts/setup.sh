@@ -83,7 +83,15 @@ pinned() { sed -n "s/^ *\"$1==\([^\"]*\)\".*/\1/p" pyproject.toml; }
 install() { "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "$@"; }
 
 install_group() {
-    "$venv/bin/python" - "$1" <<'PYTHON' | xargs "$venv/bin/python" -m pip install --quiet --disable-pip-version-check
+    if command -v uv >/dev/null 2>&1; then
+        group "$1" | xargs uv pip install --quiet --python "$venv/bin/python" && return
+        say "uv could not; pip does it"
+    fi
+    group "$1" | xargs "$venv/bin/python" -m pip install --quiet --disable-pip-version-check
+}
+
+group() {
+    "$venv/bin/python" - "$1" <<'PYTHON'
 import sys
 import tomllib
 
