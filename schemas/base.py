@@ -7,7 +7,7 @@ import re
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
@@ -64,6 +64,36 @@ def first_of(lines: Sequence[str], most: int, rest: str) -> list[str]:
     """The first ``most`` lines; where there are more, how many, and ``rest``: the call that shows them."""
     more = len(lines) - most
     return [*lines[:most], *([f"… {more} more: {rest}"] if more > 0 else [])]
+
+
+COMMON_FIELDS: Final[Mapping[str, str]] = {
+    "artifact_id": "id of the artifact",
+    "batch_id": "id of the batch",
+    "config_id": "id of the configuration",
+    "config_name": "name of the configuration",
+    "job_id": "id of the job, for get_job; null or empty where nothing runs",
+    "lanelet_id": "id of the lanelet in the scenario",
+    "map_id": "id of the map",
+    "next_step": "the call that goes on from here",
+    "notes": "what is to be known beside it, a sentence each",
+    "obstacle_class": "type of the other road user",
+    "obstacle_id": "id of the other road user in the scenario; null where there is none",
+    "outcome": "how the run ended",
+    "p_holm": "p after Holm's adjustment over all that are tested together",
+    "plan_id": "id of the coverage plan",
+    "prediction": "how the planner foresees the others",
+    "problem_id": "id of the planning problem in the scenario",
+    "run_id": "id of the run",
+    "run_ids": "ids of the runs behind it",
+    "scenario_id": "id of the scenario",
+    "search_id": "id of the search, which other tools take in the place of scenarios",
+    "state": "how the work stands",
+    "study_id": "id of the study",
+    "traffic": "whether the others follow their recording or react to the ego",
+    "unit": "unit of the values",
+    "vehicle_id": "id of the vehicle in the scenario",
+}
+"""What fields of these names mean in every answer where the field itself says nothing else; units are in names."""
 
 
 class Result(Model):
