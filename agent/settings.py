@@ -6,6 +6,7 @@ import typer
 from pydantic import Field, SecretStr, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from ..schemas.base import problems_of
 from .connection import ToolSet
 from .loop import TurnLimits
 from .models.interface import ModelFacts, ModelSettings
@@ -98,6 +99,6 @@ def agent_settings(**flags: Any) -> AgentSettings:
     try:
         return AgentSettings(**{name: value for name, value in flags.items() if value is not None})
     except ValidationError as error:
-        problems = "; ".join(f"{detail['loc'][0]}: {detail['msg']}" for detail in error.errors(include_url=False))
+        problems = "; ".join(problem for problem, _ in problems_of(AgentSettings, error, "setting"))
         typer.echo(f"plannerforge: {problems}", err=True)
         raise typer.Exit(2) from None

@@ -11,3 +11,7 @@ application.add_typer(corpus)
 def main() -> None:
     """Entry point of the ``plannerforge`` command."""
     run(application)
+
+
+if __name__ == "__main__":
+    main()

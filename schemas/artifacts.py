@@ -49,7 +49,7 @@ class ConfigSuccess(Model):
 
     config_id: str
     config_name: str
-    success: Rate
+    success: Rate = Field(description="its share of valid runs that reached the goal")
     invalid: int
 
 
@@ -62,8 +62,8 @@ class BatchSummary(Model):
 
     prediction: Prediction
     traffic: Traffic
-    scenarios: int
-    configs: tuple[ConfigSuccess, ...]
+    scenarios: int = Field(description="scenarios that were run")
+    configs: tuple[ConfigSuccess, ...] = Field(description="how each configuration did")
     lost: int = 0
 
     def in_words(self) -> str:
@@ -82,12 +82,12 @@ class ListedArtifact(Model):
     """One artifact in a list; ``batch``: what came out of it, where batches were asked for."""
 
     artifact_id: str
-    kind: str
-    name: str
-    made_by: str
-    parents: tuple[str, ...]
-    made_at: str
-    uri: str
+    kind: str = Field(description="kind of the artifact")
+    name: str = Field(description="what it is called")
+    made_by: str = Field(description="the tool that made it")
+    parents: tuple[str, ...] = Field(description="ids of what it was made from")
+    made_at: str = Field(description="when it was made, in UTC")
+    uri: str = Field(description="address of the resource that describes it")
     batch: BatchSummary | None = None
 
     def in_words(self) -> str:
@@ -102,8 +102,8 @@ class ListedArtifact(Model):
 class ListArtifactsResult(Result):
     """Artifacts, newest first; ``more`` where the list goes on after ``limit``."""
 
-    artifacts: tuple[ListedArtifact, ...]
-    more: bool
+    artifacts: tuple[ListedArtifact, ...] = Field(description="the artifacts, newest first")
+    more: bool = Field(description="whether the list goes on")
 
     def answer(self) -> Answer:
         """One line each."""
@@ -155,10 +155,10 @@ NEAR_M = 0.1
 class RoadGeometry(Model):
     """How far bounds of lanes in a written file lie from the lanelets', looked at from both, as the file reads back."""
 
-    points: int
-    within_share: float
+    points: int = Field(description="points of the bounds that were compared")
+    within_share: float = Field(description="share of them that are closer than 0.1 m, from 0 to 1")
     """Of the points that are at most ``NEAR_M`` away."""
-    max_m: float
+    max_m: float = Field(description="the largest distance")
 
     def told(self) -> str:
         """In words."""
@@ -172,12 +172,14 @@ class ExportedFile(Model):
     ``warning``: what a reader of the file may not accept.
     """
 
-    artifact_id: str
-    format: str
-    path: str
-    size_bytes: int
+    artifact_id: str = Field(description="id of what it holds")
+    format: str = Field(description="format of the file")
+    path: str = Field(description="path of the file")
+    size_bytes: int = Field(description="its size")
     lost: tuple[str, ...] = ()
-    geometry: RoadGeometry | None = None
+    geometry: RoadGeometry | None = Field(
+        None, description="how well its roads fit the scenario's; null where it holds none"
+    )
     warning: str = ""
 
     def told(self) -> str:
@@ -192,8 +194,8 @@ class ExportedFile(Model):
 class ExportArtifactsResult(Result):
     """What was written."""
 
-    folder: str
-    files: tuple[ExportedFile, ...]
+    folder: str = Field(description="where the files are")
+    files: tuple[ExportedFile, ...] = Field(description="each file that was written")
 
     def answer(self) -> Answer:
         """The folder, then one line a file."""

@@ -33,24 +33,24 @@ class CountryMaps(Model):
     """The maps of a country: each with its id, place and the sites that can be cut from it, by type."""
 
     country: str = Field(description="ISO alpha-3; '?' where it is not known")
-    maps: int
-    sites: int
+    maps: int = Field(description="maps of the country")
+    sites: int = Field(description="sites that can be cut from them")
     listed: tuple[str, ...] = Field((), description="one line a map")
 
 
 class FacetCounts(Model):
     """Names of one kind with the number of scenarios (or, for maps and planners, of what the note says)."""
 
-    facet: str
-    counts: dict[str, int]
-    note: str = ""
+    facet: str = Field(description="name of the facet")
+    counts: dict[str, int] = Field(description="how many scenarios have each value")
+    note: str = Field("", description="what is counted, or what more there is")
 
 
 class DescribeCatalogResult(Result):
     """The facets of the catalogue."""
 
-    scenarios: int
-    facets: tuple[FacetCounts, ...]
+    scenarios: int = Field(description="scenarios that were counted")
+    facets: tuple[FacetCounts, ...] = Field(description="the counts, by facet")
     maps: tuple[CountryMaps, ...] = Field((), description="with facet maps: this page, by country")
     maps_rest: str = Field("", description="what is not on this page, and the call that shows it")
 
@@ -124,42 +124,42 @@ class FoundScenario(Model):
     """A scenario of the answer, with the facts behind it; ``unmet`` conditions make it a fallback, never a match."""
 
     scenario_id: str
-    summary: str
-    satisfied: tuple[str, ...] = ()
-    unmet: tuple[str, ...] = ()
+    summary: str = Field(description="the scenario in a line")
+    satisfied: tuple[str, ...] = Field((), description="conditions that it satisfies, with its own figures")
+    unmet: tuple[str, ...] = Field((), description="conditions that it does not satisfy")
     score: float | None = Field(None, description="likeness of the text, larger is better; None without text")
 
 
 class StageCount(Model):
     """How many scenarios were left after a stage, and the conditions that it applied."""
 
-    stage: Stage
-    conditions: tuple[str, ...]
-    left: int
+    stage: Stage = Field(description="name of the stage")
+    conditions: tuple[str, ...] = Field(description="the conditions that it applied")
+    left: int = Field(description="scenarios that were left after it")
 
 
 class Coverage(Model):
     """What a diverse choice covers of the values that occur among the matches, in one dimension."""
 
-    dimension: str
-    covered: tuple[str, ...]
-    missed: tuple[str, ...]
+    dimension: str = Field(description="what varies: a place, a tag, …")
+    covered: tuple[str, ...] = Field(description="values that the choice has")
+    missed: tuple[str, ...] = Field(description="values among the matches that it has not")
 
 
 class Relaxation(Model):
     """Conditions to drop, and how many scenarios satisfy all others."""
 
-    drop: tuple[str, ...]
-    matches: int
-    examples: tuple[str, ...]
+    drop: tuple[str, ...] = Field(description="conditions to leave out")
+    matches: int = Field(description="scenarios that satisfy all others")
+    examples: tuple[str, ...] = Field(description="ids of some of these")
 
 
 class Emptied(Model):
     """Why nothing is left: the stage, the conditions of it that no candidate satisfied, and values that exist."""
 
-    stage: Stage
-    conditions: tuple[str, ...]
-    note: str
+    stage: Stage = Field(description="the stage that left none")
+    conditions: tuple[str, ...] = Field(description="the conditions of it that no candidate satisfies")
+    note: str = Field(description="values that exist")
 
 
 class SearchRecord(Model):
@@ -178,14 +178,14 @@ class FindScenariosResult(Result):
     """Matches, the count after every stage, and why there are none where there are none."""
 
     search_id: str
-    method: Method
+    method: Method = Field(description="how scenarios were chosen and ranked")
     catalogue: int = Field(description="scenarios searched")
     total: int = Field(description="scenarios that satisfy every condition")
-    stages: tuple[StageCount, ...]
-    matches: tuple[FoundScenario, ...]
+    stages: tuple[StageCount, ...] = Field(description="how many were left after each stage")
+    matches: tuple[FoundScenario, ...] = Field(description="the scenarios on this page, the best first")
     coverage: tuple[Coverage, ...] = Field((), description="with diverse: what the chosen ones cover")
-    emptied_by: Emptied | None = None
-    relaxations: tuple[Relaxation, ...] = ()
+    emptied_by: Emptied | None = Field(None, description="the stage that left none; null where some are left")
+    relaxations: tuple[Relaxation, ...] = Field((), description="what to drop for matches")
     fallback: tuple[FoundScenario, ...] = Field((), description="not matches: each leaves conditions unmet")
     notes: tuple[str, ...] = ()
 

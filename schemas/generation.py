@@ -432,11 +432,11 @@ class SiteCount(Model):
 class SiteFacts(Model):
     """Where a scenario was cut out: type, middle in degrees, streets, radius; ``osm_id``: node or way that marks it."""
 
-    scenario_type: SiteType
-    latitude: float
-    longitude: float
-    streets: tuple[str, ...]
-    radius_m: float
+    scenario_type: SiteType = Field(description="type of the site")
+    latitude: float = Field(description="of its middle, in degrees")
+    longitude: float = Field(description="of its middle, in degrees")
+    streets: tuple[str, ...] = Field(description="streets that meet there")
+    radius_m: float = Field(description="radius of the cut")
     osm_id: str = ""
 
 
@@ -461,12 +461,12 @@ class DensityFacts(Model):
     wanted in the place of ``wish``; empty where none did.
     """
 
-    wish: Density
+    wish: Density = Field(description="the density that was asked for")
     paper_trips: int
-    lane_km: float
-    target_per_lane_km: float
-    at_start_per_lane_km: float
-    at_end_per_lane_km: float
+    lane_km: float = Field(description="length of all lanes in the cut")
+    target_per_lane_km: float = Field(description="vehicles per lane-km that were wanted")
+    at_start_per_lane_km: float = Field(description="vehicles per lane-km at the first step")
+    at_end_per_lane_km: float = Field(description="vehicles per lane-km at the last step")
     at_time: str = ""
 
     @property
@@ -559,24 +559,24 @@ class ScenarioSummary(Model):
     """One generated scenario in the answer; asked beside realised."""
 
     scenario_id: str
-    reused: bool
+    reused: bool = Field(description="whether the same request had made it before")
     map_id: str
-    place: str
-    site: str
-    latitude: float
-    longitude: float
-    osm_id: str
-    vehicles_asked: int
-    vehicles_realised: int
-    classes_asked: dict[str, int]
-    classes_realised: dict[str, int]
-    density: str
-    recorded_s: float
-    ego: str
-    goal: str
-    feasible_share: float
-    checks_passed: list[str]
-    checks_failed: list[str]
+    place: str = Field(description="the town or region")
+    site: str = Field(description="type of site and streets, in words")
+    latitude: float = Field(description="of the site's middle, in degrees")
+    longitude: float = Field(description="of the site's middle, in degrees")
+    osm_id: str = Field(description="OpenStreetMap's node or way that marks the site")
+    vehicles_asked: int = Field(description="vehicles that were asked for")
+    vehicles_realised: int = Field(description="vehicles that are there")
+    classes_asked: dict[str, int] = Field(description="vehicles that were asked for, by class")
+    classes_realised: dict[str, int] = Field(description="vehicles that are there, by class")
+    density: str = Field(description="traffic per lane-km beside what was wanted, in words")
+    recorded_s: float = Field(description="length of the recording")
+    ego: str = Field(description="start of the ego, in words")
+    goal: str = Field(description="the goal, in words")
+    feasible_share: float = Field(description="share of the recorded tracks that a vehicle can drive, from 0 to 1")
+    checks_passed: list[str] = Field(description="checks that it passes")
+    checks_failed: list[str] = Field(description="checks that it does not pass")
     trial_run: str = Field("", description="outcome of the default planner, where asked")
     notes: list[str]
 
@@ -638,8 +638,8 @@ class PlanRecord(Model):
 class CannotBe(Model):
     """A combination that cannot be made, and why."""
 
-    combination: str
-    reason: str
+    combination: str = Field(description="values that were asked for together")
+    reason: str = Field(description="why they cannot be")
 
 
 class PlanSummary(Model):
@@ -650,20 +650,20 @@ class PlanSummary(Model):
     """
 
     plan_id: str
-    strength: int
+    strength: int = Field(description="how many factors a combination joins")
     asked: int | None
     made: int
-    reused: int
-    refused: int
-    failed: int
-    waiting: int
-    allowed: int
-    covered: int
-    left_total: int
-    left: tuple[str, ...]
-    cannot_total: int
-    cannot: tuple[CannotBe, ...]
-    places: dict[str, int]
+    reused: int = Field(description="scenarios of it that were there before")
+    refused: int = Field(description="rows that no map or traffic allows")
+    failed: int = Field(description="rows that failed")
+    waiting: int = Field(description="rows that are still to be made")
+    allowed: int = Field(description="combinations that the maps allow")
+    covered: int = Field(description="combinations that scenarios have")
+    left_total: int = Field(description="combinations that are still to be covered")
+    left: tuple[str, ...] = Field(description="the first of these, in words")
+    cannot_total: int = Field(description="combinations that cannot be made")
+    cannot: tuple[CannotBe, ...] = Field(description="the first of these, and why")
+    places: dict[str, int] = Field(description="scenarios by place")
 
     def lines(self) -> list[str]:
         """What was made where, what cannot be, and what is left, a line each."""
@@ -701,10 +701,10 @@ def _cut(what: str, texts: list[str], total: int) -> str:
 class GenerateScenariosResult(Result):
     """The scenarios that were made; of a coverage plan, how far it has come, and the job that carries it out."""
 
-    scenarios: list[ScenarioSummary]
+    scenarios: list[ScenarioSummary] = Field(description="the scenarios that were made")
     notes: list[str]
-    attribution: list[str]
-    plan: PlanSummary | None = None
+    attribution: list[str] = Field(description="whom the map's data must be credited to")
+    plan: PlanSummary | None = Field(None, description="of a coverage plan, how far it has come; else null")
     job_id: str = ""
     state: JobState = "done"
 

@@ -27,26 +27,26 @@ class ImportFilesArguments(Arguments):
 class ImportedItem(Model):
     """A file that went in; ``reused`` where the same content was there already."""
 
-    file: str
-    kind: Literal["scenario", "map", "config"]
-    artifact_id: str
-    summary: str
-    reused: bool = False
+    file: str = Field(description="path of the file")
+    kind: Literal["scenario", "map", "config"] = Field(description="what it was taken as")
+    artifact_id: str = Field(description="id of what it became")
+    summary: str = Field(description="what it holds, in a line")
+    reused: bool = Field(False, description="whether the same content was there already")
 
 
 class RefusedItem(Model):
     """A file that stayed out, and why."""
 
-    file: str
-    reason: str
+    file: str = Field(description="path of the file")
+    reason: str = Field(description="why it stayed out")
 
 
 class ImportFilesResult(Result):
     """What was added and what was refused; until now, where the job of a long import still runs."""
 
-    added: int
-    reused: int
-    refused: int
+    added: int = Field(description="files that went in")
+    reused: int = Field(description="files whose content was there already")
+    refused: int = Field(description="files that stayed out")
     items: tuple[ImportedItem, ...] = Field(description="at most 20")
     refusals: tuple[RefusedItem, ...] = Field(description="at most 20")
     job_id: str = ""

@@ -34,13 +34,13 @@ class JobResult(Result):
     """A job: ``share`` done in [0, 1], ids of what is finished, and why it failed where it did."""
 
     job_id: str
-    kind: str
+    kind: str = Field(description="what kind of work it is")
     state: JobState
-    share: float
-    message: str
-    remaining_s: float | None
-    results: tuple[str, ...]
-    error: str
+    share: float = Field(description="how much of it is done, from 0 to 1")
+    message: str = Field(description="what it does now, in words")
+    remaining_s: float | None = Field(description="estimated time to its end; null where it is not known")
+    results: tuple[str, ...] = Field(description="ids of what is finished")
+    error: str = Field(description="why it failed; empty where it did not")
     next_step: str
 
     def answer(self) -> Answer:

@@ -63,8 +63,10 @@ class MeasuredValue(Model):
     does; None where none does, as for the ego's own motion. ``note``: what is to be known beside it.
     """
 
-    name: str
-    value: float | None = None
+    name: str = Field(description="name of the measure")
+    value: float | None = Field(
+        None, description="its value, in the measure's unit (docs/measures.md); null where it is not defined"
+    )
     why: str = Field("", description="why there is none")
     time_s: float | None = None
     obstacle_id: int | None = None
@@ -88,13 +90,13 @@ class MeasureSpread(Model):
     ``runs``: in how many it is defined; ``why``: where in none, why.
     """
 
-    name: str
+    name: str = Field(description="name of the measure")
     runs: int
-    median: float | None = None
-    lowest: float | None = None
-    highest: float | None = None
-    worst: MeasuredValue | None = None
-    worst_run_id: str = ""
+    median: float | None = Field(None, description="median over the runs; null where it is defined in none")
+    lowest: float | None = Field(None, description="smallest value of a run")
+    highest: float | None = Field(None, description="largest value of a run")
+    worst: MeasuredValue | None = Field(None, description="its value in the run in which it is worst")
+    worst_run_id: str = Field("", description="id of that run")
     why: str = ""
 
 

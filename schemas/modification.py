@@ -164,22 +164,22 @@ class VehicleRoute(Model):
     """
 
     vehicle_id: int
-    lanelets: tuple[int, ...]
-    arrives: bool | None = None
-    reason: str = ""
-    advice: str = ""
+    lanelets: tuple[int, ...] = Field(description="ids of the lanelets in their order")
+    arrives: bool | None = Field(None, description="whether it gets to its target; null without one")
+    reason: str = Field("", description="why it does not arrive")
+    advice: str = Field("", description="what may help it to arrive")
 
 
 class EditReport(Model):
     """What became of one edit; ``meant``: whom its words for vehicles meant."""
 
-    index: int
-    op: EditOperation
-    letter: Letter
-    done: bool
+    index: int = Field(description="number of the edit in the call, from 0")
+    op: EditOperation = Field(description="what was asked")
+    letter: Letter = Field(description="kind of edit: T trajectory, B behaviour, P population, G goal")
+    done: bool = Field(description="whether it was done")
     what: str = Field(description="what was done, in one sentence with figures")
-    vehicles: tuple[int, ...] = ()
-    routes: tuple[VehicleRoute, ...] = ()
+    vehicles: tuple[int, ...] = Field((), description="ids of the vehicles that it edited or added")
+    routes: tuple[VehicleRoute, ...] = Field((), description="where these drive now")
     meant: str = ""
 
     @property
@@ -195,8 +195,8 @@ class EditReport(Model):
 class EditCollision(Model):
     """Two road users overlap for the first time, which they did not do in the recording."""
 
-    vehicles: tuple[int, int]
-    time_s: float
+    vehicles: tuple[int, int] = Field(description="ids of the two")
+    time_s: float = Field(description="when they overlap first")
 
 
 class EgoDanger(Model):
@@ -207,11 +207,11 @@ class EgoDanger(Model):
     time to one). ``left_out``: ids of those that are not counted, as they hit it from behind on their recording.
     """
 
-    minimum_distance_m: float | None
-    minimum_time_to_collision_s: float | None
+    minimum_distance_m: float | None = Field(description="smallest distance to another")
+    minimum_time_to_collision_s: float | None = Field(description="smallest time to collision")
     risk_score: int | None
-    most_critical_id: int | None = None
-    most_critical_time_s: float | None = None
+    most_critical_id: int | None = Field(None, description="id of the most critical road user")
+    most_critical_time_s: float | None = Field(None, description="when that was")
     left_out: tuple[int, ...] = ()
 
 
@@ -224,14 +224,16 @@ class TouchedVehicle(Model):
     """
 
     vehicle_id: int
-    cause: Literal["edited", "added", "shifted", "handed_over"]
-    from_time_s: float
-    until_time_s: float
-    leaves_network: bool
-    feasible: bool
-    feasible_share: float
-    handover_jump_m: float | None = None
-    handover_speed_step_mps: float | None = None
+    cause: Literal["edited", "added", "shifted", "handed_over"] = Field(description="why it moves otherwise")
+    from_time_s: float = Field(description="when its new motion begins")
+    until_time_s: float = Field(description="when its new motion ends")
+    leaves_network: bool = Field(description="whether it drives out of the network before the end")
+    feasible: bool = Field(description="whether a vehicle of its class can drive it")
+    feasible_share: float = Field(description="share of its steps that can be driven, from 0 to 1")
+    handover_jump_m: float | None = Field(
+        None, description="how far it jumps at the hand-over, beyond what its speed explains"
+    )
+    handover_speed_step_mps: float | None = Field(None, description="how much its speed jumps at the hand-over")
     moved_m: float | None = None
     reason: str = ""
 
@@ -284,22 +286,28 @@ class ModifyScenarioResult(Result):
     ``traffic``: whether all others react or stay as recorded; ``detail``: how much of it the text tells.
     """
 
-    scenario_id: str | None
-    base_id: str
-    reused: bool = False
+    scenario_id: str | None = Field(description="id of the new scenario; null where nothing was stored")
+    base_id: str = Field(description="id of the scenario that was edited")
+    reused: bool = Field(False, description="whether the same edits had made it before")
     traffic: TrafficAfterEdits = "recorded"
     detail: EditDetail = "brief"
-    edits: tuple[EditReport, ...]
-    touched: tuple[TouchedVehicle, ...]
-    removed: tuple[int, ...]
-    handed_over: tuple[int, ...]
-    collisions: tuple[EditCollision, ...]
-    ego_before: EgoDanger | None
-    ego_after: EgoDanger | None
-    checked_by: CheckedBy
-    checkers_agree: int | None
-    untouched: int
-    warnings: tuple[str, ...]
+    edits: tuple[EditReport, ...] = Field(description="what became of each edit")
+    touched: tuple[TouchedVehicle, ...] = Field(description="vehicles whose motion was computed anew")
+    removed: tuple[int, ...] = Field(description="ids of vehicles that were taken out")
+    handed_over: tuple[int, ...] = Field(
+        description="ids of vehicles that no edit names and that were driven so as not to collide"
+    )
+    collisions: tuple[EditCollision, ...] = Field(description="road users that now overlap and did not before")
+    ego_before: EgoDanger | None = Field(
+        description="how critical it was for an ordinary ego; null without a planning problem"
+    )
+    ego_after: EgoDanger | None = Field(description="how critical it is now")
+    checked_by: CheckedBy = Field(description="what judged whether motions can be driven")
+    checkers_agree: int | None = Field(
+        description="motions on which closed form and drivability checker agree; null where only one was asked"
+    )
+    untouched: int = Field(description="vehicles that are exactly as recorded")
+    warnings: tuple[str, ...] = Field(description="what needs an act, a sentence each")
 
     def answer(self) -> Answer:
         """What was done, whether it is reached, who reacts, what is new for the ego and what was so before."""

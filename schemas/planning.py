@@ -120,60 +120,60 @@ class ListPlannersArguments(Arguments):
 class WeightInfo(Model):
     """A cost weight: value in force, what its term measures, what raising it does, and whether it acts."""
 
-    name: str
-    value: float
-    meaning: str
-    raising: str
-    acts: bool
-    computed_by: str
-    lowest: float
-    highest: float
+    name: str = Field(description="name of the weight")
+    value: float = Field(description="value in force, without unit")
+    meaning: str = Field(description="what its cost term measures")
+    raising: str = Field(description="what raising it does")
+    acts: bool = Field(description="whether it acts on the cost")
+    computed_by: str = Field(description="what computes its term")
+    lowest: float = Field(description="smallest valid value")
+    highest: float = Field(description="largest valid value")
 
 
 class PresetInfo(Model):
     """A preset: its name, the paper's short name, what it is for, and the weights that are not 0."""
 
-    name: str
-    short_name: str
-    intent: str
-    weights: dict[str, float]
+    name: str = Field(description="name of the preset")
+    short_name: str = Field(description="the paper's short name")
+    intent: str = Field(description="what it is for")
+    weights: dict[str, float] = Field(description="its weights that are not 0")
 
 
 class SettingInfo(Model):
     """A setting beside the weights: value in force, range with its unit, meaning."""
 
-    name: str
-    value: float
-    range: str
-    meaning: str
+    name: str = Field(description="name of the setting")
+    value: float = Field(description="value in force, in the unit that `range` names")
+    range: str = Field(description="valid values, with their unit")
+    meaning: str = Field(description="what it does")
 
 
 class PlannerInfo(Model):
     """A planner that can be named, and its presets."""
 
-    name: str
-    summary: str
-    presets: tuple[str, ...]
+    name: str = Field(description="name of the planner")
+    summary: str = Field(description="what it is, in a sentence")
+    presets: tuple[str, ...] = Field(description="names of its presets")
 
 
 class ConfigurationInfo(Model):
     """A configuration that was made in this workspace."""
 
     config_id: str
-    name: str
-    base: str | None
+    name: str = Field(description="name of the configuration")
+    base: str | None = Field(description="id of what it was made of; null of a file")
 
 
 class ListPlannersResult(Result):
     """Planners and what can be set in the planner of one configuration."""
 
-    planners: tuple[PlannerInfo, ...]
-    predictions: tuple[Prediction, ...]
-    config_id: str
-    config_name: str
-    weights: tuple[WeightInfo, ...]
-    presets: tuple[PresetInfo, ...]
-    settings: tuple[SettingInfo, ...]
+    planners: tuple[PlannerInfo, ...] = Field(description="the planners that can be named")
+    predictions: tuple[Prediction, ...] = Field(description="ways to foresee the others")
+    config_id: str = Field(description="id of the configuration whose values are shown")
+    config_name: str = Field(description="name of it")
+    weights: tuple[WeightInfo, ...] = Field(description="cost weights of its planner")
+    presets: tuple[PresetInfo, ...] = Field(description="presets of its planner")
+    settings: tuple[SettingInfo, ...] = Field(description="settings of its planner beside the weights")
     configurations: tuple[ConfigurationInfo, ...] = Field(description="newest first, at most eight")
 
     def answer(self) -> Answer:
@@ -214,9 +214,9 @@ class ConfigurePlannerArguments(Arguments):
 class WeightChange(Model):
     """A weight or setting before and after."""
 
-    name: str
-    before: float
-    after: float
+    name: str = Field(description="name of the weight or setting")
+    before: float = Field(description="its value before")
+    after: float = Field(description="its value after")
 
 
 class ConfigurePlannerResult(Result):
@@ -226,14 +226,14 @@ class ConfigurePlannerResult(Result):
     something else was changed too, else the base.
     """
 
-    config_id: str
-    name: str
-    planner: str
+    config_id: str = Field(description="id of the new configuration")
+    name: str = Field(description="its name")
+    planner: str = Field(description="the planner that it is for")
     base: str
-    against: str
+    against: str = Field(description="what its changes are told against")
     changes: tuple[WeightChange, ...]
     notes: tuple[str, ...]
-    yaml: str
+    yaml: str = Field(description="the configuration as a file")
     reused: bool = Field(description="the same weights were stored before under this id")
 
     def answer(self) -> Answer:
@@ -274,9 +274,9 @@ class RunLine(Model):
     problem_id: int
     config_id: str
     outcome: Outcome
-    reason: str
-    duration_s: float | None
-    minimum_distance_m: float | None
+    reason: str = Field(description="why it ended so, in words")
+    duration_s: float | None = Field(description="length of the drive; null of a run that could not be attempted")
+    minimum_distance_m: float | None = Field(description="smallest distance to another; null where none was near")
     config_name: str = ""
     review: RunReview | None = Field(None, description="of a single run, and of the failures that are listed")
 
@@ -294,21 +294,23 @@ class ConfigurationSummary(Model):
 
     config_id: str
     config_name: str
-    outcomes: dict[Outcome, int]
+    outcomes: dict[Outcome, int] = Field(description="finished runs by how they ended")
 
 
 class RunPlannerResult(Result):
     """The runs that are finished; ``job_id`` while others still run, ``batch_id`` when a grid is complete."""
 
     state: Literal["done", "running", "failed", "cancelled", "interrupted"]
-    total: int
-    finished: int
+    total: int = Field(description="runs that were asked for")
+    finished: int = Field(description="runs that are finished")
     reused: int = Field(description="runs that were stored before")
     prediction: Prediction
     traffic: Traffic
-    batch_id: str | None = None
+    batch_id: str | None = Field(
+        None, description="id of the batch; null until its grid is complete, and for a single run"
+    )
     job_id: str | None = None
-    summary: tuple[ConfigurationSummary, ...]
+    summary: tuple[ConfigurationSummary, ...] = Field(description="how the finished runs ended, by configuration")
     runs: tuple[RunLine, ...] = Field(description="at most 20")
     failures: tuple[RunLine, ...] = Field((), description="the first valid runs that did not reach the goal")
     lost: tuple[LostCell, ...] = Field((), description="at most 10: errors of ours, not the planner's failures")

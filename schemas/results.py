@@ -56,11 +56,11 @@ class Rate(Model):
     the runs.
     """
 
-    count: int
-    of: int
-    share: float | None
-    low: float | None
-    high: float | None
+    count: int = Field(description="runs that did it")
+    of: int = Field(description="runs that could")
+    share: float | None = Field(description="their quotient, from 0 to 1")
+    low: float | None = Field(description="lower end of its 95 % interval")
+    high: float | None = Field(description="upper end of its 95 % interval")
     scenarios: int | None = None
 
     def in_words(self) -> str:
@@ -76,7 +76,7 @@ class OutcomeShare(Model):
     """How many valid runs ended in one way; ``run_ids`` holds the first five of them."""
 
     outcome: Outcome
-    rate: Rate
+    rate: Rate = Field(description="the share of valid runs that ended so")
     run_ids: tuple[str, ...]
 
 
@@ -85,28 +85,28 @@ class InvalidItem(Model):
 
     run_id: str
     scenario_id: str
-    reason: str
+    reason: str = Field(description="why it could not be attempted")
 
 
 class Group(Model):
     """One value of a breakdown."""
 
-    name: str
-    success: Rate
-    outcomes: dict[str, int]
-    invalid: int
+    name: str = Field(description="the value")
+    success: Rate = Field(description="its share of valid runs that reached the goal")
+    outcomes: dict[str, int] = Field(description="its runs by how they ended")
+    invalid: int = Field(description="its runs that could not be attempted")
 
 
 class MetricSummary(Model):
     """A metric over the valid runs in which it is defined."""
 
-    name: MetricName
+    name: MetricName = Field(description="the metric")
     unit: str
-    n: int
-    mean: float
-    median: float
-    lowest: float
-    highest: float
+    n: int = Field(description="runs in which it is defined")
+    mean: float = Field(description="mean, in `unit`")
+    median: float = Field(description="median, in `unit`")
+    lowest: float = Field(description="smallest value, in `unit`")
+    highest: float = Field(description="largest value, in `unit`")
 
 
 class CostShare(Model):
@@ -114,10 +114,10 @@ class CostShare(Model):
 
     config_id: str
     config_name: str
-    term: str
-    mean_weighted: float
-    share: float | None
-    runs: int
+    term: str = Field(description="name of the cost term")
+    mean_weighted: float = Field(description="its mean weighted cost per planning step, without unit")
+    share: float | None = Field(description="its share of the total cost, from 0 to 1; null where that is 0")
+    runs: int = Field(description="runs behind it")
 
 
 class Correlation(Model):
@@ -127,14 +127,14 @@ class Correlation(Model):
     the others and the kind of road are held fixed (``held_fixed``), with its p; None where nothing is left.
     """
 
-    feature: str
+    feature: str = Field(description="the feature of the scenarios")
     n: int
-    rho: float
-    p: float
+    rho: float = Field(description="Spearman's rank correlation, from -1 to 1")
+    p: float = Field(description="its two-sided p")
     p_holm: float
     rho_fixed: float | None = None
-    p_fixed: float | None = None
-    held_fixed: tuple[str, ...] = ()
+    p_fixed: float | None = Field(None, description="p of `rho_fixed`; null where nothing is left")
+    held_fixed: tuple[str, ...] = Field((), description="features that were held fixed")
 
     @property
     def stands(self) -> bool:
@@ -160,11 +160,11 @@ class TriedChange(Model):
     """
 
     config_id: str
-    change: str
-    failing: int
-    gained: int
-    passing: int
-    lost: int
+    change: str = Field(description="the change, as configure_planner takes it")
+    failing: int = Field(description="failed runs that were run again with it")
+    gained: int = Field(description="of these, the ones that then reached the goal")
+    passing: int = Field(description="passed runs that were run again with it")
+    lost: int = Field(description="of these, the ones that then failed")
     p: float
 
     @property
@@ -188,10 +188,10 @@ _CLEAR_P = 0.0625
 class Suggestion(Model):
     """Which weight to move in which direction, and why; ``tried``: what it did, None where it was not tried."""
 
-    config_id: str
-    weight: str
-    direction: Literal["raise", "lower"]
-    why: str
+    config_id: str = Field(description="id of the configuration to change")
+    weight: str = Field(description="name of the weight")
+    direction: Literal["raise", "lower"] = Field(description="whether to raise or lower it")
+    why: str = Field(description="why that should help")
     tried: TriedChange | None = None
 
 
@@ -201,12 +201,12 @@ class Finding(Model):
     ``alternatives``: what else would explain it.
     """
 
-    name: str
-    statement: str
+    name: str = Field(description="stable name of the kind of finding")
+    statement: str = Field(description="what was found, in a sentence")
     run_ids: tuple[str, ...]
     run_count: int | None = None
     alternatives: str = ""
-    suggestion: Suggestion | None = None
+    suggestion: Suggestion | None = Field(None, description="which weight to move; null without one")
     next_step: str = ""
 
 
@@ -219,10 +219,10 @@ class CollisionCauses(Model):
     ``success_without``: the rate with the runs left out that ended in one that is not preventable.
     """
 
-    collisions: int
+    collisions: int = Field(description="runs that ended in a collision")
     judged: int
-    kinds: dict[ContactKind, int]
-    not_preventable: tuple[str, ...]
+    kinds: dict[ContactKind, int] = Field(description="collisions by their kind")
+    not_preventable: tuple[str, ...] = Field(description="ids of runs whose collision no reference driver prevents")
     from_behind: int
     recorded_traffic: bool
     success_without: Rate
@@ -247,8 +247,8 @@ TrivialKind = Literal["at_the_start", "standing", "by_time_alone"]
 class TrivialGoals(Model):
     """Reached goals that asked for no driving; ``success_without``: the rate with these runs left out."""
 
-    kinds: dict[TrivialKind, int]
-    run_ids: tuple[str, ...]
+    kinds: dict[TrivialKind, int] = Field(description="such runs by why the goal asked for nothing")
+    run_ids: tuple[str, ...] = Field(description="ids of these runs")
     success_without: Rate
 
     def in_words(self) -> str:
@@ -260,8 +260,8 @@ class TrivialGoals(Model):
 class BeyondVehicle(Model):
     """Runs whose driven motion exceeds limits of the ego's vehicle: by limit; ``judged``: runs of which it is known."""
 
-    limits: dict[str, int]
-    run_ids: tuple[str, ...]
+    limits: dict[str, int] = Field(description="runs beyond each limit")
+    run_ids: tuple[str, ...] = Field(description="ids of these runs")
     judged: int
 
     def in_words(self) -> str:
@@ -276,12 +276,12 @@ class RuleShare(Model):
     ``worst``: by how much the worst of them did; ``run_ids``: those that did, the worst first, at most eight.
     """
 
-    rule: str
-    name: str
-    unit: str
+    rule: str = Field(description="stable name of the rule")
+    name: str = Field(description="the rule in words")
+    unit: str = Field(description="unit of `worst`")
     config_id: str
     config_name: str
-    violated: Rate
+    violated: Rate = Field(description="share of the runs that broke it")
     worst: float | None
     run_ids: tuple[str, ...]
 
@@ -301,9 +301,9 @@ class RunRow(Model):
     scenario_id: str
     config_name: str
     outcome: Outcome
-    duration_s: float | None
-    minimum_distance_m: float | None
-    reason: str
+    duration_s: float | None = Field(description="length of the drive; null of a run that could not be attempted")
+    minimum_distance_m: float | None = Field(description="smallest distance to another; null where none was near")
+    reason: str = Field(description="why it ended so, in words")
     contact: Contact | None = Field(None, description="of the first ten collisions, where rows were asked for")
     beyond_vehicle: tuple[LimitExcess, ...] = Field((), description="limits of the vehicle that the motion exceeds")
 
@@ -314,13 +314,13 @@ class TimelineStep(Model):
     ``gap_m``: between the ego's and the obstacle's rectangle (the one collided with, else the nearest).
     """
 
-    time_s: float
-    speed_mps: float
-    acceleration_mps2: float
+    time_s: float = Field(description="moment of the scenario")
+    speed_mps: float = Field(description="speed of the ego")
+    acceleration_mps2: float = Field(description="acceleration of the ego")
     obstacle_id: int | None
     gap_m: float | None
-    largest_cost: str | None
-    largest_cost_share: float | None
+    largest_cost: str | None = Field(description="the cost term with the largest share; null where nothing was planned")
+    largest_cost_share: float | None = Field(description="its share of the total cost, from 0 to 1")
 
 
 class AnalyzeResultsArguments(Arguments):
@@ -357,37 +357,39 @@ class AnalyseRequest(Model):
 class UndefinedMetric(Model):
     """A metric that none of the valid runs has, and why."""
 
-    name: MetricName
-    why: str
+    name: MetricName = Field(description="the metric")
+    why: str = Field(description="why no run has it")
 
 
 class AnalyzeResultsResult(Result):
     """Figures of a set of runs; the sections that ``detail`` did not ask for are empty. ``review``: of a single run."""
 
-    results: tuple[str, ...]
-    runs: int
-    detail: AnalysisDetail = "summary"
-    success: Rate
-    outcomes: tuple[OutcomeShare, ...]
+    results: tuple[str, ...] = Field(description="ids that were analysed")
+    runs: int = Field(description="runs behind the figures")
+    detail: AnalysisDetail = Field("summary", description="the section that is shown beside the summary")
+    success: Rate = Field(description="share of valid runs that reached the goal")
+    outcomes: tuple[OutcomeShare, ...] = Field(description="valid runs by how they ended")
     invalid: tuple[InvalidItem, ...] = Field((), description="at most ten; invalid_count has them all")
-    invalid_count: int = 0
-    groups: tuple[Group, ...] = ()
-    metrics: tuple[MetricSummary, ...] = ()
-    undefined: tuple[UndefinedMetric, ...] = ()
-    costs: tuple[CostShare, ...] = ()
-    correlations: tuple[Correlation, ...] = ()
-    findings: tuple[Finding, ...] = ()
-    rows: tuple[RunRow, ...] = ()
-    timeline: tuple[TimelineStep, ...] = ()
+    invalid_count: int = Field(0, description="runs that could not be attempted")
+    groups: tuple[Group, ...] = Field((), description="the same by what was asked for with `breakdown`")
+    metrics: tuple[MetricSummary, ...] = Field((), description="metrics over the runs in which they are defined")
+    undefined: tuple[UndefinedMetric, ...] = Field((), description="metrics that no run has")
+    costs: tuple[CostShare, ...] = Field((), description="what the planners' cost was made of")
+    correlations: tuple[Correlation, ...] = Field((), description="features of scenarios that go with success")
+    findings: tuple[Finding, ...] = Field((), description="what is conspicuous, with its evidence")
+    rows: tuple[RunRow, ...] = Field((), description="each run in a line")
+    timeline: tuple[TimelineStep, ...] = Field((), description="of a single run, its moments")
     timeline_of: Literal["end", "moment", "window"] = Field("end", description="window: that of where=time_s=…")
     review: RunReview | None = None
     measures: tuple[MeasuredValue, ...] = Field((), description="of a single run, detail=measures")
     spreads: tuple[MeasureSpread, ...] = Field((), description="of several runs, detail=measures")
-    causes: CollisionCauses | None = None
-    trivial: TrivialGoals | None = None
-    beyond_vehicle: BeyondVehicle | None = None
+    causes: CollisionCauses | None = Field(None, description="who hit whom; null without collisions")
+    trivial: TrivialGoals | None = Field(None, description="goals that asked for no driving; null where there are none")
+    beyond_vehicle: BeyondVehicle | None = Field(
+        None, description="runs beyond the limits of the vehicle; null where there are none"
+    )
     rules: tuple[RuleVerdict, ...] = Field((), description="of a single run: what it makes of each traffic rule")
-    rule_shares: tuple[RuleShare, ...] = ()
+    rule_shares: tuple[RuleShare, ...] = Field((), description="runs that break each traffic rule")
     notes: tuple[str, ...] = ()
     job_id: str = Field("", description="of the trial of suggestions, while it runs")
 

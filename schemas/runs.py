@@ -136,11 +136,13 @@ class LimitExcess(Model):
     have to slide, from ``time_s`` on.
     """
 
-    name: Literal["speed", "acceleration", "friction", "steering angle", "steering rate", "rolling"]
-    value: float
-    limit: float
+    name: Literal["speed", "acceleration", "friction", "steering angle", "steering rate", "rolling"] = Field(
+        description="the limit"
+    )
+    value: float = Field(description="the largest value, in `unit`")
+    limit: float = Field(description="the limit itself, in `unit`")
     unit: str
-    time_s: float
+    time_s: float = Field(description="when it is exceeded most")
 
     def in_words(self) -> str:
         """``steering rate 0.75 rad/s at 2.3 s (limit 0.4)``."""
@@ -215,9 +217,9 @@ class Prevention(Model):
     """
 
     by_braking_until_s: float | None
-    by_careful_driver: bool
-    by_rss: bool
-    by_fuzzy_driver: bool = False
+    by_careful_driver: bool = Field(description="whether the careful driver of UN R157 prevents it")
+    by_rss: bool = Field(description="whether a driver by RSS prevents it")
+    by_fuzzy_driver: bool = Field(False, description="whether the fuzzy driver of UN R157 prevents it")
     by_steering_until_s: float | None = None
     steering_tried: bool = False
 
@@ -271,14 +273,14 @@ class Contact(Model):
     ``laid_to``: None where that decides, or the prevention is not known.
     """
 
-    kind: ContactKind
-    time_s: float
-    ego_speed_mps: float
+    kind: ContactKind = Field(description="how the two met")
+    time_s: float = Field(description="when they met")
+    ego_speed_mps: float = Field(description="speed of the ego then")
     obstacle_id: int | None = None
     obstacle_class: str = ""
-    other_speed_mps: float | None = None
+    other_speed_mps: float | None = Field(None, description="speed of the other then; null of what has none")
     closing_mps: float | None = None
-    ego_side: BodySide | None = None
+    ego_side: BodySide | None = Field(None, description="side of the ego that was hit; null where it is not known")
     other_side: BodySide | None = None
     ego_stood_since_s: float | None = None
     braked_since_s: float | None = None
@@ -343,14 +345,14 @@ class Encounter(Model):
     ``time_to_collision_s``: with both keeping course and speed; None: they would not meet.
     """
 
-    time_s: float
+    time_s: float = Field(description="when that was")
     obstacle_id: int
     obstacle_class: str
-    gap_m: float
+    gap_m: float = Field(description="distance between the two")
     side: BodySide
-    direction: RelativeHeading
-    ego_speed_mps: float
-    other_speed_mps: float
+    direction: RelativeHeading = Field(description="course of the other, seen from the ego")
+    ego_speed_mps: float = Field(description="speed of the ego")
+    other_speed_mps: float = Field(description="speed of the other")
     time_to_collision_s: float | None
 
     @property
@@ -368,22 +370,24 @@ class Encounter(Model):
 class LargestMotion(Model):
     """The largest value of one motion of the ego, and when; braking and jerk are given as positive numbers."""
 
-    name: Literal["acceleration", "braking", "lateral acceleration", "jerk"]
-    value: float
+    name: Literal["acceleration", "braking", "lateral acceleration", "jerk"] = Field(description="the motion")
+    value: float = Field(description="its largest value, in `unit`")
     unit: str
-    time_s: float
+    time_s: float = Field(description="when that was")
 
 
 class ComfortExcess(Model):
     """A motion above a comfort limit: its largest mean over ``window_s`` (0: at a step) and where that window ends."""
 
-    name: Literal["acceleration", "braking", "braking jerk", "lateral acceleration", "lateral jerk"]
-    value: float
-    limit: float
+    name: Literal["acceleration", "braking", "braking jerk", "lateral acceleration", "lateral jerk"] = Field(
+        description="the motion"
+    )
+    value: float = Field(description="its largest mean, in `unit`")
+    limit: float = Field(description="the comfort limit, in `unit`")
     unit: str
-    window_s: float
-    time_s: float
-    source: str
+    window_s: float = Field(description="length of the window that is averaged; 0: a single step")
+    time_s: float = Field(description="when that window ends")
+    source: str = Field(description="where the limit comes from")
 
     def in_words(self) -> str:
         """``braking 4.2 m/s² over 2 s, until 3.1 s (limit 3.5, ISO 15622:2018)``."""
@@ -399,10 +403,10 @@ class RunReview(Model):
     """
 
     run_id: str
-    contact: Contact | None = None
+    contact: Contact | None = Field(None, description="the collision; null without one")
     closest: Encounter | None = None
     most_urgent: Encounter | None = None
-    largest: tuple[LargestMotion, ...] = ()
+    largest: tuple[LargestMotion, ...] = Field((), description="the largest motions of the ego")
     uncomfortable: tuple[ComfortExcess, ...] = ()
 
     def nearness_in_words(self) -> str:
@@ -436,9 +440,9 @@ class RuleVerdict(Model):
     TOLERANCE: ClassVar[float] = 0.01
     """Files hold centimetres: a rule is broken by more than this."""
 
-    rule: str
-    name: str
-    unit: str
+    rule: str = Field(description="stable name of the rule")
+    name: str = Field(description="the rule in words")
+    unit: str = Field(description="unit of `robustness`")
     robustness: float | None
     time_s: float | None = None
     first_s: float | None = None
@@ -524,7 +528,7 @@ class LostCell(Model):
 
     scenario_id: str
     config_id: str
-    error: str
+    error: str = Field(description="what went wrong")
 
 
 class BatchRecord(Model):

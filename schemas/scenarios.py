@@ -236,13 +236,13 @@ class DescribedEgo(Model):
     """A planning problem: start, goal in words, and the lanelets of the way to the goal."""
 
     problem_id: int
-    speed_mps: float
-    lanelets: tuple[int, ...]
-    lanes: int
-    goal: str
-    goal_lanelets: tuple[int, ...]
-    route: tuple[int, ...]
-    way: str
+    speed_mps: float = Field(description="speed at the start")
+    lanelets: tuple[int, ...] = Field(description="ids of the lanelets under the start")
+    lanes: int = Field(description="lanes in the ego's direction at the start")
+    goal: str = Field(description="what the goal asks for, in words")
+    goal_lanelets: tuple[int, ...] = Field(description="ids of the lanelets of the goal")
+    route: tuple[int, ...] = Field(description="ids of the lanelets on the way to the goal")
+    way: str = Field(description="that way in words")
 
 
 class DescribedVehicle(Model):
@@ -253,16 +253,18 @@ class DescribedVehicle(Model):
     """
 
     vehicle_id: int
-    kind: str
-    where: str
-    lanelet: int | None
-    speed_mps: float
-    distance_m: float
-    ahead_m: float | None
+    kind: str = Field(description="its CommonRoad type")
+    where: str = Field(description="where it is, seen from the focus, in words")
+    lanelet: int | None = Field(description="id of its lanelet; null off the road")
+    speed_mps: float = Field(description="its speed when it is first there")
+    distance_m: float = Field(description="its distance from the focus")
+    ahead_m: float | None = Field(
+        description="how far ahead of the ego along its lane, behind negative; null elsewhere"
+    )
     gap_m: float | None
     from_s: float
-    until_s: float
-    moves: bool
+    until_s: float = Field(description="when it is last there")
+    moves: bool = Field(description="whether it drives at all")
     vehicle_class: str = ""
 
 
@@ -271,22 +273,22 @@ class DescribedLanelet(Model):
 
     lanelet_id: int
     edge: str | None = Field(description="SUMO's edge; None inside junctions and where nobody drives")
-    length_m: float
-    role: str
+    length_m: float = Field(description="length of its centre line")
+    role: str = Field(description="what it is to the ego")
     successors: tuple[str, ...] = Field(description="direction and id: 'left 12'")
-    left: int | None
-    right: int | None
-    opposite: int | None
-    limit_kmh: float | None
-    vehicles: tuple[int, ...]
+    left: int | None = Field(description="id of the lanelet to its left in the same direction; null without one")
+    right: int | None = Field(description="id of the one to its right; null without one")
+    opposite: int | None = Field(description="id of the neighbour in the opposite direction; null without one")
+    limit_kmh: float | None = Field(description="its speed limit; null without one")
+    vehicles: tuple[int, ...] = Field(description="ids of the vehicles on it at first")
 
 
 class Reach(Model):
     """A lanelet outside junctions that a vehicle can get to: the turns on the way, and how far its beginning is."""
 
     lanelet_id: int
-    turns: tuple[str, ...]
-    distance_m: float
+    turns: tuple[str, ...] = Field(description="lane changes and turns on the way")
+    distance_m: float = Field(description="how far its beginning is")
 
 
 class DescribedFocus(Model):
@@ -296,8 +298,8 @@ class DescribedFocus(Model):
     nearest lanelets first.
     """
 
-    name: str
-    what: str
+    name: str = Field(description="the vehicle or lanelet")
+    what: str = Field(description="by which word it was meant")
     vehicle: DescribedVehicle | None = None
     route: tuple[int, ...] = ()
     reach: tuple[Reach, ...] = ()
@@ -306,14 +308,14 @@ class DescribedFocus(Model):
 class Description(Model):
     """What the scenario's file shows, centred on the focus; ``asked`` says what a focus other than the ego is."""
 
-    ego: DescribedEgo | None
-    focus: str
-    asked: DescribedFocus | None = None
-    vehicles: tuple[DescribedVehicle, ...]
-    vehicles_total: int
-    lanelets: tuple[DescribedLanelet, ...]
-    lanelets_total: int
-    checks: tuple[str, ...] = ()
+    ego: DescribedEgo | None = Field(description="the planning problem; null where the file has none")
+    focus: str = Field(description="what the list of vehicles and lanelets is centred on")
+    asked: DescribedFocus | None = Field(None, description="the focus, where it is not the ego")
+    vehicles: tuple[DescribedVehicle, ...] = Field(description="the vehicles near the focus, the nearest first")
+    vehicles_total: int = Field(description="vehicles in the scenario, without the one in focus")
+    lanelets: tuple[DescribedLanelet, ...] = Field(description="the lanelets near the focus")
+    lanelets_total: int = Field(description="lanelets within the radius")
+    checks: tuple[str, ...] = Field((), description="what the checks of the file found")
 
 
 class DescribedGeneration(Model):
@@ -323,23 +325,23 @@ class DescribedGeneration(Model):
     asks for them; their numbers always stand there. ``feasible_share``: of the recorded tracks, in [0, 1].
     """
 
-    site: SiteFacts
-    scenario_type_asked: ScenarioType
-    vehicles_asked: int
-    vehicles_realised: int
-    classes_asked: dict[str, int]
-    classes_realised: dict[str, int]
-    density: DensityFacts
-    duration_asked_s: float
-    recorded_s: float
+    site: SiteFacts = Field(description="where it was cut out")
+    scenario_type_asked: ScenarioType = Field(description="type of site that was asked for")
+    vehicles_asked: int = Field(description="vehicles that were asked for")
+    vehicles_realised: int = Field(description="vehicles that are there")
+    classes_asked: dict[str, int] = Field(description="vehicles that were asked for, by class")
+    classes_realised: dict[str, int] = Field(description="vehicles that are there, by class")
+    density: DensityFacts = Field(description="vehicles per lane-km, wanted and there")
+    duration_asked_s: float = Field(description="length that was asked for")
+    recorded_s: float = Field(description="length of the recording")
     feasible_share: float
-    checks_failed: tuple[str, ...]
-    notes_total: int
-    warnings_total: int
+    checks_failed: tuple[str, ...] = Field(description="checks that it did not pass")
+    notes_total: int = Field(description="how many notes there are")
+    warnings_total: int = Field(description="how many warnings of network and netconvert there are")
     notes: tuple[str, ...] = ()
-    network_warnings: tuple[str, ...] = ()
-    netconvert_warnings: tuple[str, ...] = ()
-    conditions: tuple[str, ...] = ()
+    network_warnings: tuple[str, ...] = Field((), description="warnings of our checks of the network")
+    netconvert_warnings: tuple[str, ...] = Field((), description="warnings of SUMO's netconvert")
+    conditions: tuple[str, ...] = Field((), description="conditions of the traffic, as they were asked for")
 
     def lines(self) -> list[str]:
         """Site, traffic and checks in a line, then notes and warnings, one each."""
@@ -371,18 +373,20 @@ class DescribeScenarioResult(Result):
     """A scenario in words and ids: all that an edit needs."""
 
     scenario_id: str
-    origin: Origin
-    place: str
-    detail: Detail = "brief"
-    tags: tuple[str, ...]
-    features: tuple[str, ...]
-    step_s: float
-    duration_s: float
-    counts: dict[str, int]
-    signs: tuple[str, ...]
-    description: Description
-    generation: DescribedGeneration | None = None
-    recipe: dict[str, JsonValue] | None = None
+    origin: Origin = Field(description="where it comes from")
+    place: str = Field(description="the town or region; empty where it is not known")
+    detail: Detail = Field("brief", description="what is told beside the summary")
+    tags: tuple[str, ...] = Field(description="tags that it has")
+    features: tuple[str, ...] = Field(description="features that its geometry shows")
+    step_s: float = Field(description="length of a time step")
+    duration_s: float = Field(description="length of the recording")
+    counts: dict[str, int] = Field(description="road users by type")
+    signs: tuple[str, ...] = Field(description="traffic signs, with their values")
+    description: Description = Field(description="what its file shows around the focus")
+    generation: DescribedGeneration | None = Field(None, description="how it was generated; null where it was not")
+    recipe: dict[str, JsonValue] | None = Field(
+        None, description="what makes it again; null where it was not asked for"
+    )
 
     def answer(self) -> Answer:
         """What it is, the ego, what was asked about; then the lists that the detail asks for."""

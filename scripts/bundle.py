@@ -22,7 +22,8 @@ def stage(wheel: Path, folder: Path) -> str:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     shutil.copy(wheel, folder)
-    shutil.copy(SOURCE / "server.py", folder)
+    for name in ("server.py", "icon.png"):
+        shutil.copy(SOURCE / name, folder)
     project = (SOURCE / "environment.toml").read_text(encoding="utf-8")
     (folder / "pyproject.toml").write_text(project.replace("VERSION", version), encoding="utf-8")
     manifest = json.loads((SOURCE / "manifest.json").read_text(encoding="utf-8"))

@@ -26,6 +26,7 @@ from plannerforge.engine.tuning.settings import known_settings  # noqa: E402
 from plannerforge.engine.tuning.tunings import LARGEST_WEIGHT, TUNINGS, PlannerTuning  # noqa: E402
 from plannerforge.evals.command_line import application  # noqa: E402
 from plannerforge.schemas.analysis.suite import SuiteFile  # noqa: E402
+from plannerforge.schemas.base import COMMON_FIELDS  # noqa: E402
 from plannerforge.schemas.errors import PlannerForgeError, error_classes  # noqa: E402
 from plannerforge.schemas.modification import EDITS, Edit  # noqa: E402
 from plannerforge.schemas.planning import CommandPlanner, DeclaredPreset, DeclaredWeight  # noqa: E402
@@ -200,13 +201,42 @@ def _answer(spec: ToolSpec) -> str:
 
 
 def _fields(model: type[BaseModel], schema: Schema) -> str:
-    """The fields of a model: what they mean stands in their description, or in the docstring as ``name``: meaning."""
-    said = dict(re.findall(r"`(\w+)`: ([^;.]+)", " ".join(_doc(model).split())))
-    rows = [
-        (f"`{name}`", _type(part), model.model_fields[name].description or said.get(name, ""))
-        for name, part in schema.get("properties", {}).items()
-    ]
+    """The fields of a model with their types and meanings."""
+    meanings = meanings_of(model)
+    rows = [(f"`{name}`", _type(part), meanings[name]) for name, part in schema.get("properties", {}).items()]
     return table("field|type|meaning", rows)
+
+
+def meanings_of(model: type[BaseModel]) -> dict[str, str]:
+    """What each field of an answer means, with its unit; empty where nothing says it.
+
+    It stands in the field's description, in the model's docstring as ``name``: meaning, or is the same in all answers.
+    """
+    said = dict(re.findall(r"`(\w+)`: ([^;.]+)", " ".join(_doc(model).split())))
+    return {
+        name: _with_unit(name, field.description or said.get(name) or COMMON_FIELDS.get(name, ""))
+        for name, field in model.model_fields.items()
+    }
+
+
+UNITS = {
+    "per_lane_km": "1/km",
+    "mps": "m/s",
+    "mps2": "m/s²",
+    "kmh": "km/h",
+    "bytes": "bytes",
+    "rad": "rad",
+    "deg": "°",
+    "s": "s",
+    "m": "m",
+    "km": "km",
+}
+"""The units in the names of fields, as they are written."""
+
+
+def _with_unit(name: str, meaning: str) -> str:
+    unit = next((unit for ending, unit in UNITS.items() if name.endswith(f"_{ending}")), "")
+    return f"{meaning} ({unit})" if meaning and unit else meaning
 
 
 def _doc(model: type[BaseModel]) -> str:
@@ -231,7 +261,7 @@ def types_page() -> str:
     for spec in TOOLS:
         if spec.result_type is not None:
             definitions |= (_described(spec).output_schema or {}).get("$defs", {})
-            models |= {model.__name__: model for model in _models_below(spec.result_type, set())}
+            models |= {model.__name__: model for model in models_below(spec.result_type, set())}
     parts = [
         f"## {name}\n\n{_doc(models[name])}\n\n{_fields(models[name], definitions[name])}".replace("TYPES#", "#")
         for name in sorted(models.keys() & definitions.keys())
@@ -242,13 +272,13 @@ def types_page() -> str:
     )
 
 
-def _models_below(model: type[BaseModel], seen: set[type[BaseModel]]) -> set[type[BaseModel]]:
+def models_below(model: type[BaseModel], seen: set[type[BaseModel]]) -> set[type[BaseModel]]:
     """The models that a model holds, itself included."""
     if model not in seen:
         seen.add(model)
         for field in model.model_fields.values():
             for part in _types_in(field.annotation):
-                _models_below(part, seen)
+                models_below(part, seen)
     return seen
 
 

@@ -52,7 +52,7 @@ from .observing.logs import EndedCall, log_call, named_call, outcome_of
 from .reading import PAGE, ResourceReading, page_of
 from .tasks import Tasks
 from .tool_calls import InputNeeded, answer
-from .tool_schema import described_tool
+from .tool_schema import described_tool, server_icons
 
 logger = logging.getLogger(__name__)
 INSTRUCTIONS = """\
@@ -106,6 +106,7 @@ class PlannerForgeServer(MCPServer[Services]):
         super().__init__(
             name="plannerforge",
             title="PlannerForge",
+            icons=server_icons(),
             version=__version__,
             instructions=INSTRUCTIONS,
             lifespan=lifespan,

@@ -14,6 +14,11 @@ def count_tokens(text: str) -> int:
     return sum(len(_encoding().encode(piece)) for piece in pieces)
 
 
+def has_tables() -> bool:
+    """Whether the tables of the encoding have been read, which takes about a second and holds the interpreter."""
+    return _encoding.cache_info().currsize > 0
+
+
 @cache
 def _encoding() -> Any:
     import bpe_openai

@@ -1,15 +1,16 @@
-"""JSON Schemas of the tools, as lean as they can be and still hold.
+"""JSON Schemas of the tools, as lean as they can be and still hold; and the server's icon.
 
 Clients get them from files instead of computed, so that the first answer comes fast. The files are the reviewed
 contract: ``pytest tests/contract --update-snapshots`` writes them from the models, and the contract tests fail where
 the two differ.
 """
 
+import base64
 from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from mcp.types import Tool, ToolAnnotations
+from mcp.types import Icon, Tool, ToolAnnotations
 from pydantic import BaseModel
 
 from ..resources.apps import page_uri
@@ -28,6 +29,18 @@ def described_tool(spec: ToolSpec) -> Tool:
     if not file.is_file():
         return _without_unlisted(tool_description(spec), spec)
     return _without_unlisted(Tool.model_validate_json(file.read_text(encoding="utf-8")), spec)
+
+
+def server_icons() -> list[Icon]:
+    """The server's icon as hosts show it, within the message itself: nothing has to be fetched for it.
+
+    Clients must be able to draw PNG and should be able to draw SVG. Tools have none: it would be said 17 times.
+    """
+    found = []
+    for name, mime_type, size in (("icon.svg", "image/svg+xml", "any"), ("icon.png", "image/png", "48x48")):
+        data = base64.b64encode(files("plannerforge.server").joinpath("descriptions", name).read_bytes()).decode()
+        found.append(Icon(src=f"data:{mime_type};base64,{data}", mime_type=mime_type, sizes=[size]))
+    return found
 
 
 def _without_unlisted(tool: Tool, spec: ToolSpec) -> Tool:

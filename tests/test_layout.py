@@ -132,3 +132,17 @@ def test_names_of_tests_are_short_and_speak_of_things() -> None:
     assert len(names) > 1000
     assert [(name, file) for name, file in names if len(name) > LONGEST_NAME] == []
     assert [(name, file) for name, file in names if PERSONS & set(name.split("_"))] == []
+
+
+def functions_of(tree: ast.Module) -> set[str]:
+    return {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+
+
+def test_a_module_that_has_a_main_runs_it_when_it_is_run() -> None:
+    trees = {path.relative_to(CHECKOUT).as_posix(): ast.parse(path.read_bytes()) for path in source_files()}
+    mains = {name: tree for name, tree in trees.items() if "main" in functions_of(tree)}
+    assert len(mains) > 5
+    guarded = {
+        name for name, tree in mains.items() if ast.unparse(tree.body[-1]).startswith("if __name__ == '__main__'")
+    }
+    assert set(mains) - guarded == set()

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 import yaml
 from jsonschema import Draft202012Validator
+from PIL import Image
 from support.tree import CHECKOUT
 from typer.main import get_command
 
@@ -160,7 +161,13 @@ def staged(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_bundle_holds_the_wheel_that_its_environment_is_made_of(staged: Path) -> None:
     wheel = f"plannerforge_mcp-{__version__}-py3-none-any.whl"
-    assert {path.name for path in staged.iterdir()} == {"manifest.json", "pyproject.toml", "server.py", wheel}
+    assert {path.name for path in staged.iterdir()} == {
+        "manifest.json",
+        "pyproject.toml",
+        "server.py",
+        "icon.png",
+        wheel,
+    }
     environment = tomllib.loads((staged / "pyproject.toml").read_text(encoding="utf-8"))
     assert environment["tool"]["uv"]["sources"]["plannerforge-mcp"] == {"path": wheel}
     assert environment["project"]["requires-python"] == project()["project"]["requires-python"]
@@ -182,6 +189,17 @@ def test_the_manifest_names_all_tools_and_only_flags_and_settings_that_there_are
     assert asked == set(manifest["user_config"])
     for setting in manifest["user_config"].values():
         assert {"type", "title", "description"} <= set(setting)
+
+
+def test_a_bundle_shows_an_icon_that_it_holds(staged: Path) -> None:
+    icon = staged / json.loads((staged / "manifest.json").read_text(encoding="utf-8"))["icon"]
+    with Image.open(icon) as picture:
+        assert (picture.format, picture.size) == ("PNG", (512, 512))
+
+
+def test_the_registry_entry_names_no_icon_but_by_an_address() -> None:
+    icons = json.loads((PACKAGING / "server.json").read_text(encoding="utf-8")).get("icons", [])
+    assert all(icon["src"].startswith("https://") for icon in icons), "its schema takes nothing else"
 
 
 def test_what_a_bundle_starts_is_the_command_line() -> None:

@@ -1,11 +1,16 @@
 """The reference of the docs says what the program says today: ``make reference`` writes it."""
 
+import json
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
+from pydantic import BaseModel, Field
 from support.tree import CHECKOUT, loaded_script
 
+from plannerforge.schemas.base import COMMON_FIELDS
+from plannerforge.server.tool_schema import described_tool
 from plannerforge.tools.registry import TOOLS
 
 
@@ -36,3 +41,60 @@ def test_every_argument_says_what_it_means(script: ModuleType, spec: object) -> 
     for line in script.tool_page(spec).partition("## Arguments")[2].partition("## Answer")[0].splitlines():
         if line.startswith("| `") and line.count(" | ") == 3:
             assert not line.endswith("| |"), line
+
+
+def models_of_answers(script: ModuleType) -> list[type[BaseModel]]:
+    models: set[type[BaseModel]] = set()
+    for spec in TOOLS:
+        if spec.result_type is not None:
+            script.models_below(spec.result_type, models)
+    return sorted(models, key=lambda model: (model.__module__, model.__name__))
+
+
+def test_every_field_of_every_answer_says_what_it_means(script: ModuleType) -> None:
+    models = models_of_answers(script)
+    assert len(models) > 90
+    silent = {model.__name__: names for model in models if (names := silent_fields(script, model))}
+    assert silent == {}
+
+
+def silent_fields(script: ModuleType, model: type[BaseModel]) -> list[str]:
+    return [name for name, meaning in script.meanings_of(model).items() if len(meaning) < len("id of x")]
+
+
+def test_a_field_that_says_nothing_is_seen(script: ModuleType) -> None:
+    class Told(BaseModel):
+        """A thing; ``said``: here in the docstring."""
+
+        said: int
+        length_m: float = Field(description="how long it is")
+        notes: list[str]
+        silent: int
+
+    assert silent_fields(script, Told) == ["silent"]
+    assert script.meanings_of(Told)["length_m"] == "how long it is (m)"
+
+
+def test_what_is_said_of_fields_of_one_name_is_of_use(script: ModuleType) -> None:
+    names = [name for model in models_of_answers(script) for name in model.model_fields]
+    assert set(COMMON_FIELDS) <= set(names)
+
+
+def test_descriptions_of_answers_cost_the_model_nothing() -> None:
+    for spec in TOOLS:
+        assert '"description"' not in json.dumps(_without_fields_named_so(described_tool(spec).output_schema or {}))
+
+
+def _without_fields_named_so(schema: Any) -> Any:
+    """The schema without the fields that are called ``description``."""
+    if isinstance(schema, list):
+        return [_without_fields_named_so(part) for part in schema]
+    if not isinstance(schema, dict):
+        return schema
+    return {
+        key: [*map(_without_fields_named_so, value.values())]
+        if key in ("properties", "$defs")
+        else _without_fields_named_so(value)
+        for key, value in schema.items()
+        if key != "required"
+    }

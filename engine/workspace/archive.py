@@ -23,7 +23,7 @@ from typing import Any, Literal
 from pydantic import Field, RootModel, ValidationError
 
 from ... import __version__
-from ...schemas.base import Model
+from ...schemas.base import Model, problems_of
 from ...schemas.errors import InvalidRequest, NotPossible, ResourceFailure, UnsafeInput
 from ...schemas.text import one_line, quoted
 from .artifacts import ARTIFACT_KINDS, ORDINARY_ID, ArtifactKind, NewArtifact, Workspace, disk_failure
@@ -343,7 +343,7 @@ def _head_of(archive: zipfile.ZipFile, sums: Mapping[str, str]) -> _Head:
     try:
         return _Head.model_validate(told)
     except ValidationError as error:
-        raise _damaged(f"{_HEAD}: {error.errors()[0]['msg']}") from error
+        raise _damaged(f"{_HEAD}: {problems_of(_Head, error)[0][0]}") from error
 
 
 def _small(archive: zipfile.ZipFile, name: str, most_bytes: int) -> bytes:
@@ -388,9 +388,8 @@ def _read_records(folder: Path) -> Iterator[_Record]:
             try:
                 yield _Record.model_validate_json(line)
             except ValidationError as error:
-                detail = error.errors(include_url=False)[0]
-                where = ".".join(map(str, detail["loc"]))
-                raise _damaged(f"{_RECORDS}, line {number}: {where} {one_line(detail['msg'])}") from error
+                problem = one_line(problems_of(_Record, error)[0][0])
+                raise _damaged(f"{_RECORDS}, line {number}: {problem}") from error
 
 
 def _sorted_out(workspace: Workspace, folder: Path, head: _Head, sums: Mapping[str, str]) -> tuple[set[str], int]:

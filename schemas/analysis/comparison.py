@@ -29,10 +29,10 @@ class CompareResultsArguments(Arguments):
 class Side(Model):
     """One of the compared sets: a run, or the runs of one configuration in a batch."""
 
-    label: str
-    config_id: str
-    config_name: str
-    run_ids: tuple[str, ...]
+    label: str = Field(description="name of the side, by which comparisons call it")
+    config_id: str = Field(description="id of its configuration")
+    config_name: str = Field(description="name of its configuration")
+    run_ids: tuple[str, ...] = Field(description="ids of its runs")
 
 
 class CompareRequest(Model):
@@ -50,11 +50,11 @@ class CompareRequest(Model):
 class EditedPair(Model):
     """Two scenarios that were paired by lineage; the edits that one of them has and the other has not."""
 
-    before: str
-    after: str
+    before: str = Field(description="id of the baseline's scenario")
+    after: str = Field(description="id of the other side's scenario")
     common: str = Field(description="the scenario that both come from, or that one of them is")
-    undone: tuple[str, ...] = ()
-    done: tuple[str, ...] = ()
+    undone: tuple[str, ...] = Field((), description="edits that only the baseline's scenario has")
+    done: tuple[str, ...] = Field((), description="edits that only the other side's scenario has")
 
 
 class PairedRun(Model):
@@ -62,8 +62,8 @@ class PairedRun(Model):
 
     run_id: str
     outcome: Outcome
-    reason: str
-    review: RunReview
+    reason: str = Field(description="why it ended so, in words")
+    review: RunReview = Field(description="its decisive moments")
 
     def in_words(self) -> str:
         """The run, and how it ended."""
@@ -76,10 +76,10 @@ class Flip(Model):
     """
 
     scenario_id: str
-    before: Outcome
-    after: Outcome
-    before_run: str
-    after_run: str
+    before: Outcome = Field(description="how the baseline's run ended")
+    after: Outcome = Field(description="how the other side's run ended")
+    before_run: str = Field(description="id of the baseline's run")
+    after_run: str = Field(description="id of the other side's run")
     after_scenario_id: str = Field("", description="where another version of the scenario was run after")
     why: str = ""
 
@@ -87,9 +87,9 @@ class Flip(Model):
 class WeightChange(Model):
     """A cost weight that differs; None where a side does not have it."""
 
-    weight: str
-    before: float | None
-    after: float | None
+    weight: str = Field(description="name of the weight")
+    before: float | None = Field(description="the baseline's value")
+    after: float | None = Field(description="the other side's value")
 
 
 class SuccessTest(Model):
@@ -99,16 +99,18 @@ class SuccessTest(Model):
     many scenarios would show ten points, where nothing is shown.
     """
 
-    pairs: int
-    scenarios: int = 0
-    both: int
-    only_before: int
-    only_after: int
-    neither: int
-    difference: float | None
-    low: float | None
-    high: float | None
-    p: float | None
+    pairs: int = Field(description="pairs of runs")
+    scenarios: int = Field(0, description="scenarios behind them")
+    both: int = Field(description="pairs in which both reach the goal")
+    only_before: int = Field(description="pairs in which only the baseline does")
+    only_after: int = Field(description="pairs in which only the other side does")
+    neither: int = Field(description="pairs in which neither does")
+    difference: float | None = Field(
+        description="difference of the success rates, after − before, from -1 to 1; null without pairs"
+    )
+    low: float | None = Field(description="lower end of its 95 % interval")
+    high: float | None = Field(description="upper end of its 95 % interval")
+    p: float | None = Field(description="exact two-sided p; null without pairs")
     p_holm: float | None
     needed: int | None = None
 
@@ -116,11 +118,11 @@ class SuccessTest(Model):
 class Stratum(Model):
     """The pairs under one prediction and traffic mode, of sides that have several."""
 
-    name: str
-    pairs: int
-    only_before: int
-    only_after: int
-    difference: float
+    name: str = Field(description="the prediction and traffic mode")
+    pairs: int = Field(description="pairs of runs under it")
+    only_before: int = Field(description="pairs in which only the baseline reaches the goal")
+    only_after: int = Field(description="pairs in which only the other side does")
+    difference: float = Field(description="difference of the success rates, after − before, from -1 to 1")
 
 
 class MetricTest(Model):
@@ -134,21 +136,25 @@ class MetricTest(Model):
     ``same`` where the first three digits are alike.
     """
 
-    name: MetricName
+    name: MetricName = Field(description="the metric")
     unit: str
     pairs: int
-    scenarios: int = 0
-    basis: Literal["valid", "both_reached_goal"]
-    median_before: float | None
-    median_after: float | None
-    shift: float | None
-    low: float | None
-    high: float | None
-    effect: float | None
-    p: float | None
+    scenarios: int = Field(0, description="scenarios that were tested")
+    basis: Literal["valid", "both_reached_goal"] = Field(
+        description="which pairs count: those of valid runs, or those in which both reached the goal"
+    )
+    median_before: float | None = Field(description="median of the baseline over the scenarios, in `unit`")
+    median_after: float | None = Field(description="median of the other side, in `unit`")
+    shift: float | None = Field(
+        description="Hodges–Lehmann estimate of after − before, in `unit`; null under six differing pairs"
+    )
+    low: float | None = Field(description="lower end of its 95 % interval, in `unit`")
+    high: float | None = Field(description="upper end of its 95 % interval, in `unit`")
+    effect: float | None = Field(description="matched-pairs rank-biserial correlation, from -1 to 1")
+    p: float | None = Field(description="two-sided p of Wilcoxon's signed-rank test; null where it was not made")
     p_holm: float | None
-    better: Literal["before", "after"] | None
-    higher: int = 0
+    better: Literal["before", "after"] | None = Field(description="the side that did better; null if neither")
+    higher: int = Field(0, description="scenarios in which the metric rises")
     lower: int = 0
     direction: Literal["better", "worse", "same", "changed"] | None = None
 
@@ -156,31 +162,35 @@ class MetricTest(Model):
 class UncomparedCost(Model):
     """The mean total cost of both sides, medians over their valid runs, and why it tells neither better nor worse."""
 
-    before: float
-    after: float
-    why: str
+    before: float = Field(description="median of the baseline's mean total cost")
+    after: float = Field(description="median of the other side's")
+    why: str = Field(description="why the two cannot be compared")
 
 
 class Comparison(Model):
     """One side against the baseline."""
 
-    before: str
-    after: str
-    success: SuccessTest
-    metrics: tuple[MetricTest, ...]
+    before: str = Field(description="label of the baseline")
+    after: str = Field(description="label of the other side")
+    success: SuccessTest = Field(description="who reaches the goal how often")
+    metrics: tuple[MetricTest, ...] = Field(description="each metric that was tested")
     cost: UncomparedCost | None = Field(None, description="where mean_total_cost is no measure of both sides alike")
-    to_success: tuple[Flip, ...]
-    to_success_count: int
-    to_failure: tuple[Flip, ...]
-    to_failure_count: int
-    weights: tuple[WeightChange, ...]
+    to_success: tuple[Flip, ...] = Field(
+        description="scenarios that only the other side masters, as many as were asked for"
+    )
+    to_success_count: int = Field(description="how many there are of these")
+    to_failure: tuple[Flip, ...] = Field(
+        description="scenarios that only the baseline masters, as many as were asked for"
+    )
+    to_failure_count: int = Field(description="how many there are of these")
+    weights: tuple[WeightChange, ...] = Field(description="cost weights that differ")
     conditions: tuple[str, ...] = Field(description="what else differs between the sides as a whole")
     strata: tuple[Stratum, ...] = Field((), description="where a side has several predictions or traffic modes")
-    unpaired: int
-    invalid_pairs: int
+    unpaired: int = Field(description="runs of either side without a partner")
+    invalid_pairs: int = Field(description="pairs in which a run could not be attempted")
     verdict: str = Field(description="what the figures allow to say, in one or two sentences")
     edited: tuple[EditedPair, ...] = Field((), description="pairs by lineage: at most ten")
-    edited_count: int = 0
+    edited_count: int = Field(0, description="pairs of a scenario and an edited one")
     single: tuple[PairedRun, PairedRun] | None = Field(None, description="before and after, where there is one pair")
 
 
@@ -191,18 +201,18 @@ class RankedSide(Model):
     Holm's adjustment.
     """
 
-    label: str
+    label: str = Field(description="name of the side")
     rank: int
-    success: Rate
-    worse_than: tuple[str, ...] = ()
+    success: Rate = Field(description="its share of runs that reach the goal")
+    worse_than: tuple[str, ...] = Field((), description="labels of the sides that do so significantly more often")
 
 
 class CompareResultsResult(Result):
     """Paired comparisons of every side with the first; of three and more sides their ranking."""
 
-    sides: tuple[Side, ...]
-    comparisons: tuple[Comparison, ...]
-    ranking: tuple[RankedSide, ...] = ()
+    sides: tuple[Side, ...] = Field(description="what is compared, the baseline first")
+    comparisons: tuple[Comparison, ...] = Field(description="each other side against the baseline")
+    ranking: tuple[RankedSide, ...] = Field((), description="of three and more sides, the best first")
     flips_asked: int | None = Field(None, description="how many flips were asked to be listed")
     notes: tuple[str, ...] = ()
 

@@ -95,7 +95,7 @@ class Effect(Model):
     of the weight changed anything.
     """
 
-    name: str
+    name: str = Field(description="the weight or setting")
     effect: float
     margin: float
     verdict: Literal["matters", "none", "unclear"]
@@ -116,10 +116,10 @@ class GainRequest(Model):
 class Gain(Model):
     """Mean difference over scenarios with its 95 % interval; without spread both ends are the mean."""
 
-    difference: float
-    low: float
-    high: float
-    scenarios: int
+    difference: float = Field(description="mean of after − before, in the objective's unit")
+    low: float = Field(description="lower end of its 95 % interval")
+    high: float = Field(description="upper end of its 95 % interval")
+    scenarios: int = Field(description="scenarios that were averaged")
 
 
 class TrialLine(Model):
@@ -129,11 +129,11 @@ class TrialLine(Model):
     run; ``within``: no constraint is broken.
     """
 
-    number: int
-    config_id: str
-    name: str
-    values: tuple[float, ...]
-    runs: int
+    number: int = Field(description="number of the trial, from 0")
+    config_id: str = Field(description="id of its configuration")
+    name: str = Field(description="name of its configuration")
+    values: tuple[float, ...] = Field(description="mean of each objective over the training scenarios, in their order")
+    runs: int = Field(description="runs that were made of it")
     pruned: bool
     within: bool
 
@@ -141,23 +141,25 @@ class TrialLine(Model):
 class ChangeShare(Model):
     """A change of the found configuration, and what of the training gain is lost where it alone is taken back."""
 
-    change: WeightChange
-    gain: float
+    change: WeightChange = Field(description="the weight or setting that was changed")
+    gain: float = Field(
+        description="what of the first objective's training gain is lost without it, in the objective's unit"
+    )
 
 
 class HeldOut(Model):
     """The one look at the scenarios that the search had not seen: base against found, by compare_results' tests."""
 
-    batch_id: str
-    scenarios: int
-    gain: Gain
-    success_difference: float | None
-    success_low: float | None
-    success_high: float | None
-    p: float | None
-    collisions_before: int
-    collisions_after: int
-    verdict: str
+    batch_id: str = Field(description="id of the batch of the held-out runs")
+    scenarios: int = Field(description="held-out scenarios that were compared")
+    gain: Gain = Field(description="difference of the objective, found − base")
+    success_difference: float | None = Field(description="difference of the success rates, found − base, from -1 to 1")
+    success_low: float | None = Field(description="lower end of its 95 % interval")
+    success_high: float | None = Field(description="upper end of its 95 % interval")
+    p: float | None = Field(description="exact two-sided p of the difference of success")
+    collisions_before: int = Field(description="runs of the base that ended in a collision")
+    collisions_after: int = Field(description="runs of the found configuration that did")
+    verdict: str = Field(description="what it says, in a sentence")
 
     @property
     def is_better(self) -> bool:
@@ -173,23 +175,25 @@ class StudyRecord(Model):
     """
 
     study_id: str
-    method: str
-    objective: tuple[str, ...]
-    constraints: tuple[str, ...]
+    method: str = Field(description="how candidates were chosen")
+    objective: tuple[str, ...] = Field(description="what was made better, the first first")
+    constraints: tuple[str, ...] = Field(description="what no candidate may break")
     prediction: Prediction
     traffic: Traffic
-    base_id: str
-    base_name: str
-    best_id: str
-    best_name: str
-    training_scenarios: int
-    training: tuple[str, ...]
+    base_id: str = Field(description="id of the configuration that it began from")
+    base_name: str = Field(description="name of that")
+    best_id: str = Field(description="id of the found configuration")
+    best_name: str = Field(description="name of the found configuration")
+    training_scenarios: int = Field(description="scenarios that the search saw")
+    training: tuple[str, ...] = Field(description="places (or maps) of these")
     held_out_places: tuple[str, ...]
-    trials: tuple[TrialLine, ...]
-    changes: tuple[ChangeShare, ...] = ()
-    held_out: HeldOut | None = None
-    front: tuple[TrialLine, ...] = ()
-    effects: tuple[Effect, ...] = ()
+    trials: tuple[TrialLine, ...] = Field(description="all candidates in their order")
+    changes: tuple[ChangeShare, ...] = Field((), description="what each change of the found configuration is worth")
+    held_out: HeldOut | None = Field(
+        None, description="the look at scenarios that the search had not seen; null without one"
+    )
+    front: tuple[TrialLine, ...] = Field((), description="candidates that none other beats in all objectives")
+    effects: tuple[Effect, ...] = Field((), description="how much each weight matters; of a sensitivity analysis")
     notes: tuple[str, ...] = ()
 
 
@@ -198,9 +202,9 @@ class OptimizePlannerResult(Result):
 
     state: JobState
     job_id: str | None = None
-    study: StudyRecord | None = None
+    study: StudyRecord | None = Field(None, description="what was tried and what came out; null until it is done")
     best_so_far: str | None = Field(None, description="configuration id")
-    message: str = ""
+    message: str = Field("", description="how far it is, in words")
     next_step: str
 
     def answer(self) -> Answer:

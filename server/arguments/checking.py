@@ -15,9 +15,9 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from ...schemas.base import Arguments
-from ...schemas.errors import InvalidRequest, closest
-from ...schemas.text import LONGEST_TEXT, one_line, quoted
+from ...schemas.base import Arguments, choices_of, model_at, problem_of
+from ...schemas.errors import InvalidRequest
+from ...schemas.text import LONGEST_TEXT, one_line
 from .loose_reading import read_loosely
 
 _Arguments = TypeVar("_Arguments", bound=BaseModel)
@@ -130,7 +130,7 @@ def _takes_list(model: type[BaseModel], name: str) -> bool:
 
 def _explained(model: type[BaseModel], error: ValidationError, given: Mapping[str, Any]) -> InvalidRequest:
     details = error.errors(include_url=False)
-    problems = [_problem(model, detail) for detail in details[:_SHOWN_PROBLEMS]]
+    problems = [problem_of(model, detail, "argument") for detail in details[:_SHOWN_PROBLEMS]]
     more = [f"and {len(details) - _SHOWN_PROBLEMS:,} more like these"] if len(details) > _SHOWN_PROBLEMS else []
     valid = [name for _, names in problems for name in names]
     corrected = _corrected(model, details, given)
@@ -166,14 +166,13 @@ def _mended(model: type[BaseModel], detail: ErrorDetails, values: Any) -> bool:
     for part in holder:
         place = place[part]
     if detail["type"] == "extra_forbidden" and isinstance(place, dict):
-        near = _nearest(str(last), _model_at(model, detail["loc"]).model_fields)
+        near = _nearest(str(last), model_at(model, detail["loc"]).model_fields)
         if near and near not in place:
             place[near] = place.pop(last)
             return True
         return False
     if detail["type"] == "literal_error":
-        allowed = re.findall(r"'([^']*)'", str(detail.get("ctx", {}).get("expected", "")))
-        near = _nearest(str(detail["input"]), allowed)
+        near = _nearest(str(detail["input"]), choices_of(detail))
         if near:
             place[last] = near
         return bool(near)
@@ -184,91 +183,3 @@ def _nearest(name: str, known: Iterable[str]) -> str:
     """The one valid name that is spelled nearly so; empty where none is."""
     found = get_close_matches(name.lower(), list(known), n=2, cutoff=_ALIKE)
     return found[0] if found else ""
-
-
-def problems_of(model: type[BaseModel], error: ValidationError) -> list[tuple[str, list[str]]]:
-    """Each problem in words, with what would be valid, the nearest first."""
-    return [_problem(model, detail) for detail in error.errors(include_url=False)]
-
-
-def _problem(model: type[BaseModel], detail: ErrorDetails) -> tuple[str, list[str]]:
-    path = _path(detail["loc"])
-    if detail["type"] == "extra_forbidden":
-        fields = list(_model_at(model, detail["loc"]).model_fields)
-        return f"there is no argument '{path}'", closest(str(detail["loc"][-1]), fields, limit=len(fields))
-    if detail["type"] == "missing":
-        return f"the argument '{path}' is missing", [f"{path}={_wanted(model, detail['loc'])}"]
-    given = _short(detail["input"])
-    if detail["type"] == "literal_error":
-        allowed = re.findall(r"'([^']*)'", str(detail.get("ctx", {}).get("expected", "")))
-        return f"{path} cannot be {given}", closest(str(detail["input"]), allowed, limit=len(allowed))
-    wanted = _wanted(model, detail["loc"])
-    if detail["type"].endswith(_OTHER_KIND) or detail["type"].startswith(_OUT_OF_RANGE):
-        return f"{path} takes {wanted.partition(' (')[0]}, not {given}", [f"{path}: {wanted}"]
-    message = detail["msg"][:1].lower() + detail["msg"][1:]
-    message = re.sub(r"^(value error|assertion failed), ", "", message)
-    return f"{path}: {message} (given: {given})", [f"{path}: {wanted}"]
-
-
-def _path(location: tuple[int | str, ...]) -> str:
-    text = ""
-    for part in location:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
-    return text or "arguments"
-
-
-def _model_at(model: type[BaseModel], location: tuple[int | str, ...]) -> type[BaseModel]:
-    """The model that holds the last part of the location: the arguments themselves, or the flat object of a list."""
-    current = model
-    for part in location[:-1]:
-        if isinstance(part, str) and part in current.model_fields:
-            nested = _nested(current.model_fields[part].annotation)
-            current = nested or current
-    return current
-
-
-def _nested(annotation: Any) -> type[BaseModel] | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    for part in getattr(annotation, "__args__", ()):
-        model = _nested(part)
-        if model is not None:
-            return model
-    return None
-
-
-def _wanted(model: type[BaseModel], location: tuple[int | str, ...]) -> str:
-    """What an argument takes, in words, from its schema."""
-    named = [place for place, part in enumerate(location) if isinstance(part, str)]
-    name = location[named[-1]] if named else ""
-    holder = _model_at(model, location[: named[-1] + 1] if named else ())
-    schema = holder.model_json_schema().get("properties", {}).get(name, {})
-    arms = [arm for arm in schema.get("anyOf", [schema]) if arm.get("type") != "null"]
-    arm = arms[0] if arms else {}
-    if location and isinstance(location[-1], int):
-        arm = arm.get("items", {})
-    kind = _KINDS.get("object" if "$ref" in arm else arm.get("type", ""))
-    bounds = [f"{word} {arm[key]:g}" for key, word in _BOUNDS if key in arm]
-    choices = ", ".join(map(str, arm.get("enum", ())))
-    described = f" ({schema['description']})" if schema.get("description") else ""
-    return " ".join([choices or kind or "a value", *bounds]) + described
-
-
-_KINDS = {
-    "array": "a list",
-    "string": "text",
-    "integer": "a whole number",
-    "number": "a number",
-    "boolean": "true or false",
-    "object": "an object",
-}
-_OTHER_KIND = ("_type", "_parsing", "_from_float")
-"""How pydantic's errors end that say: this is a value of another kind; its words name Python's types."""
-_OUT_OF_RANGE = ("greater_than", "less_than", "finite_number")
-_BOUNDS = (("minimum", "from"), ("exclusiveMinimum", "above"), ("maximum", "to"), ("exclusiveMaximum", "below"))
-
-
-def _short(value: Any) -> str:
-    if isinstance(value, str):
-        return quoted(value, _SHOWN_CHARACTERS)
-    return one_line(json.dumps(value, default=str), _SHOWN_CHARACTERS)

@@ -159,14 +159,14 @@ def settings_from(**flags: Any) -> Settings:
 
 def _problems(error: "ValidationError", flags: dict[str, Any]) -> str:
     """What is wrong with the settings, each with where it stands and what is valid."""
-    from ..arguments.checking import problems_of
+    from ...schemas.base import problems_of
 
     told = []
-    for detail, (problem, valid) in zip(error.errors(include_url=False), problems_of(Settings, error), strict=True):
+    problems = problems_of(Settings, error, "setting")
+    for detail, (problem, valid) in zip(error.errors(include_url=False), problems, strict=True):
         name = str(detail["loc"][0])
-        words = problem.replace("there is no argument", "there is no setting")
         names = ", ".join(valid[:3]) if detail["type"] in {"extra_forbidden", "literal_error"} else ""
-        told.append(f"{_place(name, flags)}: {words}" + (f" (valid: {names})" if names else ""))
+        told.append(f"{_place(name, flags)}: {problem}" + (f" (valid: {names})" if names else ""))
     return "; ".join(told)
 
 

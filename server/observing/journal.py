@@ -10,7 +10,7 @@ import os
 import queue
 import re
 import threading
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from io import TextIOWrapper
 from pathlib import Path
@@ -20,7 +20,7 @@ from mcp.types import CallToolResult
 
 from ...engine.workspace import make_private
 from ...schemas.text import LONGEST_TEXT, one_line, quoted
-from ..tokens import count_tokens
+from ..tokens import count_tokens, has_tables
 from ..tool_calls import answer_text
 from .logs import Secrets
 
@@ -35,6 +35,9 @@ _SEARCHED, _LONGEST_ERROR, _LARGEST_BITS = 5000, 2000, 128
 """Characters of a text that are searched for secrets, and of an error that are kept; bits of a whole number; chosen."""
 _CLOSE_TIMEOUT_S = 10.0
 """Reading the tables of the token count takes about a second, which is longer than many a single call."""
+_SETTLED_S = 1.0
+"""How long after the first call the tables are read; a server that ends before does so without them. Chosen: a
+command that makes one call has ended then, and hosts kill a server two seconds after they left it."""
 _ID = re.compile(
     r"\b(?:(?:cfg|run|batch|search|job)_[0-9a-f]{8,}(?:_\d+)?|map_\w+|(?:C-)?[A-Z]{3}_[A-Za-z]\w*-[\w\-]+)"
 )
@@ -52,8 +55,8 @@ class _JournalledCall:
     duration_s: float
     result: CallToolResult
 
-    def entry(self) -> dict[str, Any]:
-        """What the journal holds of it."""
+    def entry(self, count: Callable[[str], int | None]) -> dict[str, Any]:
+        """What the journal holds of it; ``count``: of tokens, None where they are not counted."""
         text, structured, failed = answer_text(self.result), self.result.structured_content, bool(self.result.is_error)
         said = json.dumps(structured, ensure_ascii=False) if structured else text
         return {
@@ -64,7 +67,7 @@ class _JournalledCall:
             "arguments": self.arguments,
             "result_ids": [] if failed else list(dict.fromkeys(_ID.findall(said)))[:_MOST_IDS],
             "duration_s": round(self.duration_s, 4),
-            "result_tokens": count_tokens(text),
+            "result_tokens": count(text),
             "error": text if failed else "",
         }
 
@@ -77,6 +80,7 @@ class Journal:
         self._secrets = Secrets(redact)
         self._waiting: queue.SimpleQueue[_JournalledCall | None] = queue.SimpleQueue()
         self._thread: threading.Thread | None = None
+        self._closing = threading.Event()
 
     def add(
         self,
@@ -91,6 +95,7 @@ class Journal:
     ) -> None:
         """Write down a call."""
         if self._thread is None:
+            self._closing.clear()
             self._thread = threading.Thread(target=self._write, name="journal", daemon=True)
             self._thread.start()
         self._waiting.put(_JournalledCall(time, call_id, client, tool, arguments, duration_s, result))
@@ -98,6 +103,7 @@ class Journal:
     def close(self) -> None:
         """Write what is waiting, and stop."""
         if self._thread is not None:
+            self._closing.set()
             self._waiting.put(None)
             self._thread.join(timeout=_CLOSE_TIMEOUT_S)
             self._thread = None
@@ -113,12 +119,18 @@ class Journal:
         )
         while (call := self._waiting.get()) is not None:
             try:
-                line = json.dumps(self._fit(call.entry()), ensure_ascii=False)
+                line = json.dumps(self._fit(call.entry(self._tokens_of)), ensure_ascii=False)
             except Exception:  # the journal goes on: what one call holds must not cost the lines of all others
                 logger.exception("a call of %s could not be written down", call.tool)
             else:
                 handler.emit(logging.LogRecord("journal", logging.INFO, "", 0, line, None, None))
         handler.close()
+
+    def _tokens_of(self, text: str) -> int | None:
+        """Tokens of an answer; None where a server ends that has read no tables: its end would wait for them."""
+        if not has_tables() and self._closing.wait(_SETTLED_S):
+            return None
+        return count_tokens(text)
 
     def _fit(self, value: Any, longest: int = LONGEST_TEXT) -> Any:
         """A value as the journal keeps it: texts on one line, cut and without secrets, the first of many elements."""

@@ -5,6 +5,7 @@ soon as a provider is set. That span is used: it is told which call it was, and 
 had done by workers, and of the job that it began.
 """
 
+import logging
 import threading
 import time
 from collections import Counter
@@ -36,9 +37,12 @@ if TYPE_CHECKING:
 
     from ...engine.execution import RunApart
 
+logger = logging.getLogger(__name__)
 _NAME = "plannerforge"
 _TIMEOUT_S, _DELAY_MS, _INTERVAL_MS = 5.0, 1_000, 15_000
 """How long one message to the collector may take, and how often spans and metrics are sent; chosen."""
+LAST_S = 1.0
+"""How long a server that stops waits for the collector; chosen: a host kills it after two seconds."""
 _SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 25, 50, 100, 300)
 """Bounds of the histograms, in seconds: a call that reads takes 0.003, an operation has 300."""
 _OK = frozenset({"ok", "asks"})
@@ -92,18 +96,28 @@ class Telemetry:
             ) from error
         resource = Resource.create({"service.name": _NAME, "service.version": __version__})
         address = endpoint.rstrip("/")
-        traces = TracerProvider(resource=resource)
+        traces = TracerProvider(resource=resource, shutdown_on_exit=False)  # ``close`` is what ends it
         spans = OTLPSpanExporter(endpoint=f"{address}/v1/traces", timeout=_TIMEOUT_S)
         traces.add_span_processor(BatchSpanProcessor(spans, schedule_delay_millis=_DELAY_MS))
         sender = OTLPMetricExporter(endpoint=f"{address}/v1/metrics", timeout=_TIMEOUT_S)
-        metrics = MeterProvider([PeriodicExportingMetricReader(sender, _INTERVAL_MS)], resource)
+        metrics = MeterProvider([PeriodicExportingMetricReader(sender, _INTERVAL_MS)], resource, shutdown_on_exit=False)
         trace.set_tracer_provider(traces)  # where the SDK of MCP looks for it
         return cls(traces, metrics)
 
     def close(self) -> None:
-        """Send what is left, and stop; blocks, some seconds where nobody answers."""
-        self._traces.shutdown()
-        self._metrics.shutdown()
+        """Send what is left, and stop; blocks a second at most, whether the collector answers or not.
+
+        The SDK's own end tries and waits as often as it does in between, for traces first: seven seconds where a
+        collector hangs.
+        """
+        ends = [threading.Thread(target=each.shutdown, daemon=True) for each in (self._traces, self._metrics)]
+        for end in ends:
+            end.start()
+        until = time.monotonic() + LAST_S
+        for end in ends:
+            end.join(max(0.0, until - time.monotonic()))
+        if any(end.is_alive() for end in ends):
+            logger.warning("the collector did not take the last traces and metrics within %g s", LAST_S)
 
     def call_ended(self, call: EndedCall) -> None:
         """Count a call, and tell the span of its request which one it was."""

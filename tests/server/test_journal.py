@@ -2,6 +2,8 @@
 
 import json
 import logging
+import subprocess
+import sys
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -14,12 +16,13 @@ from plannerforge.server.observing.logs import REDACTED
 from plannerforge.server.settings import Settings
 from plannerforge.server.tokens import count_tokens
 
+TESTS = Path(__file__).parents[1]
 FIELDS = {"time", "call_id", "client", "tool", "arguments", "result_ids", "duration_s", "result_tokens", "error"}
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _tables_of_the_token_count_are_read() -> None:
-    count_tokens("")
+    count_tokens("a text")
 
 
 def entries(path: Path) -> list[dict[str, Any]]:
@@ -106,6 +109,22 @@ def test_journal_goes_on_after_it_was_closed(tmp_path: Path) -> None:
         add(journal, tool=tool)
         journal.close()
     assert [entry["tool"] for entry in entries(tmp_path / "calls.jsonl")] == ["first", "second"]
+
+
+def test_a_server_that_ends_at_once_reads_no_tables_to_count_tokens(tmp_path: Path) -> None:
+    program = f"""
+import sys
+from pathlib import Path
+sys.path[:0] = {[str(TESTS / "server"), str(TESTS)]!r}
+from test_journal import Journal, add, entries
+from plannerforge.server.tokens import has_tables
+journal, path = Journal(Path("calls.jsonl"), 10_000), Path("calls.jsonl")
+add(journal)
+journal.close()
+assert not has_tables()
+assert [entry["result_tokens"] for entry in entries(path)] == [None]
+"""
+    subprocess.run([sys.executable, "-c", program], cwd=tmp_path, check=True)
 
 
 def test_text_that_no_file_can_hold_is_written_all_the_same(tmp_path: Path) -> None:

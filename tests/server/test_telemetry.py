@@ -3,9 +3,11 @@
 import http.server
 import json
 import os
+import socket
 import subprocess
 import sys
 import threading
+import time
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -29,7 +31,7 @@ from plannerforge.schemas.base import Model
 from plannerforge.schemas.errors import NotPossible, PlannerForgeError, WorkerFailure
 from plannerforge.server.assembly import create_server
 from plannerforge.server.observing.logs import CallNames, EndedCall
-from plannerforge.server.observing.telemetry import Telemetry
+from plannerforge.server.observing.telemetry import LAST_S, Telemetry
 from plannerforge.server.settings import Settings
 
 TRACE, PARENT = "0af7651916cd43dd8448eb211c80319c", "b7ad6b7169203331"
@@ -231,6 +233,36 @@ async def test_a_server_sends_one_trace_of_a_call_below_that_of_its_client(
         for metric in scope["metrics"]
     }
     assert {"plannerforge.calls", "plannerforge.call.errors", "plannerforge.workers"} <= metrics
+
+
+@pytest.fixture(params=["hangs", "refuses"])
+def collector_that_takes_nothing(request: pytest.FixtureRequest) -> Iterator[str]:
+    """The address of a collector that accepts a connection and never answers, or of none at all."""
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        if request.param == "hangs":
+            listening.listen()
+        yield f"http://127.0.0.1:{listening.getsockname()[1]}"
+
+
+def test_the_end_waits_a_second_at_most_for_a_collector_that_takes_nothing(
+    collector_that_takes_nothing: str, tmp_path: Path
+) -> None:
+    program = f"""
+import time
+from plannerforge.server.observing.telemetry import Telemetry
+from opentelemetry import trace
+telemetry = Telemetry.sending_to({collector_that_takes_nothing!r})
+trace.get_tracer("test").start_span("span").end()
+started = time.monotonic()
+telemetry.close()
+print(time.monotonic() - started)
+"""
+    started = time.monotonic()
+    ended = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert float(ended.stdout) < 2 * LAST_S, ended.stderr
+    assert time.monotonic() - started < 30
+    assert "did not take the last traces" in ended.stderr
 
 
 def test_nothing_of_it_is_imported_where_it_is_off(tmp_path: Path) -> None:

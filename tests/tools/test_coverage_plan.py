@@ -132,6 +132,7 @@ async def test_a_class_without_roads_is_said_not_to_be_possible_after_three_trie
         ({"cover": ["density"], "trial_run": True}, "run_planner"),
         ({"cover": ["scenario_type=highway"], "place": "Landmoor"}, "rural"),
         ({"cover": ["density=low|high", "vehicles=truck|truck=301"]}, "at most 300"),
+        ({"cover": ["duration_s=12|999"]}, "takes a number from 5 to 120, not 999"),
     ],
 )
 async def test_a_plan_that_cannot_be_meant_is_refused_with_what_can(

@@ -18,6 +18,7 @@ from ...engine.generation import Levels, made_before
 from ...engine.maps import MapEntry, MapMatch
 from ...engine.vehicles import PEDESTRIAN, vehicle_classes
 from ...engine.workspace import Recipe, versions_of
+from ...schemas.base import problems_of
 from ...schemas.errors import InvalidRequest, UnknownName, closest
 from ...schemas.generation import TURNS_AT, Combination, Density, GenerateScenariosArguments, PlanFactor, SiteType, Turn
 from ...schemas.text import quoted
@@ -191,8 +192,9 @@ class AskedPlan:
         try:
             return GenerateScenariosArguments.model_validate(given)
         except ValidationError as error:
+            (problem, valid), *_ = problems_of(GenerateScenariosArguments, error, "argument")
             raise InvalidRequest(
-                f"cover asks for {self.words(levels)}, which cannot be: {error.errors()[0]['msg']}", next_step=_HOW
+                f"cover asks for {self.words(levels)}, which cannot be: {problem}", valid=valid, next_step=_HOW
             ) from error
 
     def matches(self, levels: Mapping[int, int]) -> tuple[MapMatch, ...]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
+from ....schemas.base import problem_of
 from ....schemas.errors import PlannerFailure
 from ....schemas.planning import CommandAnswer, CommandPlanner, CommandRequest, CommandTrajectory, EgoStart
 from ....schemas.text import one_line, quoted
@@ -134,13 +135,14 @@ class CommandDriver:
             answer = CommandAnswer.model_validate_json(answered)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
-            where = ".".join(map(str, first["loc"]))
             if first["type"] == "json_invalid":
                 begins = quoted(answered[: 4 * _SHOWN].decode("utf-8", "replace"), _SHOWN)
                 raise self._failure("not_json", f"writes no JSON but what begins {begins}") from error
             if first["type"] == "finite_number":
+                where = ".".join(map(str, first["loc"]))
                 raise self._failure("not_finite", f"answers a number that is not finite: {where}") from error
-            raise self._failure("wrong_form", f"answers in another form: {where}: {one_line(first['msg'])}") from error
+            problem = one_line(problem_of(CommandAnswer, first)[0])
+            raise self._failure("wrong_form", f"answers in another form: {problem}") from error
         if (answer.scenario_id, answer.problem_id) != (request.scenario_id, request.problem_id):
             told = f"{quoted(answer.scenario_id)} #{answer.problem_id}"
             raise self._failure(

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import TypeAdapter, ValidationError
 
+from ....schemas.base import problem_of
 from ....schemas.errors import PlannerFailure
 from ....schemas.planning import WEIGHT_NAME, CommandPlanner, PlannerDeclaration
 from ....schemas.text import one_line
@@ -173,8 +174,10 @@ def _of_environment(text: str) -> tuple[Found, ...]:
         commands = _COMMANDS.validate_json(text)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
+        name, *where = first["loc"] or ("",)
+        problem, _ = problem_of(CommandPlanner, {**first, "loc": tuple(where)})
         raise PlannerFailure(
-            f"{PLANNERS_VARIABLE} cannot be read: {'.'.join(map(str, first['loc']))}: {first['msg']}",
+            f"{PLANNERS_VARIABLE} cannot be read: {': '.join(filter(None, (str(name), problem)))}",
             next_step="mend it, as docs/own_planner.md says",
             reason="settings_broken",
         ) from error
