@@ -488,8 +488,7 @@ class Player {
         rows.push(["speed", `${state.speed.toFixed(1)} m/s (${(3.6 * state.speed).toFixed(0)} km/h)`]);
         rows.push(["heading", `${(((state.heading * 180 / Math.PI) % 360 + 360) % 360).toFixed(0)}°`]);
         rows.push(["place", `${(state.x + one.scene.origin[0]).toFixed(1)}, ${(state.y + one.scene.origin[1]).toFixed(1)} m`]);
-        const lanelets = one.scene.laneletsAt(state.x, state.y);
-        rows.push(["lanelet", lanelets.join(", ") || "none"]);
+        rows.push(["lanelet", one.scene.groundAt(state.x, state.y)]);
         if (track !== one.ego && one.ego && one.ego.at(this.moment(one, one.ego), egoState)) rows.push(["from the ego, centre to centre", `${Math.hypot(state.x - egoState.x, state.y - egoState.y).toFixed(1)} m`]);
       } else rows.push(["now", "not there"]);
       rows.push(["there", `${this.seconds(track.first)} to ${this.seconds(track.last)}`]);

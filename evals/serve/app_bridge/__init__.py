@@ -1,14 +1,15 @@
 """The pages of views in the bridge that hosts of MCP Apps are built on, with clicks and keys in a headless Chromium.
 
 Keys: ``bridge_views`` (pages that were shown: a generated scenario, a recorded one, one with pedestrians, a run, a
-board; each in two widths, dark and light), ``bridge_checks`` (what was held against them), ``bridge_failed`` (of these,
-what does not hold; each is named on standard error), ``bridge_read_ms`` (median time from the tool's answer to the
-view's data, both as the bridge sees them), ``bridge_version`` of ``@modelcontextprotocol/ext-apps``.
+board, a refusal; each in two widths, dark and light), ``bridge_checks`` (what was held against them), ``bridge_failed``
+(of these, what does not hold; each is named on standard error), ``bridge_read_ms`` (median time from the tool's answer
+to the view's data, both as the bridge sees them), ``bridge_made_ms`` (the longest: of a view that was not made before;
+-1 where nothing was read), ``bridge_version`` of ``@modelcontextprotocol/ext-apps``.
 
 ``AppBridge`` with its ``PostMessageTransport`` comes from npm, and so does the client by which the host's page talks to
 a real PlannerForge server by HTTP; both in the versions that are named here, bundled by esbuild. Light pages are shown
-by a host of protocol revision 2026-07-28, dark ones by one of 2025-11-25. The page stands in a sandbox of another origin
-with the policy of the specification (``serving.py``); what is held against it stands in ``checks.py``.
+by a host of protocol revision 2026-07-28, dark ones by one of 2025-11-25. The page stands in a sandbox of another
+origin with the policy of the specification (``serving.py``); what is held against it stands in ``checks.py``.
 
 ``--pictures FOLDER`` keeps a picture of each page; ``--node`` names a Node of 20 or newer that is there.
 """
@@ -27,9 +28,9 @@ from typing import Any
 import anyio
 
 from ...faults.http_process import http_client, http_process
-from ...harness import Figures, LeftOut, ask, ask_to_the_end, existing, shared_scenarios
+from ...harness import Figures, LeftOut, ask, ask_to_the_end, shared_scenarios
 from ..bench import ServeBench
-from ..browser import Browser, BrowserFault, Page, chromium, find_chromium
+from ..browser import Browser, BrowserFault, Frame, Page, chromium, find_chromium
 from ..node import node_in
 from . import checks
 from .checks import Check, View
@@ -74,6 +75,8 @@ def measure(bench: ServeBench) -> Figures:
     """Fetch the bridge, serve, show each page, click."""
     if find_chromium() is None:
         raise LeftOut("Chromium is not installed")
+    if not shared_scenarios().is_dir():
+        raise LeftOut(f"there is no folder {shared_scenarios()} of public scenarios")
     folder = bench.folder("bridge")
     script = bundle(folder, bench.node)
     counted, failed, read_ms = 0, list[str](), list[float]()
@@ -95,7 +98,8 @@ def measure(bench: ServeBench) -> Figures:
         "bridge_views": len(cases) * len(_WIDTHS) * len(_MODES),
         "bridge_checks": counted,
         "bridge_failed": len(failed),
-        "bridge_read_ms": round(statistics.median(read_ms), 1) if read_ms else -1.0,
+        "bridge_read_ms": round(statistics.median(read_ms or [-1.0])),
+        "bridge_made_ms": round(max(read_ms, default=-1.0)),
         "bridge_version": BRIDGE,
     }
 
@@ -117,10 +121,9 @@ def bundle(folder: Path, named_node: str) -> bytes:
 
 async def prepared(folder: Path, server_url: str) -> list[Case]:
     """What is looked at: made and run, so that the host's calls find it."""
-    public = existing(shared_scenarios())
     async with http_client(server_url) as client:
         for name in (_RECORDED, *_OTHERS):
-            shutil.copy(public / f"{name}.xml", folder)
+            shutil.copy(shared_scenarios() / f"{name}.xml", folder)
             await ask(client, "import_files", path=str(folder / f"{name}.xml"))
         generated: dict[str, Any] = {"vehicles": ["truck=2"], "density": "high", "seed": 1}
         people: dict[str, Any] = {"vehicles": ["pedestrian=10"], "seed": 1}
@@ -150,43 +153,53 @@ def shown_host(script: bytes, server_url: str = "", more: Mapping[str, bytes] | 
 
 
 def looked_at(
-    browser: Browser, served: Host, case: Case, width: int, theme: str, pictures: Path | None = None
+    browser: Browser,
+    served: Host,
+    case: Case,
+    width: int,
+    theme: str,
+    pictures: Path | None = None,
+    *,
+    patience_s: float = 4.0,
 ) -> tuple[list[Check], list[float]]:
-    """All checks on the page of a call, and the times from the tool's answer to the data."""
+    """All checks on the page of a call, and the times from the tool's answer to the data.
+
+    A page that is not shown at all is looked at no further.
+    """
     page = browser.open(served.url, width, _HEIGHT, theme)
+
+    def keep(name: str) -> None:
+        if pictures is not None:
+            pictures.mkdir(parents=True, exist_ok=True)
+            (pictures / f"{case.name}-{width}-{theme}-{name}.png").write_bytes(page.picture())
+
     try:
         page.wait_for("window.host")
         page.value(f"host.connect('{_MODES[theme]}')")
         try:
-            view = shown(page, served, case, theme)
+            view = View(page, shown(page, served, case, theme), theme, keep, patience_s)
         except BrowserFault as fault:
             return [(f"it is shown: {fault}{''.join(f'; {error}' for error in page.errors)}", False)], []
-        found = [check for checking in _checks(case) for check in checks.held(checking, view)]
-        if pictures is not None:
-            pictures.mkdir(parents=True, exist_ok=True)
-            (pictures / f"{case.name}-{width}-{theme}.png").write_bytes(page.picture())
+        first, *others = _checks(case)
+        found = checks.held(first, view)
+        if found[0][1]:
+            found += [check for checking in others for check in checks.held(checking, view)]
+        view.pictured("end")
         origins = tuple(url.rpartition("/")[0] for url in (served.url, served.sandbox))
         found += checks.held(lambda one: checks.ending(one, origins), view)
-        took = page.value(
-            "host.received.filter(one => one.message.method === 'resources/read').slice(0, 1).flatMap(one => host.sent"
-            ".filter(reply => reply.message.id === one.message.id && reply.message.result).map(reply => reply.at - host.answeredAt))"
-        )
+        took = page.value("host.readMs()")
         return found, [float(one) for one in took]
     finally:
         page.close()
 
 
-def shown(page: Page, served: Host, case: Case, theme: str) -> View:
+def shown(page: Page, served: Host, case: Case, theme: str) -> Frame:
     """The page of a call, in the bridge."""
-    context = {
-        "theme": theme,
-        "displayMode": "inline",
-        "availableDisplayModes": ["inline", "fullscreen"],
-        "locale": "en-GB",
-    }
+    modes = ["inline", "fullscreen"]
+    context = {"theme": theme, "displayMode": modes[0], "availableDisplayModes": modes, "locale": "en-GB"}
     told = ", ".join(json.dumps(one) for one in (case.tool, case.input, context, served.sandbox))
     page.value(f"host.show({told})")
-    return View(page, page.frame(2), theme)
+    return page.frame(2)
 
 
 def part(name: str) -> bytes:
@@ -201,4 +214,4 @@ def _checks(case: Case) -> list[Any]:
     if case.name == "refusal":
         return [checks.refusing]
     look = [checks.arrival, checks.playing, checks.looking, lambda view: checks.choosing(view, case.kind)]
-    return [*look, *([checks.driving] if case.name == "run" else [checks.appearing]), checks.widening]
+    return [*look, *([checks.driving] if case.name == "run" else []), checks.widening, checks.appearing]

@@ -90,6 +90,13 @@ class Host {
     this.bridge.setHostContext(this.context);
   }
 
+  /* From the tool's answer to the data of the first view; nothing where none was read. */
+  readMs() {
+    const first = this.received.find(({ message }) => message.method === "resources/read");
+    const reply = this.sent.find(({ message }) => message.id === first?.message.id && message.result);
+    return reply ? [reply.at - this.answeredAt] : [];
+  }
+
   /* Requests of the page by method, and whether each was answered with a result. */
   asked(method) {
     return this.received.filter(({ message }) => message.method === method).map(({ message }) => {
