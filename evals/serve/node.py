@@ -51,7 +51,7 @@ class Node:
         """What a program says that finds this Node first.
 
         Raises:
-            RuntimeError: it failed, and may not.
+            RuntimeError: it failed, and may not; the message is the last that it said.
         """
         done = subprocess.run(
             command,
@@ -64,7 +64,7 @@ class Node:
         )
         if done.returncode and not may_fail:
             last = (done.stderr.strip().splitlines() or ["no reason"])[-1]
-            raise RuntimeError(f"{Path(command[0]).name} ended with {done.returncode}: {last}")
+            raise RuntimeError(last)
         return done.stdout + done.stderr
 
 
