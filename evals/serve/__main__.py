@@ -10,6 +10,8 @@ server after its warm-up, ``slowest_share`` (calls of the client that got fewest
 ``hostile``: ``hostile_inputs``, ``hostile_failures`` by HTTP.
 ``http_kills``: ``kills`` of a server by HTTP, ``lost`` of what clients were told that it is there.
 ``app_frames``: ``app_fps``, frames a second of the player with 300 vehicles in a browser without graphics card.
+``app_bridge``: ``bridge_checks`` (what is held against the pages in the bridge that hosts of MCP Apps are built on),
+``bridge_failed``.
 ``conformance``: ``conformance_2026``, ``conformance_2025``, ``conformance_all`` (checks that hold, of all).
 ``install``: ``install_s`` (from nothing to the first answer in a host, from a wheel, packages from pip's cache).
 ``hosts``: ``hosts_passed`` (clients of others that find, modify, run, compare and draw); goal: at least 8.
@@ -36,6 +38,7 @@ PARTS: Parts[ServeBench] = Parts(
         "hostile": ("hostile_inputs", "hostile_failures"),
         "http_kills": ("kills", "lost"),
         "app_frames": ("app_fps",),
+        "app_bridge": ("bridge_checks", "bridge_failed"),
         "conformance": ("conformance_2026", "conformance_2025", "conformance_all"),
         "install": ("install_s",),
         "hosts": ("hosts_passed",),
@@ -59,6 +62,7 @@ def _main() -> int:
         "--hosts-folder", type=Path, help="where their environments are kept (default: the user's cache)"
     )
     parser.add_argument("--page", type=Path, help="the page that their table is written into")
+    parser.add_argument("--pictures", type=Path, help="a folder for a picture of each page in the bridge")
     given = parser.parse_args()
     try:
         parts = PARTS.chosen(given.only)
@@ -75,6 +79,7 @@ def _main() -> int:
             tuple(given.host),
             given.hosts_folder,
             given.page,
+            given.pictures,
         )
         figures, faults = PARTS.measured(parts, bench)
     return print_parts("Serve", figures, faults, as_json=given.json)

@@ -18,6 +18,7 @@ class ServeBench:
         hosts: the clients of others that are tried; all of them where none is named.
         environments: where their environments are kept; none for the usual folder.
         page: the page that their table is written into.
+        pictures: where a picture of each page in a host is kept; none for nowhere.
     """
 
     scratch: Path
@@ -29,6 +30,7 @@ class ServeBench:
     hosts: tuple[str, ...] = ()
     environments: Path | None = None
     page: Path | None = None
+    pictures: Path | None = None
 
     def folder(self, name: str) -> Path:
         """A new folder in the scratch."""

@@ -1,5 +1,6 @@
 """A headless Chromium in which pages are opened, keys pressed and clicks made: DevTools protocol on two pipes."""
 
+import base64
 import json
 import os
 import shutil
@@ -8,7 +9,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 _PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 _FLAGS = (
@@ -37,12 +38,17 @@ def find_chromium() -> str | None:
 
 
 class Page:
-    """One page of the browser, of a size in CSS pixels; ``errors``: what its scripts threw, ``requests``: its loads."""
+    """One page of the browser, of a size in CSS pixels.
+
+    ``errors``: what its scripts threw or logged as errors and what the browser refused it, ``requests``: its loads,
+    ``contexts``: where scripts of each of its frames run.
+    """
 
     def __init__(self, browser: "Browser", session: str) -> None:
         self._browser, self._session = browser, session
         self.errors: list[str] = []
         self.requests: list[str] = []
+        self.contexts: dict[str, int] = {}
 
     def call(self, method: str, **parameters: Any) -> Any:
         """A command of the DevTools protocol."""
@@ -54,7 +60,10 @@ class Page:
         Raises:
             BrowserFault: it threw.
         """
-        answer = self.call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
+        return self._value(expression, {})
+
+    def _value(self, expression: str, where: dict[str, Any]) -> Any:
+        answer = self.call("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True, **where)
         if "exceptionDetails" in answer:
             raise BrowserFault(str(answer["exceptionDetails"]))
         return answer["result"].get("value")
@@ -63,11 +72,48 @@ class Page:
         """Until an expression is true; the page itself looks, once a frame."""
         self.value(f"(async () => {{ while (!({expression})) await new Promise(requestAnimationFrame); }})()")
 
+    def comes_true(self, expression: str, within_s: float) -> bool:
+        """Whether an expression is true within some time; one that throws is not yet."""
+        looks = f"(() => {{ try {{ return Boolean({expression}); }} catch {{ return false; }} }})()"
+        pause = "await new Promise(look => setTimeout(look, 20))"
+        ended = f"performance.now() > begun + {1000 * within_s}"
+        return bool(
+            self.value(
+                f"(async () => {{ const begun = performance.now(); "
+                f"while (!{looks}) {{ if ({ended}) return false; {pause}; }} return true; }})()"
+            )
+        )
+
     def corner(self, selector: str) -> tuple[float, float]:
         """The upper left corner in CSS pixels of the first element that a selector finds."""
         box = f"document.querySelector({json.dumps(selector)}).getBoundingClientRect()"
         x, y = self.value(f"[{box}.left, {box}.top]")
         return x, y
+
+    def middle(self, selector: str) -> tuple[float, float]:
+        """The middle in CSS pixels of the first element that a selector finds."""
+        left, top = self.corner(selector)
+        box = f"document.querySelector({json.dumps(selector)}).getBoundingClientRect()"
+        width, height = self.value(f"[{box}.width, {box}.height]")
+        return left + width / 2, top + height / 2
+
+    def frame(self, depth: int) -> "Frame":
+        """The first frame in the page; the first frame in that, for each further step of depth."""
+        tree, found = self.call("Page.getFrameTree")["frameTree"], self
+        for _ in range(depth):
+            tree = tree["childFrames"][0]
+            found = Frame(self, found, tree["frame"]["id"])
+        return cast("Frame", found)
+
+    def close(self) -> None:
+        """Close the page."""
+        self.call("Page.close")
+
+    def picture(self) -> bytes:
+        """What is seen of it as far down as it goes, as PNG."""
+        width, height = self.value("[innerWidth, Math.min(Math.ceil(document.body.scrollHeight), innerHeight)]")
+        clip = {"x": 0, "y": 0, "width": width, "height": height, "scale": 1}
+        return base64.b64decode(self.call("Page.captureScreenshot", format="png", clip=clip)["data"])
 
     def press(self, key: str) -> None:
         """Press and release a key."""
@@ -87,6 +133,31 @@ class Page:
         self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
 
 
+class Frame(Page):
+    """A frame in a page, of the same site as the page: points and keys are those of the page, scripts the frame's own.
+
+    It has no border.
+    """
+
+    def __init__(self, page: Page, above: Page, frame_id: str) -> None:
+        super().__init__(page._browser, page._session)
+        self.errors, self.requests, self.contexts = page.errors, page.requests, page.contexts
+        self._above, self._frame_id = above, frame_id
+
+    def value(self, expression: str) -> Any:
+        """What an expression is in the frame, once a promise that it may be has come true.
+
+        Raises:
+            BrowserFault: it threw.
+        """
+        return self._value(expression, {"contextId": self.contexts[self._frame_id]})
+
+    def corner(self, selector: str) -> tuple[float, float]:
+        """The upper left corner of the first element that a selector finds, in CSS pixels of the whole page."""
+        (x, y), (left, top) = super().corner(selector), self._above.corner("iframe")
+        return left + x, top + y
+
+
 class Browser:
     """A running Chromium."""
 
@@ -99,7 +170,7 @@ class Browser:
         target = self.call("Target.createTarget", {"url": "about:blank"})["targetId"]
         session = self.call("Target.attachToTarget", {"targetId": target, "flatten": True})["sessionId"]
         page = self._pages[session] = Page(self, session)
-        for domain in ("Runtime", "Page", "Network"):
+        for domain in ("Runtime", "Page", "Network", "Log"):
             page.call(f"{domain}.enable")
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         page.call("Emulation.setDeviceMetricsOverride", **size)
@@ -154,8 +225,14 @@ class Browser:
             return
         if event["method"] == "Runtime.exceptionThrown":
             page.errors.append(json.dumps(told["exceptionDetails"]))
+        elif event["method"] == "Runtime.consoleAPICalled" and told["type"] == "error":
+            page.errors.append(" ".join(str(one.get("value", one.get("description"))) for one in told["args"]))
+        elif event["method"] == "Log.entryAdded" and told["entry"]["level"] == "error":
+            page.errors.append(f"{told['entry']['text']} {told['entry'].get('url', '')}".strip())
         elif event["method"] == "Network.requestWillBeSent":
             page.requests.append(told["request"]["url"])
+        elif event["method"] == "Runtime.executionContextCreated" and told["context"]["auxData"].get("isDefault"):
+            page.contexts[told["context"]["auxData"]["frameId"]] = told["context"]["id"]
 
 
 @contextmanager

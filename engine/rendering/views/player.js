@@ -55,8 +55,7 @@ class Player {
     this.listen();
     this.recolour();
     this.resize();
-    this.fit();
-    if (drives.length) this.zoomToFollow();
+    this.frameFirst();
     this.frame = requestAnimationFrame(now => this.tick(now));
   }
 
@@ -289,6 +288,8 @@ class Player {
       canvas.width = Math.max(Math.round(canvas.clientWidth * this.ratio), 1);
       canvas.height = Math.max(Math.round(canvas.clientHeight * this.ratio), 1);
     }
+    if (!this.panes.every(pane => pane.camera.scale > 0)) this.frameFirst();  // it had no size until now: its host kept it hidden
+    else if (this.whole) this.fit();
     this.stale = true;
   }
 
@@ -330,19 +331,26 @@ class Player {
 
   setPlans(on) { this.plans = on; this.stale = true; }
 
-  setFollow(on) { this.follow = on; this.stale = true; }
+  setFollow(on) { this.follow = on; this.whole = false; this.stale = true; }
 
-  zoom(factor, dx = 0, dy = 0) { for (const pane of this.panes) pane.camera.zoom(factor, this.follow ? 0 : dx, this.follow ? 0 : dy); this.stale = true; }
+  zoom(factor, dx = 0, dy = 0) { this.whole = false; for (const pane of this.panes) pane.camera.zoom(factor, this.follow ? 0 : dx, this.follow ? 0 : dy); this.stale = true; }
 
   pan(dx, dy) {
-    this.follow = false;
+    this.follow = this.whole = false;
     for (const { camera } of this.panes) { camera.x -= dx / camera.scale; camera.y += dy / camera.scale; }
     this.stale = true;
   }
 
-  /* All panes show what matters, to one scale; scenes on one map the same place. */
+  /* What is seen at first: a scenario whole, a run near its ego. */
+  frameFirst() {
+    this.fit();
+    if (this.panes.some(pane => pane.drive)) this.zoomToFollow();
+  }
+
+  /* All panes show what matters, to one scale, until the view is moved; scenes on one map the same place. */
   fit() {
     this.follow = false;
+    this.whole = true;
     const inWorld = ({ scene }) => { const [x, y] = scene.origin; return [scene.shown[0] + x, scene.shown[1] + y, scene.shown[2] + x, scene.shown[3] + y]; };
     const boxes = this.panes.map(inWorld), all = [Math.min(...boxes.map(b => b[0])), Math.min(...boxes.map(b => b[1])), Math.max(...boxes.map(b => b[2])), Math.max(...boxes.map(b => b[3]))];
     const together = all[2] - all[0] < 600 && all[3] - all[1] < 600;
@@ -356,7 +364,7 @@ class Player {
   }
 
   zoomToFollow() {
-    this.follow = true;
+    this.setFollow(true);
     for (const pane of this.panes) pane.camera.scale = Math.max(pane.camera.scale, pane.canvas.clientWidth / FOLLOWED_WIDTH_M);
     const scale = Math.min(...this.panes.map(pane => pane.camera.scale));
     for (const pane of this.panes) pane.camera.scale = scale;
@@ -480,8 +488,7 @@ class Player {
         rows.push(["speed", `${state.speed.toFixed(1)} m/s (${(3.6 * state.speed).toFixed(0)} km/h)`]);
         rows.push(["heading", `${(((state.heading * 180 / Math.PI) % 360 + 360) % 360).toFixed(0)}°`]);
         rows.push(["place", `${(state.x + one.scene.origin[0]).toFixed(1)}, ${(state.y + one.scene.origin[1]).toFixed(1)} m`]);
-        const lanelets = one.scene.laneletsAt(state.x, state.y);
-        rows.push(["lanelet", lanelets.join(", ") || "none"]);
+        rows.push(["lanelet", one.scene.groundAt(state.x, state.y)]);
         if (track !== one.ego && one.ego && one.ego.at(this.moment(one, one.ego), egoState)) rows.push(["from the ego, centre to centre", `${Math.hypot(state.x - egoState.x, state.y - egoState.y).toFixed(1)} m`]);
       } else rows.push(["now", "not there"]);
       rows.push(["there", `${this.seconds(track.first)} to ${this.seconds(track.last)}`]);

