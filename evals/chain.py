@@ -11,12 +11,12 @@ from the fewest to the most cars of ``--cars``. ``run_small_s``: a run of a publ
 ``read_ratio``: processor time in which commonroad-io reads public files and generated ones, over ours where their
 recordings are on disk, as after a scenario was made or described once; ``read_ratio_new``: where they are not.
 
-``import_10k_per_s``: files a second of ``--imports`` copies of public files with ids of their own, the larger half
-of the files left out; ``import_memory_slope_mb``: by how much the server's memory grows for a thousand files after
-those of two calls, in which it has loaded all that it needs. ``million_search_ms``: a filtered search among
-``--entries`` entries made of the facts of those, the median of the corpus when all of it was asked once before;
-``million_first_search_ms``: the same when the server has just started;
-``million_memory_mb``: the memory of that server after all searches. ``demo_stages_s``: all calls of the demo.
+``import_10k_per_s``: files a second of ``--imports`` copies of public files with ids of their own, the larger half of
+the files left out; ``import_memory_slope_mb``: by how much the server's memory grows for a thousand files after those
+of two calls, in which it has loaded all that it needs (left out where there were no more). ``million_search_ms``: a
+filtered search among ``--entries`` entries made of the facts of those, the median of the corpus when all of it was
+asked once before; ``million_first_search_ms``: the same when the server has just started; ``million_memory_mb``: the
+memory of that server after all searches. ``demo_stages_s``: all calls of the demo.
 """
 
 import argparse
@@ -48,6 +48,7 @@ from ..engine.workspace import Database
 from ..server.assembly import create_server
 from .harness import (
     Figures,
+    as_measured,
     ask_to_the_end,
     import_scenarios,
     print_figures,
@@ -260,13 +261,15 @@ async def _volume(folder: Path, imports: int, entries: int) -> Figures:
         requests = read_requests(shared_folder() / "corpora/dev/selection.jsonl")
         first_ms, times_ms = await search_ms(client, requests), await search_ms(client, requests)
         searched_mb = server.memory_info().rss / 1e6
-    return {
-        "import_10k_per_s": round(imports / import_s, 1),
-        "import_memory_slope_mb": round((after_mb - before_mb) / max(many - few, 1) * 1000, 2),
-        "million_search_ms": round(statistics.median(times_ms), 1),
-        "million_first_search_ms": round(statistics.median(first_ms), 1),
-        "million_memory_mb": round(searched_mb, 1),
-    }
+    return as_measured(
+        {
+            "import_10k_per_s": round(imports / import_s, 1),
+            "import_memory_slope_mb": round((after_mb - before_mb) / (many - few) * 1000, 2) if many > few else None,
+            "million_search_ms": round(statistics.median(times_ms), 1),
+            "million_first_search_ms": round(statistics.median(first_ms), 1),
+            "million_memory_mb": round(searched_mb, 1),
+        }
+    )
 
 
 def _copies(folder: Path, count: int) -> list[Path]:

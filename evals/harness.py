@@ -62,6 +62,11 @@ def print_figures(
     sys.stdout.write(json.dumps(dict(figures)) + "\n")
 
 
+def as_measured(figures: Mapping[str, float | int | str | None]) -> Figures:
+    """The figures that were measured; what could not be is left out, and a key that is owed is named then."""
+    return {key: value for key, value in figures.items() if value is not None}
+
+
 def spread(values: Sequence[float], unit: str, digits: int = 2) -> str:
     """Median with minimum and maximum, in words."""
     middle = statistics.median(values)

@@ -85,11 +85,12 @@ def serve(
 ) -> None:
     """Serve MCP over standard input and output, or over HTTP. Every setting is a flag, except tokens."""
     gc.disable()  # imports make nothing that could be collected, and a sixth of the start was looking for it
-    from ..engine.execution import limit_memory
+    from ..engine.execution import limit_memory, share_heaps
     from .assembly import create_server
 
     settings = settings_of(context)
     limit_memory(settings.server_memory_mb * 1024**2)
+    share_heaps()
     server = create_server(settings)
     if http:
         from .http.serving import serve_http

@@ -27,6 +27,10 @@ _BUSY_TIMEOUT_S = 10.0
 """How long a writer waits for another server's transaction; chosen: a batch of an import takes less."""
 _CACHE_KIB = 16_384
 """Pages that a connection keeps (chosen): SQLite's own 2 MB are read anew by each search of a large catalogue."""
+_ALL_CACHES_BYTES = 2 * _CACHE_KIB * 1024
+"""What the connections of all threads keep together (chosen: two whole caches): as many as are busy at once each read
+the same tables, and a server's memory would grow by a workspace's with each of them. Beyond it SQLite puts new pages
+in place of old ones; the operating system has those still."""
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS artifacts (
     sequence INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -201,6 +205,7 @@ def _prepared(path: Path) -> sqlite3.Connection:
         _write_ahead(connection)
         connection.execute("PRAGMA synchronous = NORMAL")
         connection.execute(f"PRAGMA cache_size = -{_CACHE_KIB}")
+        connection.execute(f"PRAGMA soft_heap_limit = {_ALL_CACHES_BYTES}")  # of the process, whoever sets it
         version = int(connection.execute("PRAGMA user_version").fetchone()[0])
         if version > SCHEMA_VERSION:
             raise ResourceFailure(

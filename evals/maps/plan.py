@@ -4,11 +4,12 @@ Keys: ``batch_scenarios`` (made); ``batch_per_min``: of them, from the plan's ca
 maps are read before, in ``batch_maps_s``); ``batch_cpu_s``: processor time of server and workers for each, which other
 work on the machine hardly lengthens; ``batch_memory_slope_mb``: what the server and its workers hold more for each
 thousand scenarios, one slope over all looks, of each server by itself after its first ``_WARM`` scenarios;
-``batch_server_slope_mb``: the server alone; ``batch_server_mb`` and ``batch_memory_mb``: the most that the server, and
-all processes, held; ``batch_disk_kb``: for each scenario, of the workspace without its maps and without the recordings
-that workers keep for the next reading (512 MB at most); ``batch_kills``; ``batch_lost``: scenarios of the plan whose
-file or record is missing or broken, that were there before a kill and are not now, that were made twice, or that are
-not there of those asked for; ``batch_refused`` (tries); ``batch_failed``.
+``batch_server_slope_mb``: the server alone (both are left out where fewer than two looks tell them);
+``batch_server_mb`` and ``batch_memory_mb``: the most that the server, and all processes, held; ``batch_disk_kb``: for
+each scenario, of the workspace without its maps and without the recordings that workers keep for the next reading (512
+MB at most); ``batch_kills``; ``batch_lost``: scenarios of the plan whose file or record is missing or broken, that were
+there before a kill and are not now, that were made twice, or that are not there of those asked for; ``batch_refused``
+(tries); ``batch_failed``.
 
 ``coverage_2way``: of the pairs of levels that the maps allow, the share that the made files show by type, density,
 classes and turn; ``coverage_pairs`` is how many there are, without ``batch_cannot``: those that were refused three
@@ -47,7 +48,7 @@ from ...engine.network import NetEdge
 from ...schemas.generation import TURNS_AT, Density, SiteType, Turn
 from ..generation.judges import MadeFiles, judge_density, shows_type
 from ..generation.maps import MapEvidence, read_evidence
-from ..harness import Figures, ask, process_pool, share
+from ..harness import Figures, as_measured, ask, process_pool, share
 from .bench import MapsBench
 
 CLASSES = ("cars", "truck", "bus", "bicycle", "motorcycle")
@@ -116,26 +117,28 @@ def measure(bench: MapsBench) -> Figures:
     for pair, reason in sorted(cannot.items()):
         sys.stderr.write(f"cannot be: {' + '.join('='.join(part) for part in pair)}: {reason}\n")
     held = [value for life in watch.all_of_it for _, value in life]
-    return {
-        "batch_scenarios": len(made),
-        "batch_per_min": round(len(made) / watch.batch_s * 60, 2),
-        "batch_cpu_s": round(sum(watch.cpu_s.values()) / max(len(made), 1), 2),
-        "batch_maps_s": round(watch.maps_s, 1),
-        "batch_memory_slope_mb": slope_mb(watch.all_of_it),
-        "batch_server_slope_mb": slope_mb(watch.server),
-        "batch_server_mb": round(max(value for life in watch.server for _, value in life), 1),
-        "batch_memory_mb": round(max(held), 1),
-        "batch_disk_kb": round(_disk_bytes(workspace) / 1024 / max(len(made), 1), 1),
-        "batch_kills": len(watch.there_at_kills),
-        "batch_lost": len(_lost(workspace, made, watch, watch.asked)),
-        "batch_refused": int(watch.plan["refused"]),
-        "batch_failed": int(watch.plan["failed"]),
-        "batch_shown": share(levels),
-        "batch_cannot": len(cannot),
-        "coverage_pairs": len(allowed),
-        "coverage_asked": round(len(covered) / max(len(allowed) + len(cannot), 1), 4),
-        "coverage_2way": round(len(covered) / max(len(allowed), 1), 4),
-    }
+    return as_measured(
+        {
+            "batch_scenarios": len(made),
+            "batch_per_min": round(len(made) / watch.batch_s * 60, 2),
+            "batch_cpu_s": round(sum(watch.cpu_s.values()) / max(len(made), 1), 2),
+            "batch_maps_s": round(watch.maps_s, 1),
+            "batch_memory_slope_mb": slope_mb(watch.all_of_it),
+            "batch_server_slope_mb": slope_mb(watch.server),
+            "batch_server_mb": round(max(value for life in watch.server for _, value in life), 1),
+            "batch_memory_mb": round(max(held), 1),
+            "batch_disk_kb": round(_disk_bytes(workspace) / 1024 / max(len(made), 1), 1),
+            "batch_kills": len(watch.there_at_kills),
+            "batch_lost": len(_lost(workspace, made, watch, watch.asked)),
+            "batch_refused": int(watch.plan["refused"]),
+            "batch_failed": int(watch.plan["failed"]),
+            "batch_shown": share(levels),
+            "batch_cannot": len(cannot),
+            "coverage_pairs": len(allowed),
+            "coverage_asked": round(len(covered) / max(len(allowed) + len(cannot), 1), 4),
+            "coverage_2way": round(len(covered) / max(len(allowed), 1), 4),
+        }
+    )
 
 
 async def _carry_out(bench: MapsBench, folder: Path, watch: _Watch) -> None:
@@ -234,8 +237,11 @@ def _held_mb(processes: Sequence[psutil.Process]) -> float:
     return held
 
 
-def slope_mb(lives: Sequence[Sequence[tuple[int, float]]]) -> float:
-    """MB for each thousand scenarios: one slope through the looks of all servers, each about its own middle."""
+def slope_mb(lives: Sequence[Sequence[tuple[int, float]]]) -> float | None:
+    """MB for each thousand scenarios: one slope through the looks of all servers, each about its own middle.
+
+    None where no server was looked at with two numbers of scenarios.
+    """
     above = below = 0.0
     for life in lives:
         if len(life) < 2:
@@ -243,7 +249,7 @@ def slope_mb(lives: Sequence[Sequence[tuple[int, float]]]) -> float:
         middle, mean = statistics.fmean(made for made, _ in life), statistics.fmean(value for _, value in life)
         above += sum((made - middle) * (value - mean) for made, value in life)
         below += sum((made - middle) ** 2 for made, _ in life)
-    return round(1000 * above / below, 2) if below else 0.0
+    return round(1000 * above / below, 2) if below else None
 
 
 @dataclass(frozen=True)

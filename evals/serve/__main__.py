@@ -34,7 +34,7 @@ PARTS: Parts[ServeBench] = Parts(
     package=__package__ or "",
     keys={
         "latency": ("memory_ms", "stdio_ms", "http_ms", "start_ratio"),
-        "http_load": ("http_errors", "memory_slope_mb_per_h", "slowest_share"),
+        "http_load": ("http_errors", "http_edits", "http_runs", "memory_slope_mb_per_h", "slowest_share"),
         "hostile": ("hostile_inputs", "hostile_failures"),
         "http_kills": ("kills", "lost"),
         "app_frames": ("app_fps",),

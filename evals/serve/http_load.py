@@ -5,12 +5,15 @@ What a call answers is checked: a search finds something, a run is one run, and 
 client made last. A refusal that names a bound of the server (429) is counted apart.
 
 Keys: ``http_errors`` (calls that failed, or answered something else than they should), ``http_limited`` (refused by a
-stated bound), ``http_calls``, ``http_minutes``, ``memory_slope_mb_per_h`` (of the server's own process, least squares
-over the last two thirds), ``memory_start_mb``, ``memory_end_mb`` (at the beginning and end of these),
-``slowest_share`` (calls of the client that got fewest, of an equal share), ``slowest_call_s``.
+stated bound), ``http_calls``, ``http_edits`` and ``http_runs`` (scenarios and runs that clients made, those stored
+before not counted twice), ``http_minutes``, ``memory_slope_mb_per_h`` (of the server's own process, least squares over
+the last two thirds), ``memory_start_mb``, ``memory_end_mb`` (at the beginning and end of these), ``slowest_share``
+(calls of the client that got fewest, of an equal share), ``slowest_call_s``. What nobody could measure is left out:
+edits and runs where there were none, for without them this is another load, and a slope of fewer than two looks.
 """
 
 import random
+import statistics
 import sys
 import time
 from collections import Counter
@@ -24,7 +27,7 @@ from mcp import Client, MCPError
 
 from ...engine.workspace import ArtifactKind
 from ..faults.http_process import HttpProcess, http_client, http_process
-from ..harness import Figures
+from ..harness import Figures, as_measured
 from .bench import ServeBench
 
 _SAMPLE_S = 2.0
@@ -63,7 +66,7 @@ class LoadClient:
     def __init__(self, name: str, client: Client, tally: Tally) -> None:
         self._name, self._client, self._tally = name, client, tally
         self._chance = random.Random(f"{_RANDOM_SEED} {name}")  # noqa: S311 - the mix of a benchmark
-        self._scenario, self._vehicle = "", ""
+        self._scenario, self._vehicle, self._edited = "", "", ""
 
     async def work_until(self, end: float) -> None:
         """Call tools, one after the other, until the time is over."""
@@ -115,11 +118,10 @@ class LoadClient:
         if matches:
             chosen = self._chance.choice(matches)["scenario_id"].partition("#")[0]
             told = await self._call("describe_scenario", scenario_id=chosen, detail="vehicles")
-            cars = [
-                one for one in (told or {}).get("vehicles", []) if one.get("vehicle_class", one.get("kind")) == "car"
-            ]
+            vehicles = told["description"]["vehicles"] if told is not None else []
+            cars = [one for one in vehicles if (one["vehicle_class"] or one["kind"]) == "car"]
             if cars:
-                self._scenario, self._vehicle = chosen, str(cars[0].get("vehicle_id"))
+                self._scenario, self._vehicle = chosen, str(cars[0]["vehicle_id"])
 
     async def _edit(self) -> None:
         """Make an own scenario; then ``latest`` is that one, whatever others made meanwhile."""
@@ -127,13 +129,14 @@ class LoadClient:
             return
         speed = f"{self._chance.uniform(2.0, 12.0):.2f}m/s"
         edit = {"op": "set_speed", "vehicles": [self._vehicle], "speed": speed}
-        made = await self._call("modify_scenario", scenario_id=self._scenario, edits=[edit], on_conflict="yield")
+        made = await self._call("modify_scenario", scenario_id=self._scenario, edits=[edit])
         if made is None:
             return
-        self._tally.told.add(Told("scenario", made["scenario_id"]))
+        self._edited = made["scenario_id"]
+        self._tally.told.add(Told("scenario", self._edited))
         told = await self._call("describe_scenario", scenario_id="latest")
         own = (told or {}).get("scenario_id")
-        self._expect(told is None or own == made["scenario_id"], "latest", f"{own} is not {made['scenario_id']}")
+        self._expect(told is None or own == self._edited, "latest", f"{own} is not {self._edited}")
 
     async def _configure(self) -> None:
         weight = f"jerk={self._chance.uniform(0.1, 2.0):.4f}"
@@ -146,12 +149,13 @@ class LoadClient:
         self._expect(told is None or own == made["config_id"], "current", f"{own} is not the own one")
 
     async def _run(self) -> None:
-        if not self._scenario:
+        """Drive what this client edited last, so that the run is a new one, not one that is stored."""
+        if not self._edited:
             return
-        ran = await self._call("run_planner", scenarios=[self._scenario], configs=["idm"], wait_s=50)
+        ran = await self._call("run_planner", scenarios=[self._edited], configs=["idm"], wait_s=50)
         if ran is None:
             return
-        self._tally.told.add(Told("batch", ran["batch_id"]))
+        self._tally.told |= {Told("run", run["run_id"]) for run in ran["runs"]}
         self._expect(ran["finished"] == 1, "run_planner", f"not one run: {ran}")
 
     async def _resources(self) -> None:
@@ -177,17 +181,22 @@ def measure(bench: ServeBench) -> Figures:
         sys.stderr.write(f"{error}\n")
     calls = sum(tally.calls.values())
     fewest = min(tally.calls[name] for name in tokens)
-    return {
-        "http_errors": len(tally.errors),
-        "http_limited": tally.limited,
-        "http_calls": calls,
-        "http_minutes": bench.minutes,
-        "memory_slope_mb_per_h": slope_per_h(tally.memory),
-        "memory_start_mb": round(settled(tally.memory)[0][1], 1),
-        "memory_end_mb": round(tally.memory[-1][1], 1),
-        "slowest_share": round(fewest * len(tokens) / calls, 3) if calls else 0.0,
-        "slowest_call_s": round(tally.slowest_s, 2),
-    }
+    made = Counter(told.kind for told in tally.told)
+    return as_measured(
+        {
+            "http_errors": len(tally.errors),
+            "http_limited": tally.limited,
+            "http_calls": calls,
+            "http_edits": made["scenario"] or None,
+            "http_runs": made["run"] or None,
+            "http_minutes": bench.minutes,
+            "memory_slope_mb_per_h": slope_per_h(tally.memory),
+            "memory_start_mb": round(settled(tally.memory)[0][1], 1),
+            "memory_end_mb": round(tally.memory[-1][1], 1),
+            "slowest_share": round(fewest * len(tokens) / calls, 3) if calls else None,
+            "slowest_call_s": round(tally.slowest_s, 2),
+        }
+    )
 
 
 def tokens_of_clients(count: int) -> dict[str, str]:
@@ -228,10 +237,10 @@ def settled(memory: list[tuple[float, float]]) -> list[tuple[float, float]]:
     return [sample for sample in memory if sample[0] >= begin_s]
 
 
-def slope_per_h(memory: list[tuple[float, float]]) -> float:
-    """Growth of memory after the warm-up in MB an hour, by least squares."""
-    import numpy as np
-
-    times_s, sizes_mb = np.array(settled(memory)).T
-    slope_mb_per_s = float(np.polyfit(times_s, sizes_mb, 1)[0]) if len(times_s) > 1 else 0.0
-    return round(slope_mb_per_s * 3600.0, 2)
+def slope_per_h(memory: list[tuple[float, float]]) -> float | None:
+    """Growth of memory after the warm-up in MB an hour, by least squares; None with fewer than two looks."""
+    looks = settled(memory)
+    if len(looks) < 2:
+        return None
+    times_s, sizes_mb = zip(*looks, strict=True)
+    return round(statistics.linear_regression(times_s, sizes_mb).slope * 3600.0, 2)

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.evals.harness import Figures
+from plannerforge.evals.harness import Figures, as_measured
 from plannerforge.evals.maps.__main__ import PARTS
 from plannerforge.evals.maps.bench import MapsBench
-from plannerforge.evals.maps.plan import End
+from plannerforge.evals.maps.plan import End, slope_mb
 
 
 def test_a_key_or_the_name_of_a_part_chooses_the_part() -> None:
@@ -39,6 +39,13 @@ def test_a_part_that_is_not_there_or_fails_is_told_and_the_others_are_measured(t
         "country: failed: no maps in osm",
         "plan: batch_per_min was not measured",
     ]
+
+
+def test_a_slope_of_memory_needs_two_looks_at_one_server() -> None:
+    assert slope_mb([[(60, 300.0), (1060, 302.5)], [(1100, 400.0)]]) == 2.5
+    for unmeasured in ([], [[(60, 300.0)], [(90, 310.0)]], [[(60, 300.0), (60, 301.0)]]):
+        assert slope_mb(unmeasured) is None
+    assert as_measured({"batch_memory_slope_mb": slope_mb([]), "batch_lost": 0}) == {"batch_lost": 0}
 
 
 def test_a_server_of_the_plan_is_killed_at_its_number_or_when_its_time_is_up() -> None:

@@ -31,6 +31,7 @@ def test_slope_of_memory_is_told_of_what_comes_after_the_warm_up() -> None:
     assert slope_per_h(rising) == pytest.approx(100.0)
     assert slope_per_h(filling) == 0.0
     assert settled(rising)[0][0] >= 598 / 3
+    assert slope_per_h(rising[:1]) is None
 
 
 def test_what_clients_were_told_of_and_is_gone_is_lost(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """The command line: one call, the list of tools, and one clear line for what is wrong."""
 
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +10,11 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from plannerforge import __version__
+from plannerforge.engine import execution
+from plannerforge.server import assembly
 from plannerforge.server.command_line import application
+from plannerforge.server.commands import ui
+from plannerforge.server.http import serving
 from plannerforge.server.settings import settings_file
 
 pytestmark = pytest.mark.usefixtures("probe_tools")
@@ -147,3 +152,29 @@ def test_a_workspace_that_cannot_be_is_told_in_a_line(command: tuple[str, ...], 
     assert ended.stdout == ""
     assert f"workspace database {file} cannot be used" in ended.stderr
     assert "Traceback" not in ended.stderr
+
+
+@pytest.mark.parametrize("words", [["serve"], ["serve", "--http"], ["ui", "--no-open"]])
+def test_what_serves_shares_its_heaps_before_it_starts_threads(
+    words: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[str] = []
+
+    class Made:
+        def finish_journal(self) -> None:
+            """Nothing was called."""
+
+        def run(self, transport: str) -> None:
+            begun.append(transport)
+
+    monkeypatch.setattr(execution, "limit_memory", lambda size_bytes: None)  # it would bound the tests
+    monkeypatch.setattr(execution, "share_heaps", lambda: begun.append("shared"))
+    monkeypatch.setattr(ui, "share_heaps", lambda: begun.append("shared"))
+    for place in (assembly, ui):
+        monkeypatch.setattr(place, "create_server", lambda settings: Made())
+    for place in (serving, ui):
+        monkeypatch.setattr(place, "serve_http", lambda *given: begun.append("http"))
+    monkeypatch.setattr(signal, "signal", lambda number, handler: None)
+    assert CliRunner().invoke(application, words).exit_code == 0
+    assert begun[0] == "shared"
+    assert begun[1:] in (["stdio"], ["http"])

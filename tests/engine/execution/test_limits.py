@@ -1,8 +1,10 @@
 """Bounds of a call: paths stay inside the allowed roots, whatever way they are written."""
 
+import os
 import signal
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import psutil
@@ -70,6 +72,51 @@ def test_bounded_process_gets_a_memory_error_instead_of_the_machine() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "bounded"
+
+
+HEAPS = """
+import ctypes, sys, threading
+system = ctypes.CDLL(None)
+if not hasattr(system, "malloc_info") or not hasattr(system, "mallopt"):
+    sys.exit("not glibc")
+from plannerforge.engine.execution import share_heaps
+share_heaps()
+all_there = threading.Barrier(13)
+def take():
+    bytearray(10_000)  # from the heap of this thread: Python keeps smaller things in its own places
+    all_there.wait()
+    all_there.wait()
+threads = [threading.Thread(target=take, daemon=True) for _ in range(12)]
+for thread in threads:
+    thread.start()
+all_there.wait()
+system.fopen.restype = system.fdopen.restype = ctypes.c_void_p
+out = ctypes.c_void_p(system.fdopen(1, b"w"))
+system.malloc_info(0, out)
+system.fflush(out)
+all_there.wait()
+"""
+
+
+def heaps_of_twelve_threads(more: Mapping[str, str]) -> int:
+    """How many heaps glibc has for threads that live at once."""
+    usual = {name: value for name, value in os.environ.items() if name not in ("MALLOC_ARENA_MAX", "GLIBC_TUNABLES")}
+    done = subprocess.run([sys.executable, "-c", HEAPS], capture_output=True, text=True, env={**usual, **more})
+    if "not glibc" in done.stderr:
+        pytest.skip("another C library")
+    assert done.returncode == 0, done.stderr
+    return done.stdout.count("<heap nr=")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="mallopt is glibc's")
+def test_threads_share_two_heaps_however_many_there_are() -> None:
+    assert heaps_of_twelve_threads({}) == 2
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="mallopt is glibc's")
+def test_a_number_of_heaps_in_the_environment_stands() -> None:
+    assert heaps_of_twelve_threads({"MALLOC_ARENA_MAX": "5"}) == 5
+    assert heaps_of_twelve_threads({"GLIBC_TUNABLES": "glibc.malloc.arena_max=3"}) == 3
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="prctl is Linux's")

@@ -77,3 +77,16 @@ def test_closed_database_opens_again_in_each_thread(database: Database) -> None:
 def write(database: Database, digest: str) -> None:
     with database.writing() as connection:
         connection.execute(INSERT, (digest,))
+
+
+def test_the_caches_of_all_threads_have_one_bound(database: Database) -> None:
+    asked = ("soft_heap_limit", "cache_size")
+
+    def bounds() -> list[int]:
+        connection = database.connection()
+        return [int(connection.execute(f"PRAGMA {name}").fetchone()[0]) for name in asked]
+
+    (together, own_kib), others = bounds(), ThreadPoolExecutor(1)
+    with others:
+        assert others.submit(bounds).result() == [together, own_kib]
+    assert together == 2 * 1024 * abs(own_kib)
