@@ -5,12 +5,14 @@ drawn anywhere (each of the thirteen weights 0 or evenly in the logarithm from 0
 (each weight times 0.1 to 10, or 0; of those that are 0 one in five is drawn anywhere), run on what the default fails:
 the share of it that one mends bounds its gain. Only those whose bound lies above the best gain seen run on the rest
 too, so that the best one is found with a part of the runs. That is done for all scenarios and for both halves of three
-splits by place; the best of a half is judged on the other, where nothing was chosen.
+splits by place; the best of a half is judged on the other, where nothing was chosen, and the best of all on the public
+scenarios that were not drawn.
 
 Keys: ``random_gain``: gain in success of the best configuration on the scenarios that it was chosen on, and so too
 favourable; ``random_gain_low``, ``random_gain_high``: its 95 % interval; ``random_held_out``, ``random_held_out_low``,
 ``random_held_out_high``: gain of the best of a half on the other half, mean over scenarios, the default where nothing
-was better; ``bound_best``: largest share of all scenarios that a configuration mends, whatever it loses;
+was better; ``random_unseen`` with ``_low`` and ``_high``: gain of the best of all on the ``random_unseen_scenarios``
+others; ``bound_best``: largest share of all scenarios that a configuration mends, whatever it loses;
 ``bound_mean``: the mean; ``bound_any``: share that any of them mends; ``random_configurations``, ``random_whole``: how
 many were drawn, and ran on the rest too; ``random_scenarios``, ``random_failures``: run, and failed by the default.
 """
@@ -109,6 +111,17 @@ class _Loop:
             for config in configs
         }
 
+    async def gains(self, config: str, known: frozenset[str]) -> dict[str, float]:
+        """By scenario that is not known: what a configuration gains over the default."""
+        runs = await self.runs([DEFAULT, config], ["preset:500"])
+        reached = {(run.scenario_id, run.config_id) for run in runs if run.outcome == "goal_reached"}
+        default = preset_configuration("frenetix").config_id
+        return {
+            name: float((name, config) in reached) - float((name, default) in reached)
+            for name in sorted({run.scenario_id for run in runs} - known)
+            if config != DEFAULT
+        }
+
 
 def measure(bench: AnalysisBench) -> Figures:
     """The keys above; with a limit, of so many random configurations."""
@@ -118,8 +131,10 @@ def measure(bench: AnalysisBench) -> Figures:
 async def _measured(bench: AnalysisBench) -> Figures:
     choice = random.Random(bench.seed)  # noqa: S311 - no secret
     folder = bench.scratch / "random"
+    public = bench.shared / "data" / "commonroad"
+    drawn = scenario_files(public, SCENARIOS)
     async with Client(create_server(settings_for(folder, bench.shared, 2))) as client:
-        await import_scenarios(client, scenario_files(bench.shared / "data" / "commonroad", SCENARIOS))
+        await import_scenarios(client, drawn)
         loop = _Loop(bench, client)
         first = await loop.runs([DEFAULT], ["preset:500"])
         scenarios = frozenset(run.scenario_id for run in first)
@@ -137,7 +152,9 @@ async def _measured(bench: AnalysisBench) -> Figures:
             search.lost |= {config: search.solved - kept[config] for config in to_run}
             best = search.best(scenarios)
             sys.stderr.write(f"{len(search.lost)} on all: {best and search.gain(best, scenarios)} gained at most\n")
-    return _figures(search, scenarios, halves, bench.seed)
+        await import_scenarios(client, [file for file in scenario_files(public, None) if file not in drawn])
+        unseen = await loop.gains(search.best(scenarios) or DEFAULT, scenarios)
+    return {**_figures(search, scenarios, halves, bench.seed), **_of_unseen(unseen, bench.seed)}
 
 
 async def _configured(client: Client, choice: random.Random, number: int) -> str:
@@ -205,4 +222,14 @@ def _figures(search: Search, scenarios: frozenset[str], halves: Sequence[Half], 
         "random_whole": len(search.lost),
         "random_scenarios": len(scenarios),
         "random_failures": len(scenarios) - len(search.solved),
+    }
+
+
+def _of_unseen(gains: Mapping[str, float], seed: int) -> Figures:
+    low, high = place_interval(gains, seed)
+    return {
+        "random_unseen": round(fmean(gains.values()), 4) if gains else 0.0,
+        "random_unseen_low": low,
+        "random_unseen_high": high,
+        "random_unseen_scenarios": len(gains),
     }
