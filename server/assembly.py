@@ -9,14 +9,24 @@ from typing import TYPE_CHECKING
 
 import anyio
 
-from ..engine.execution import CallThreads, Claims, Executor, JobRunner, JobStore, Limits, ReachableExecutor, WorkerPool
+from ..engine.execution import (
+    CallThreads,
+    Claims,
+    Executor,
+    HeapsGivenBack,
+    JobRunner,
+    JobStore,
+    Limits,
+    ReachableExecutor,
+    WorkerPool,
+)
 from ..engine.planners import programs_named
 from ..engine.workspace import Quota, Workspace, make_private
 from ..schemas.catalog import BuildIndexRequest
 from ..schemas.errors import NotPossible, PlannerForgeError
 from ..tools.call import INDEX_FOLDER, Services
 from ..tools.registry import TOOLS, ToolSpec, only_reading
-from .application import PlannerForgeServer
+from .application import OnEnd, PlannerForgeServer
 from .observing.journal import JOURNAL, Journal
 from .observing.logs import log_call, log_to_stderr
 from .settings import Settings
@@ -61,7 +71,10 @@ def create_server(
                     for end in ends:
                         tasks.start_soon(anyio.to_thread.run_sync, end)
 
-    on_end = (log_call,) if telemetry is None else (log_call, telemetry.call_ended)
+    heaps = HeapsGivenBack()
+    on_end: list[OnEnd] = [log_call, lambda _: heaps.after_work()]
+    if telemetry is not None:
+        on_end.append(telemetry.call_ended)
     return PlannerForgeServer((*offered_tools(settings), *beside), services, threads, journal, on_end)
 
 

@@ -23,6 +23,7 @@
 ``Limits``: The folders, processes, memory in bytes and time in seconds that a call may use.
 ``end_with_parent``: Have the operating system kill this process when the one that started it is gone.
 ``limit_memory``: Bound the data memory of this process, in bytes.
+``HeapsGivenBack``: Gives freed memory back to the operating system after work, at most every some seconds.
 ``share_heaps``: Have all threads of this process take their memory from few heaps.
 ``ReachableExecutor``: An executor of one event loop, for callers in threads with another.
 ``CallThreads``: Threads with event loops of their own, lent to one call after the other.
@@ -52,7 +53,7 @@ if TYPE_CHECKING:
         silent,
     )
     from .jobs import Job, JobProgress, JobRunner, JobStore, JobWork, RunApart
-    from .limits import Limits, end_with_parent, limit_memory, share_heaps
+    from .limits import HeapsGivenBack, Limits, end_with_parent, limit_memory, share_heaps
     from .pool import PRELOAD, WorkerPool
     from .tasks import Task, TaskStore
     from .threads import CallThreads, ReachableExecutor, run_in
