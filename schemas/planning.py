@@ -319,7 +319,11 @@ class RunPlannerResult(Result):
 
     def answer(self) -> Answer:
         """One run: how it ended and its moments; a grid: goal rates by configuration, then the first failures."""
-        lost = [f"{cell.scenario_id} under {cell.config_id} was lost: {cell.error}" for cell in self.lost]
+        names = {item.config_id: item.config_name for item in self.summary}
+        lost = [
+            f"{cell.scenario_id} under {names.get(cell.config_id, cell.config_id)} was lost: {cell.error}"
+            for cell in self.lost
+        ]
         if self.total == 1 and self.runs:
             return Answer(self._single(), figures=self._moments(), listed=self._noted(), next_step=self.next_step)
         before = f", {self.reused} stored before" if self.reused else ""

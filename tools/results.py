@@ -9,7 +9,7 @@ from typing import Literal
 
 from ..engine.tuning import preset_configuration
 from ..engine.workspace import Artifact
-from ..schemas.errors import Faults, InvalidRequest, NotPossible, UnknownName
+from ..schemas.errors import Faults, InvalidRequest, NotPossible, PlannerFailure, UnknownName
 from ..schemas.modification import Edit
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.results import ConfigWeights
@@ -120,10 +120,18 @@ def config_weights(runs: Iterable[RunSource], call: ToolCall) -> tuple[ConfigWei
                     planner=config.planner,
                     weights=config.weights | config.external_weights,
                     settings=config.settings.model_dump(exclude_defaults=True),
-                    default_weights=preset_configuration(config.planner).weights,
+                    default_weights=_default_weights(config.planner),
                 )
             )
     return tuple(weights)
+
+
+def _default_weights(planner: str) -> dict[str, float]:
+    """The weights of a planner's Default; none where it is not installed any more: its results stay readable."""
+    try:
+        return dict(preset_configuration(planner).weights)
+    except (UnknownName, PlannerFailure):
+        return {}
 
 
 def scenario_sources(scenario_ids: Iterable[str], call: ToolCall) -> tuple[ScenarioSource, ...]:

@@ -84,7 +84,9 @@ def own_planner(name: str) -> Found:
     if found is None:
         names = planner_names()
         raise UnknownName(
-            f"there is no planner '{name}'", valid=closest(name, names) or list(names), next_step="call list_planners"
+            f"there is no planner '{name}'",
+            valid=closest(name, names) or list(names),
+            next_step="choose one of these; one of your own has to be installed beside this program first",
         )
     if found.fault:
         raise PlannerFailure(found.fault, reason="name_taken")

@@ -1,6 +1,7 @@
 """Planners of others through a real client session: listed, configured, and run in a batch beside built-in ones."""
 
 import os
+import shutil
 import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import replace
@@ -65,6 +66,20 @@ async def call(settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
         assert (await ask("import_files", path=str(files)))["added"] == 1
         yield ask
+
+
+async def test_results_stay_readable_when_their_planner_is_gone(call: Call, tmp_path: Path) -> None:
+    scenarios = ["ZAM_Builder-1_1_T-1"]
+    batch = await call("run_planner", scenarios=scenarios, configs=["idm", "theirs"], wait_s=50)
+    shutil.rmtree(tmp_path / "site" / "own_theirs-1.0.dist-info")
+    assert "there is no planner 'theirs'" in await call("run_planner", scenarios=scenarios, configs=["theirs"])
+    analyzed = await call("analyze_results", results=[batch["batch_id"]])
+    assert analyzed["runs"] == 2
+    compared = await call("compare_results", results=[batch["batch_id"]])
+    assert "theirs:Default" in str(compared)
+    assert isinstance(compared, dict), "no refusal"
+    drawn = await call("render", ids=[batch["batch_id"]])
+    assert drawn is None, "a picture without structure, and no refusal"
 
 
 async def test_planners_of_others_go_the_whole_way(call: Call, tmp_path: Path) -> None:
