@@ -178,7 +178,7 @@ class PlannerFailure(PlannerForgeError):
     """A planner that is not part of this program broke its contract: it crashed, hung, or answered nonsense."""
 
     code = "planner_failure"
-    usual_step = "mend the planner; `plannerforge planner check` with its name says what it breaks"
+    usual_step = "mend the planner; `plannerforge planner check` says what it breaks"
 
 
 class WorkerFailure(PlannerForgeError):

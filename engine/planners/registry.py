@@ -86,7 +86,7 @@ def own_planner(name: str) -> Found:
         raise UnknownName(
             f"there is no planner '{name}'",
             valid=closest(name, names) or list(names),
-            next_step="choose one of these; one of your own has to be installed beside this program first",
+            next_step="choose one of these, or install your own beside this program",
         )
     if found.fault:
         raise PlannerFailure(found.fault, reason="name_taken")
