@@ -23,8 +23,15 @@ _MOST_TOLD = 20
 
 
 def measure(bench: ServeBench) -> Figures:
-    """Send them, and count what they broke."""
-    tally = anyio.run(_attacked, bench.folder("hostile"), bench.inputs)
+    """Send them, and count what they broke; once interrupted, of those that were sent."""
+    sent: list[Tally] = []
+    try:
+        anyio.run(_attack, bench.folder("hostile"), bench.inputs, sent)
+    except KeyboardInterrupt:
+        if not sent:
+            raise
+        sys.stderr.write("interrupted: the figures are of what was sent till now\n")
+    (tally,) = sent
     for finding in tally.findings[:_MOST_TOLD]:
         sys.stderr.write(f"{finding.fault.law}: {finding.hostile.cause}: {finding.fault.details}\n")
     for text in (*tally.deaths, *tally.outside_writes, *tally.journal_faults)[:_MOST_TOLD]:
@@ -37,9 +44,9 @@ def measure(bench: ServeBench) -> Figures:
     }
 
 
-async def _attacked(base: Path, count: int) -> Tally:
+async def _attack(base: Path, count: int, sent: list[Tally]) -> None:
     ready = await prepared(base)
     campaign = Campaign(ready.folders, base, plannerforge_server(by_http=True))
+    sent.append(campaign.tally)
     inputs = ready.inputs("all", random.Random(_SEED))  # noqa: S311 - hostile inputs, no secret
     await campaign.carry_out(itertools.islice(inputs, count))
-    return campaign.tally
