@@ -186,7 +186,7 @@ class Campaign:
 
     async def _one(self, running: Session, folders: Folders, hostile: HostileInput) -> _Answers:
         """Send one input's calls one after the other; those after the first only where that one made something."""
-        faults, refused_s, made = list[Fault](), 0.0, ""
+        faults, refused_s, made, jobs = list[Fault](), 0.0, "", set[str]()
         hostile.place(folders.root, folders.outside)
         try:
             for call in hostile.calls:
@@ -199,9 +199,12 @@ class Campaign:
                 self.tally.answers[_code(text)] += 1
                 refused_s = max(refused_s, took) if text.startswith("[") else refused_s
                 faults += [_explained(fault, call, folders) for fault in faults_of(text)]
-                if not made and not text.startswith("["):
-                    made = next(iter(_ID.findall(text)), "")
+                ids = [] if text.startswith("[") else _ID.findall(text)
+                made = made or next(iter(ids), "")
+                jobs.update(one for one in ids if one.startswith("job_"))
         finally:
+            for job in jobs:  # a search of half an hour that was accepted would take the processors from all after it
+                await self._answer(running, Call("cancel_job", {"job_id": job}), folders, "")
             hostile.remove(folders.root)
         return _Answers(tuple(faults), refused_s)
 
