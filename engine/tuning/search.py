@@ -30,6 +30,11 @@ _SMALLEST, _LARGEST = 0.01, 100.0
 _VARIED = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\s*=\s*(?P<low>\d+(?:\.\d+)?)\s*\.\.\s*(?P<high>\d+(?:\.\d+)?))?")
 
 
+def legacy_seed(seed: int) -> int:
+    """A seed for generators that take 32 bits (NumPy's legacy one, by which Optuna and SALib draw)."""
+    return seed % 2**32
+
+
 @dataclass(frozen=True)
 class Dimension:
     """A weight or setting that is varied, and how [0, 1] stands for its values.
@@ -179,12 +184,15 @@ def _sampler(request: ProposeRequest) -> "optuna.samplers.BaseSampler":
     with warnings.catch_warnings():  # on experimental and ageing options; the version of the library is fixed
         warnings.simplefilter("ignore")
         if request.method == "random":
-            return optuna.samplers.RandomSampler(seed=request.seed)
+            return optuna.samplers.RandomSampler(seed=legacy_seed(request.seed))
         if request.method == "cmaes":
             start = dict(zip(request.names, request.start, strict=True))
-            return optuna.samplers.CmaEsSampler(x0=start, sigma0=0.2, seed=request.seed)
+            return optuna.samplers.CmaEsSampler(x0=start, sigma0=0.2, seed=legacy_seed(request.seed))
         return optuna.samplers.TPESampler(
-            seed=request.seed, multivariate=True, constant_liar=True, n_startup_trials=max(8, len(request.names))
+            seed=legacy_seed(request.seed),
+            multivariate=True,
+            constant_liar=True,
+            n_startup_trials=max(8, len(request.names)),
         )
 
 

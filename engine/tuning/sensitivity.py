@@ -9,6 +9,7 @@ from typing import Any
 
 from ...schemas.analysis.optimization import DesignRequest, Effect, Effects, EffectsRequest, Proposals
 from ..execution import ProgressReporter
+from .search import legacy_seed
 
 _LEVELS = 4
 """Levels of a Morris design, as usual."""
@@ -35,12 +36,12 @@ def sensitivity_effects(request: EffectsRequest, report: ProgressReporter) -> Ef
     if request.design.method == "morris":
         from SALib.analyze import morris
 
-        found = morris.analyze(problem, points, values, num_levels=_LEVELS, seed=request.design.seed)
+        found = morris.analyze(problem, points, values, num_levels=_LEVELS, seed=legacy_seed(request.design.seed))
         effects, margins = found["mu_star"], found["mu_star_conf"]
     else:
         from SALib.analyze import sobol
 
-        found = sobol.analyze(problem, values, calc_second_order=False, seed=request.design.seed)
+        found = sobol.analyze(problem, values, calc_second_order=False, seed=legacy_seed(request.design.seed))
         effects, margins = found["ST"], found["ST_conf"]
     report(1.0, "analysed")
     rows = [_effect(*row) for row in zip(request.design.names, effects, margins, strict=True)]
@@ -66,10 +67,10 @@ def _points(request: DesignRequest) -> Any:
         from SALib.sample import morris
 
         ways = max(_FEWEST_WAYS, request.most // (count + 1))
-        return morris.sample(_problem(request), ways, num_levels=_LEVELS, seed=request.seed)
+        return morris.sample(_problem(request), ways, num_levels=_LEVELS, seed=legacy_seed(request.seed))
     from SALib.sample import sobol
 
     size = 2
     while 2 * size * (count + 2) <= request.most:
         size *= 2
-    return sobol.sample(_problem(request), size, calc_second_order=False, seed=request.seed)
+    return sobol.sample(_problem(request), size, calc_second_order=False, seed=legacy_seed(request.seed))

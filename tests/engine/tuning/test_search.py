@@ -100,6 +100,21 @@ def _request(method: SearchMethod, rounds: tuple[tuple[ToldTrial, ...], ...]) ->
     )
 
 
+@pytest.mark.parametrize("method", ["tpe", "cmaes", "random"])
+def test_any_seed_that_a_call_may_have_can_be_searched_with(method: SearchMethod) -> None:
+    drawn = [
+        propose(_request(method, ()).model_copy(update={"seed": seed}), silent).points
+        for seed in (3, 3 + 2**32, 10**15)
+    ]
+    assert drawn[0] == drawn[1]
+    assert drawn[0] != drawn[2]
+    if method == "random":
+        design = DesignRequest(method="morris", names=("a", "b"), most=20, seed=10**15)
+        points = sensitivity_design(design, silent).points
+        assert sensitivity_effects(EffectsRequest(design=design, values=(0.7,) * len(points)), silent).effects
+        assert sensitivity_design(design.model_copy(update={"method": "sobol"}), silent).points
+
+
 def _searched(method: SearchMethod, rounds: int) -> list[ToldTrial]:
     """A search for the point (0.8, 0.2), played to its end."""
     told: tuple[tuple[ToldTrial, ...], ...] = ()
