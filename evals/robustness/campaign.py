@@ -202,9 +202,13 @@ class Campaign:
                 ids = [] if text.startswith("[") else _ID.findall(text)
                 made = made or next(iter(ids), "")
                 jobs.update(one for one in ids if one.startswith("job_"))
+                if text == _GIVEN_UP:
+                    jobs.add("latest")
         finally:
             for job in jobs:  # a search of half an hour that was accepted would take the processors from all after it
-                await self._answer(running, Call("cancel_job", {"job_id": job}), folders, "")
+                ended = Call("cancel_job", {"job_id": job})
+                told = await self._answer(running, ended, folders, "")
+                faults += [_explained(fault, ended, folders) for fault in faults_of(told)]
             hostile.remove(folders.root)
         return _Answers(tuple(faults), refused_s)
 
