@@ -12,7 +12,7 @@ from pathlib import Path
 
 import anyio
 
-from ..harness import Figures
+from ..harness import Figures, as_measured
 from ..robustness.campaign import Campaign, Tally
 from ..robustness.preparation import prepared
 from ..robustness.server_process import plannerforge_server
@@ -36,12 +36,14 @@ def measure(bench: ServeBench) -> Figures:
         sys.stderr.write(f"{finding.fault.law}: {finding.hostile.cause}: {finding.fault.details}\n")
     for text in (*tally.deaths, *tally.outside_writes, *tally.journal_faults)[:_MOST_TOLD]:
         sys.stderr.write(f"{text}\n")
-    return {
-        "hostile_inputs": tally.inputs,
-        "hostile_failures": tally.failures,
-        "hostile_memory_mb": round(tally.memory_mb, 1),
-        "hostile_late_s": round(tally.slowest_s, 2),
-    }
+    return as_measured(
+        {
+            "hostile_inputs": tally.inputs,
+            "hostile_failures": tally.failures,
+            "hostile_memory_mb": round(tally.memory_mb, 1) or None,  # looked at when the campaign has ended
+            "hostile_late_s": round(tally.slowest_s, 2),
+        }
+    )
 
 
 async def _attack(base: Path, count: int, sent: list[Tally]) -> None:
