@@ -36,6 +36,7 @@ from ..engine.tuning import named_configuration
 from ..engine.workspace import Workspace
 from ..schemas.base import Model
 from ..schemas.planning import PlannerConfiguration
+from ..schemas.runs import BatchRecord, RunRecord
 from ..server.settings import Settings
 from ..tools.call import Services, ToolCall
 
@@ -233,6 +234,15 @@ async def finished_batch(client: Client, **arguments: Any) -> str:
     """
     answer = await ask_to_the_end(client, "run_planner", wait_s=0, **arguments)
     return str(answer.get("batch_id") or answer["results"][-1])
+
+
+def attempted_runs(folder: Path, batch_id: str) -> list[RunRecord]:
+    """The runs of a batch in the workspace of a folder, without those that could not be attempted."""
+    workspace = Workspace(folder)
+    batch = workspace.get(batch_id, "batch").read(BatchRecord)
+    records = [workspace.get(run_id, "run").read(RunRecord) for run_id in batch.runs]
+    workspace.close()
+    return [record for record in records if record.outcome != "invalid"]
 
 
 def read_run_file(workspace: Workspace, run_id: str, name: str, model: type[Content]) -> Content:

@@ -113,11 +113,6 @@ def limit_memory(size_bytes: int) -> None:
         resource.setrlimit(resource.RLIMIT_DATA, (size_bytes, most))
 
 
-_ARENA_MAX, _MOST_ARENAS = -8, 2
-"""M_ARENA_MAX of glibc's mallopt, and how many heaps the threads of a process share; chosen: one thread at a time runs
-Python, so that more heaps save hardly any waiting."""
-
-
 _BETWEEN_TRIMS_S = 10.0
 """Chosen: giving back takes 2 to 20 ms."""
 
@@ -133,7 +128,8 @@ class HeapsGivenBack:
     """
 
     def __init__(self, trim: Callable[[], object] | None = None, clock: Callable[[], float] = time.monotonic) -> None:
-        self._trim, self._clock = trim or _trim_of_libc(), clock
+        of_glibc = _of_glibc("malloc_trim")
+        self._trim, self._clock = trim or (of_glibc and partial(of_glibc, 0)), clock
         self._last_s = clock()
 
     def after_work(self) -> None:
@@ -144,13 +140,18 @@ class HeapsGivenBack:
             self._trim()
 
 
-def _trim_of_libc() -> Callable[[], object] | None:
+def _of_glibc(name: str) -> Callable[..., object] | None:
+    """A function of glibc; None elsewhere: other C libraries, such as musl, have neither these nor the heaps."""
     if sys.platform != "linux":
         return None
     import ctypes
 
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # other C libraries do not have it
-    return None if trim is None else partial(trim, 0)
+    return getattr(ctypes.CDLL(None), name, None)
+
+
+_ARENA_MAX, _MOST_ARENAS = -8, 2
+"""M_ARENA_MAX of glibc's mallopt, and how many heaps the threads of a process share; chosen: one thread at a time runs
+Python, so that more heaps save hardly any waiting."""
 
 
 def share_heaps() -> None:
@@ -161,9 +162,6 @@ def share_heaps() -> None:
     number of heaps in the environment has chosen otherwise.
     """
     chosen = "MALLOC_ARENA_MAX" in os.environ or "glibc.malloc.arena_max" in os.environ.get("GLIBC_TUNABLES", "")
-    if sys.platform == "linux" and not chosen:
-        import ctypes
-
-        set_option = getattr(ctypes.CDLL(None), "mallopt", None)
-        if set_option is not None:  # other C libraries, such as musl, have neither the function nor the heaps
-            set_option(_ARENA_MAX, _MOST_ARENAS)
+    set_option = None if chosen else _of_glibc("mallopt")
+    if set_option is not None:
+        set_option(_ARENA_MAX, _MOST_ARENAS)

@@ -12,7 +12,7 @@ difference of the success rates of those told to help.
 
 import random
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,8 +20,7 @@ import anyio
 from mcp import Client
 
 from ...engine.workspace import Workspace
-from ...schemas.runs import BatchRecord, RunRecord
-from ..harness import Figures, ask, ask_to_the_end, finished_batch, share
+from ..harness import Figures, ask, ask_to_the_end, attempted_runs, finished_batch, share
 from .bench import AnalysisBench
 from .public_runs import DEFAULT, PREDICTION, import_public, public_folder, public_server
 
@@ -85,16 +84,21 @@ def road_of(scenario_id: str) -> str:
 
 def halves(scenarios: Sequence[str], choice: random.Random) -> tuple[list[str], list[str]]:
     """Two sets of scenarios that share no place, at most :data:`HALF` of each."""
+    first, second = (sorted(choice.sample(side, min(HALF, len(side)))) for side in sides(scenarios, choice))
+    return first, second
+
+
+def sides(scenarios: Iterable[str], choice: random.Random) -> tuple[list[str], list[str]]:
+    """All scenarios on two sides of about the same size that share no place."""
     roads: dict[str, list[str]] = {}
     for name in sorted(scenarios):
         roads.setdefault(road_of(name), []).append(name)
     drawn = sorted(roads)
     choice.shuffle(drawn)
-    sides: tuple[list[str], list[str]] = ([], [])
+    shared_out: tuple[list[str], list[str]] = ([], [])
     for road in drawn:
-        min(sides, key=len).extend(roads[road])
-    first, second = (sorted(choice.sample(side, min(HALF, len(side)))) for side in sides)
-    return first, second
+        min(shared_out, key=len).extend(roads[road])
+    return shared_out
 
 
 def measure(bench: AnalysisBench) -> Figures:
@@ -174,15 +178,10 @@ def _told(tried: Mapping[str, Any]) -> bool:
 
 def _goals(bench: AnalysisBench, batch_id: str, configs: Sequence[str]) -> dict[str, dict[str, bool]]:
     """By configuration: scenario → whether it reached its goal; runs that could not be attempted are left out."""
-    workspace = Workspace(public_folder(bench))
-    batch = workspace.get(batch_id, "batch").read(BatchRecord)
-    records = [workspace.get(run_id, "run").read(RunRecord) for run_id in batch.runs]
-    workspace.close()
+    records = attempted_runs(public_folder(bench), batch_id)
     return {
         config_id: {
-            record.scenario_id: record.outcome == "goal_reached"
-            for record in records
-            if record.config_id == config_id and record.outcome != "invalid"
+            record.scenario_id: record.outcome == "goal_reached" for record in records if record.config_id == config_id
         }
         for config_id in configs
     }

@@ -25,11 +25,20 @@ import anyio
 from mcp import Client
 
 from ...engine.workspace import Workspace
-from ...schemas.runs import BatchRecord, RunRecord
+from ...schemas.runs import BatchRecord
 from ...server.assembly import create_server
 from ..analysis.advice import road_of
 from ..analysis.bench import AnalysisBench
-from ..harness import Figures, ask, ask_to_the_end, finished_batch, import_scenarios, scenario_files, settings_for
+from ..harness import (
+    Figures,
+    ask,
+    ask_to_the_end,
+    attempted_runs,
+    finished_batch,
+    import_scenarios,
+    scenario_files,
+    settings_for,
+)
 
 DEFAULT, SAFETY = "frenetix:Default", "frenetix:Safety-Conservative"
 VARIED = (
@@ -124,14 +133,10 @@ def _batch(folder: Path, batch_id: str) -> BatchRecord:
 
 def _ends(folder: Path, batch_id: str, config_id: str | None) -> _Ends:
     """How the runs of a batch ended, of one configuration where one is named; those not attempted are left out."""
-    workspace = Workspace(folder)
-    batch = workspace.get(batch_id, "batch").read(BatchRecord)
-    records = [workspace.get(run_id, "run").read(RunRecord) for run_id in batch.runs]
-    workspace.close()
     return {
         record.scenario_id: (record.outcome == "goal_reached", record.outcome == "collision")
-        for record in records
-        if record.outcome != "invalid" and config_id in (None, record.config_id)
+        for record in attempted_runs(folder, batch_id)
+        if config_id in (None, record.config_id)
     }
 
 

@@ -28,12 +28,11 @@ import anyio
 from mcp import Client
 
 from ...engine.tuning import preset_configuration
-from ...engine.workspace import Workspace
-from ...schemas.runs import BatchRecord, RunRecord
+from ...schemas.runs import RunRecord
 from ...server.assembly import create_server
-from ..analysis.advice import road_of
+from ..analysis.advice import sides
 from ..analysis.bench import AnalysisBench
-from ..harness import Figures, ask, finished_batch, import_scenarios, scenario_files, settings_for
+from ..harness import Figures, ask, attempted_runs, finished_batch, import_scenarios, scenario_files, settings_for
 from .optimised import DEFAULT, SCENARIOS, SPLITS, place_interval
 
 CONFIGURATIONS = 200
@@ -105,11 +104,7 @@ class _Loop:
         batch_id = await finished_batch(
             self._client, scenarios=list(scenarios), configs=list(configs), prediction="constant_velocity"
         )
-        workspace = Workspace(self._bench.scratch / "random")
-        batch = workspace.get(batch_id, "batch").read(BatchRecord)
-        records = [workspace.get(run_id, "run").read(RunRecord) for run_id in batch.runs]
-        workspace.close()
-        return [record for record in records if record.outcome != "invalid"]
+        return attempted_runs(self._bench.scratch / "random", batch_id)
 
     async def reached(self, configs: Sequence[str], scenarios: Sequence[str]) -> dict[str, frozenset[str]]:
         """By configuration: the scenarios whose goal it reached."""
@@ -201,15 +196,7 @@ def _rounded(value: float) -> float:
 
 def split(scenarios: Iterable[str], seed: int) -> tuple[Half, Half]:
     """Two halves that share no place, each of them once the one that is chosen on."""
-    places: dict[str, list[str]] = {}
-    for name in sorted(scenarios):
-        places.setdefault(road_of(name), []).append(name)
-    names = sorted(places)
-    random.Random(seed).shuffle(names)  # noqa: S311 - no secret
-    sides: tuple[list[str], list[str]] = ([], [])
-    for name in names:
-        min(sides, key=len).extend(places[name])
-    first, second = map(frozenset, sides)
+    first, second = map(frozenset, sides(scenarios, random.Random(seed)))  # noqa: S311 - no secret
     return Half(first, second), Half(second, first)
 
 

@@ -45,13 +45,12 @@ from ...engine.planners import (
     motion_primitives,
     simulate,
 )
-from ...engine.workspace import Workspace
-from ...schemas.runs import BatchRecord, RunRecord
 from ...server.assembly import create_server
 from ..analysis.bench import AnalysisBench
 from ..harness import (
     Figures,
     LeftOut,
+    attempted_runs,
     built_in,
     drawn,
     finished_batch,
@@ -292,10 +291,6 @@ async def _planners(bench: AnalysisBench) -> dict[str, float]:
 
 def _reached(folder: Path, batch_id: str, config: str) -> dict[str, bool]:
     """By scenario whether a configuration reached the goal, where the problem can be solved."""
-    workspace = Workspace(folder)
-    batch = workspace.get(batch_id, "batch").read(BatchRecord)
-    records = [workspace.get(run_id, "run").read(RunRecord) for run_id in batch.runs]
-    workspace.close()
     wanted = built_in(config).config_id
-    own = [one for one in records if one.config_id == wanted and one.outcome != "invalid"]
+    own = [one for one in attempted_runs(folder, batch_id) if one.config_id == wanted]
     return {one.scenario_id: one.outcome == "goal_reached" for one in own}

@@ -27,14 +27,21 @@ import anyio
 import yaml
 from mcp import Client
 
-from ...engine.workspace import Workspace
-from ...schemas.runs import BatchRecord, RunRecord
 from ...server.assembly import create_server
 from ..agents.attempts import EvalRequest
 from ..agents.corpora import read_corpus
 from ..agents.oracle import calls_of
 from ..analysis.bench import AnalysisBench
-from ..harness import Figures, ask, finished_batch, import_scenarios, scenario_files, settings_for, share
+from ..harness import (
+    Figures,
+    ask,
+    attempted_runs,
+    finished_batch,
+    import_scenarios,
+    scenario_files,
+    settings_for,
+    share,
+)
 
 _TOLERANCE = 1e-3
 """Relative, as in the paper."""
@@ -156,9 +163,5 @@ async def _driven(client: Client, bench: AnalysisBench, configs: list[str]) -> f
         return 0.0
     await import_scenarios(client, scenario_files(bench.shared / "data" / "commonroad", 1))
     batch_id = await finished_batch(client, scenarios=["preset:1"], configs=configs)
-    workspace = Workspace(bench.scratch / "requests")
-    batch = workspace.get(batch_id, "batch").read(BatchRecord)
-    records = [workspace.get(run_id, "run").read(RunRecord) for run_id in batch.runs]
-    workspace.close()
-    good = [one for one in records if one.planner == "mp_rbfn" and one.outcome != "invalid"]
+    good = [one for one in attempted_runs(bench.scratch / "requests", batch_id) if one.planner == "mp_rbfn"]
     return round(len(good) / len(configs), 4)

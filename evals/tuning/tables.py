@@ -11,7 +11,6 @@ of N scenarios; ``foreseen_success_PLANNER``: of all scenarios under ``ground_tr
 
 import sys
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from statistics import fmean
 
 import anyio
@@ -19,11 +18,10 @@ import numpy as np
 from mcp import Client
 from scipy.stats import binomtest
 
-from ...engine.workspace import Workspace
-from ...schemas.runs import BatchRecord, Prediction, RunRecord
+from ...schemas.runs import Prediction, RunRecord
 from ...server.assembly import create_server
 from ..analysis.bench import AnalysisBench
-from ..harness import Figures, ask, finished_batch, import_scenarios, scenario_files, settings_for
+from ..harness import Figures, ask, attempted_runs, finished_batch, import_scenarios, scenario_files, settings_for
 
 PRESETS = (50, 100, 500)
 """Of the scenarios that are there, the first so many of the product's own order (500: all)."""
@@ -49,7 +47,7 @@ async def _measured(bench: AnalysisBench) -> Figures:
             sys.stderr.write(f"\n{prediction}\n\n{_HEAD}")
             for preset in PRESETS:
                 scenarios = [f"preset:{preset}"]
-                records = _records(
+                records = attempted_runs(
                     folder, await finished_batch(client, scenarios=scenarios, prediction=prediction, **given)
                 )
                 runs += len(records) if preset == PRESETS[-1] else 0
@@ -82,15 +80,6 @@ def _figures(own: Mapping[str, Sequence[RunRecord]], prediction: Prediction, pre
         elif preset == PRESETS[-1]:
             found[f"foreseen_success_{planner}"] = reached
     return found
-
-
-def _records(folder: Path, batch_id: str) -> list[RunRecord]:
-    """The runs of a batch that could be attempted."""
-    workspace = Workspace(folder)
-    batch = workspace.get(batch_id, "batch").read(BatchRecord)
-    records = [workspace.get(run_id, "run").read(RunRecord) for run_id in batch.runs]
-    workspace.close()
-    return [record for record in records if record.outcome != "invalid"]
 
 
 def _share(records: Sequence[RunRecord], outcome: str) -> str:
