@@ -9,7 +9,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 _PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 _FLAGS = (
@@ -35,6 +35,19 @@ class BrowserFault(Exception):
 def find_chromium() -> str | None:
     """The program; None where it is not installed."""
     return next(filter(None, map(shutil.which, _PROGRAMS)), None)
+
+
+class Box(NamedTuple):
+    """Where an element is, in CSS pixels of the whole page."""
+
+    left: float
+    top: float
+    width: float
+    height: float
+
+    def point(self, share: float = 0.5) -> tuple[float, float]:
+        """A point at half its height and a share of its width."""
+        return self.left + share * self.width, self.top + self.height / 2
 
 
 class Page:
@@ -84,18 +97,12 @@ class Page:
             )
         )
 
-    def corner(self, selector: str) -> tuple[float, float]:
-        """The upper left corner in CSS pixels of the first element that a selector finds."""
+    def box(self, selector: str) -> Box:
+        """Where the first element that a selector finds is, once what was asked of the page before is drawn."""
         box = f"document.querySelector({json.dumps(selector)}).getBoundingClientRect()"
-        x, y = self.value(f"[{box}.left, {box}.top]")
-        return x, y
-
-    def middle(self, selector: str) -> tuple[float, float]:
-        """The middle in CSS pixels of the first element that a selector finds."""
-        left, top = self.corner(selector)
-        box = f"document.querySelector({json.dumps(selector)}).getBoundingClientRect()"
-        width, height = self.value(f"[{box}.width, {box}.height]")
-        return left + width / 2, top + height / 2
+        drawn = "for (const _ of [1, 2]) await new Promise(requestAnimationFrame);"
+        look = f"const {{ left, top, width, height }} = {box}; return [left, top, width, height];"
+        return Box(*self.value(f"(async () => {{ {drawn} {look} }})()"))
 
     def frame(self, depth: int) -> "Frame":
         """The first frame in the page; the first frame in that, for each further step of depth."""
@@ -152,10 +159,10 @@ class Frame(Page):
         """
         return self._value(expression, {"contextId": self.contexts[self._frame_id]})
 
-    def corner(self, selector: str) -> tuple[float, float]:
-        """The upper left corner of the first element that a selector finds, in CSS pixels of the whole page."""
-        (x, y), (left, top) = super().corner(selector), self._above.corner("iframe")
-        return left + x, top + y
+    def box(self, selector: str) -> Box:
+        """Where the first element that a selector finds is in the whole page, once what was asked before is drawn."""
+        box, window = super().box(selector), self._above.box("iframe")
+        return box._replace(left=window.left + box.left, top=window.top + box.top)
 
 
 class Browser:

@@ -95,6 +95,7 @@ class Player {
   transport() {
     const button = (label, title, onclick) => element("button", { type: "button", title, onclick, "aria-label": title }, label);
     this.playButton = button("Play", "Play or pause (Space)", () => this.toggle());
+    this.playButton.className = "play";
     this.followButton = button("Follow", "Follow the ego or what is selected (F)", () => this.setFollow(!this.follow));
     this.idsButton = button("Ids", "Show ids (I)", () => this.setIds(!this.ids));
     this.plansButton = button("Plans", "Show plan, candidates and predictions (O)", () => this.setPlans(!this.plans));

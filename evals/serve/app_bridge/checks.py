@@ -83,13 +83,9 @@ class View:
             self.stands_still()
             self.keep(name)
 
-    def clicks(self, selector: str, share: float | None = None) -> None:
-        """Click in the middle of an element, or at a share of its width."""
-        x, y = self.frame.middle(selector)
-        if share is not None:
-            left, _ = self.frame.corner(selector)
-            x = left + 2 * (x - left) * share
-        self.frame.click(x, y)
+    def clicks(self, selector: str, share: float = 0.5) -> None:
+        """Click at a share of an element's width, in the middle of its height."""
+        self.frame.click(*self.frame.box(selector).point(share))
 
     def presses(self, keys: str) -> None:
         """Press keys that are a letter or sign each."""
@@ -221,7 +217,7 @@ def choosing(view: View, kind: str = "") -> Checks:
     yield f"there is a {kind or 'road user'} to click on", bool(found)
     if not found:
         return
-    left, top = view.frame.corner(".stage canvas")
+    left, top, *_ = view.frame.box(".stage canvas")
     view.frame.move(left + found["x"], top + found["y"])
     yield ("the pointer names it", view.comes_true(f"!{_TIP}.hidden && {_TIP}.innerText.includes('{found['id']}')"))
     view.frame.click(left + found["x"], top + found["y"])

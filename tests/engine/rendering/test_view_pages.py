@@ -102,7 +102,7 @@ def test_click_on_a_vehicle_shows_its_data(page: Page) -> None:
     page.press("Home")
     page.press("0")
     page.wait_for(f"!{PLAYER}.stale")
-    left, top = page.corner(".stage canvas")
+    left, top, *_ = page.box(".stage canvas")
     x, y = page.value(f"""(() => {{
         const {{ camera, canvas, tracks }} = {PLAYER}.panes[0], track = tracks.find(one => one.id === 31);
         return camera.toPixels(track.x[0], track.y[0], canvas.clientWidth, canvas.clientHeight); }})()""")
@@ -115,6 +115,15 @@ def test_click_on_a_vehicle_shows_its_data(page: Page) -> None:
     assert "Click a vehicle" in shown(page, ".picked")
 
 
+def test_slider_stays_where_it_is_while_time_goes_by(page: Page) -> None:
+    page.press("Home")
+    at_rest = page.box(".scrub input")
+    page.press(" ")
+    page.wait_for(f"{PLAYER}.playButton.textContent === 'Pause' && {PLAYER}.step > 2")
+    assert page.box(".scrub input") == at_rest
+    page.press(" ")
+
+
 def test_moments_lead_to_their_step(page: Page) -> None:
     page.press("Home")
     assert "collided with" in shown(page, ".moments .decisive") or "4.0 s" in shown(page, ".moments .decisive")
@@ -124,8 +133,8 @@ def test_moments_lead_to_their_step(page: Page) -> None:
 
 def test_pointer_on_the_chart_tells_figures_and_a_click_goes_there(page: Page) -> None:
     page.value(f"{PLAYER}.chartSelect.selectedIndex = {PLAYER}.charts.length - 1; {PLAYER}.chartSelect.onchange()")
-    left, y = page.corner(".chart canvas")
-    x, y = left + page.value("document.querySelector('.chart canvas').clientWidth") / 2, y + 40
+    chart = page.box(".chart canvas")
+    x, y = chart.point()[0], chart.top + 40
     page.move(x, y)
     assert "velocity offset 3.000" in shown(page, ".chart .tip")
     page.click(x, y)
@@ -134,7 +143,8 @@ def test_pointer_on_the_chart_tells_figures_and_a_click_goes_there(page: Page) -
 
 def test_dragging_moves_the_view_and_ends_following(page: Page) -> None:
     page.value(f"{PLAYER}.setFollow(true)")
-    x, y = (at + 100 for at in page.corner(".stage canvas"))
+    stage = page.box(".stage canvas")
+    x, y = stage.left + 100, stage.top + 100
     before = page.value(f"{PLAYER}.panes[0].camera.x")
     page.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", buttons=1, clickCount=1)
     page.call("Input.dispatchMouseEvent", type="mouseMoved", x=x + 60, y=y, button="left", buttons=1)
