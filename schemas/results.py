@@ -38,7 +38,7 @@ else:
 class ConfigWeights(Model):
     """The cost weights of a planner configuration, and its settings that have values other than the default.
 
-    ``default_weights``: those of the planner's first preset.
+    ``default_weights``: those of the planner's first preset; None where it is not to be had here any more.
     """
 
     config_id: str
@@ -46,7 +46,7 @@ class ConfigWeights(Model):
     planner: str
     weights: dict[str, float]
     settings: dict[str, float] = Field(default_factory=dict)
-    default_weights: dict[str, float] = Field(default_factory=dict)
+    default_weights: dict[str, float] | None = Field(default_factory=dict)
 
 
 class Rate(Model):

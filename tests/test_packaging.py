@@ -103,7 +103,7 @@ def test_the_image_serves_by_http_with_flags_that_there_are_and_looks_after_itse
     assert f"http://127.0.0.1:{port}/health" in stage["HEALTHCHECK"]
 
 
-def test_image_and_bundle_leave_out_what_a_server_does_not_import() -> None:
+def test_image_bundle_page_and_release_leave_out_what_a_server_does_not_import() -> None:
     build = " ".join(said for _, said in instructions())
     left_out = re.search(r"""printf "(%s [^"]+)\\n" ([\w -]+) >""", build)
     assert left_out is not None
@@ -112,8 +112,9 @@ def test_image_and_bundle_leave_out_what_a_server_does_not_import() -> None:
     assert overrides == bundle["tool"]["uv"]["override-dependencies"]
     assert project()["tool"]["uv"]["override-dependencies"][0] in overrides
     assert "--overrides" in build
-    page = (CHECKOUT / "docs" / "install.md").read_text(encoding="utf-8")
-    assert f"""printf "{left_out[1]}\\n" {left_out[2]} > overrides.txt""" in page
+    for place in ("docs/install.md", ".github/workflows/release.yml"):
+        words = (CHECKOUT / place).read_text(encoding="utf-8")
+        assert f"""printf "{left_out[1]}\\n" {left_out[2]} > overrides.txt""" in words
     assert tuple(left_out[2].split()) == LEFT_OUT
 
 

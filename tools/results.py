@@ -126,12 +126,12 @@ def config_weights(runs: Iterable[RunSource], call: ToolCall) -> tuple[ConfigWei
     return tuple(weights)
 
 
-def _default_weights(planner: str) -> dict[str, float]:
-    """The weights of a planner's Default; none where it is not installed any more: its results stay readable."""
+def _default_weights(planner: str) -> dict[str, float] | None:
+    """The weights of a planner's Default; None where it is not installed any more: its results stay readable."""
     try:
         return dict(preset_configuration(planner).weights)
     except (UnknownName, PlannerFailure):
-        return {}
+        return None
 
 
 def scenario_sources(scenario_ids: Iterable[str], call: ToolCall) -> tuple[ScenarioSource, ...]:

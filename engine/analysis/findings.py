@@ -116,7 +116,7 @@ def _weight_off(evidence: Evidence) -> Iterator[Finding]:
         weights = runs.weights(config_id)
         off = {
             name: value
-            for name, value in defaults.get(config_id, {}).items()
+            for name, value in (defaults.get(config_id) or {}).items()
             if value > 0 and weights.get(name, value) < _OFF * value
         }
         for name, default in off.items():

@@ -183,6 +183,9 @@ def _notes(
         notes.append(f"the first {MOST_MEASURED} of {len(runs.valid)} valid runs are measured; narrow with where")
     if group_count > _MOST_GROUPS:
         notes.append(f"{_MOST_GROUPS} of {group_count} groups shown; narrow with where")
+    gone = sorted({config.planner for config in runs.configs if config.default_weights is None})
+    if gone and request.detail in ("summary", "findings"):
+        notes.append(f"not installed here: {', '.join(gone)}; no finding holds a weight against its default")
     without = sum(record.run_id not in runs.steps for record in runs.valid) if request.detail == "costs" else 0
     if without:
         notes.append(f"{without} runs have no recorded steps and are in no cost figure")

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -131,6 +131,7 @@ def _check_all(found: "Found", paths: Sequence[Path]) -> bool:
 
     typer.echo(_introduced(found))
     checks: list[PlannerCheck] = []
+    told: set[str] = set()
     for path in paths:
         try:
             checked = check_on(found.name, found, path)
@@ -138,7 +139,8 @@ def _check_all(found: "Found", paths: Sequence[Path]) -> bool:
             typer.echo(f"  {path.name}: {error.text}")
             return False
         checks.append(checked)
-        typer.echo(f"  {checked.scenario_id}: {_in_words(checked)}")
+        typer.echo(f"  {checked.scenario_id}: {_in_words(checked, told)}")
+        told.update(checked.breaches)
     driven = [set(each.idle) for each in checks if each.outcome is not None]
     for weight in sorted(set.intersection(*driven)) if driven else []:
         typer.echo(f"  Note: the weight {weight} changed no first plan, from one end of its range to the other.")
@@ -152,9 +154,13 @@ def _check_all(found: "Found", paths: Sequence[Path]) -> bool:
     return not broken
 
 
-def _in_words(checked: "PlannerCheck") -> str:
+def _in_words(checked: "PlannerCheck", told: Collection[str]) -> str:
+    """What it did on a scenario; a breach that was told of one before in short, and what it raised once."""
     parts = (
         [f"{checked.outcome}: {checked.reason}{f'; {checked.took}' if checked.took else ''}"] if checked.outcome else []
     )
-    parts += [f"BREAKS THE CONTRACT: {breach}" for breach in checked.breaches] or ([] if parts else [checked.reason])
-    return "\n    ".join([*parts, *checked.raised.splitlines()])
+    new = [breach for breach in checked.breaches if breach not in told]
+    parts += [f"BREAKS THE CONTRACT: {breach}" for breach in new]
+    if len(new) < len(checked.breaches):
+        parts.append("BREAKS THE CONTRACT as before")
+    return "\n    ".join([*(parts or [checked.reason]), *(checked.raised.splitlines() if new else ())])

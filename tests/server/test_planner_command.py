@@ -106,6 +106,16 @@ def test_what_a_planner_breaks_is_told_in_words(
     assert ("BREAKS THE CONTRACT" in checked.output) == bool(told)
 
 
+def test_a_breach_is_told_in_full_once(installed: Install, road: Path, tmp_path: Path) -> None:
+    installed("again", STRAIGHT.replace("arange(21)", "arange(8)"))
+    other = tmp_path / "other.xml"
+    other.write_bytes(road.read_bytes())
+    output = command("check", "again", road, other).output
+    assert output.count("different lengths") == 1
+    assert "BREAKS THE CONTRACT as before" in output
+    assert "broken on 2 of 2 scenarios" in output
+
+
 def test_what_an_import_raises_is_told_with_its_traceback(installed: Install, road: Path) -> None:
     installed("unimportable", STRAIGHT + "import absent_library\n")
     checked = command("check", "unimportable", road)

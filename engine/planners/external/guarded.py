@@ -1,10 +1,12 @@
 """A planner of another package in the loop: what it raises or answers wrongly is a named error of that planner."""
 
+import inspect
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 from ....schemas.errors import PlannerFailure, PlannerForgeError
 from ....schemas.text import one_line
@@ -12,15 +14,36 @@ from ..conformance import plan_breaches
 from ..drivability import violated_limit
 from ..interface import Observation, Plan, Planner, PlanningTask
 
+_CALLS = (("reset", "task"), ("plan", "observation"))
+
 
 def guarded(name: str, make: Callable[[], Planner]) -> Planner:
     """A new planner of that name, every plan of which is held to the contract.
 
     Raises:
-        PlannerFailure: it cannot be made.
+        PlannerFailure: it cannot be made, or cannot be called as the loop calls it.
     """
     with _blamed(name, "is made"):
-        return _Guarded(name, make())
+        planner: object = make()
+        wrong = [words for words in (_not_callable(planner, *call) for call in _CALLS) if words]
+    if wrong:
+        raise PlannerFailure(f"planner {name} breaks its contract: {'; '.join(wrong)}", reason="contract_broken")
+    return _Guarded(name, cast("Planner", planner))
+
+
+def _not_callable(planner: object, method: str, argument: str) -> str:
+    """Why a method cannot be called with one argument; empty where it can, or where its signature is not to be had."""
+    made = f"{type(planner).__name__}.{method}"
+    called = getattr(planner, method, None)
+    if not callable(called):
+        return f"there is no {made}; it needs {method}({argument})"
+    try:
+        inspect.signature(called).bind(object())
+    except TypeError:
+        return f"{made}{inspect.signature(called)} cannot be called with one argument; it needs {method}({argument})"
+    except ValueError:  # of compiled code
+        return ""
+    return ""
 
 
 class _Guarded:

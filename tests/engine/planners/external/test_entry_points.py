@@ -158,6 +158,8 @@ def test_what_a_package_prints_when_imported_is_no_declaration(installed: Instal
             "raised",
             "when it is made",
         ),
+        ("hasty", "def reset(self, task)", "def reset(self)", "contract_broken", "Straight.reset() cannot be called"),
+        ("planless", "def plan(", "def plans(", "contract_broken", "there is no Straight.plan; it needs plan("),
         (
             "lists",
             'return Plan(trajectory, {"slower": slower}, candidates=1)',
