@@ -16,7 +16,7 @@ SEED ?= 1
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
 	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning bench-serve \
-	dist bundle starter house chat-page tutorial-page reference docs train-rbfn format clean
+	dist requirements bundle starter house chat-page tutorial-page reference docs train-rbfn format clean
 
 help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
@@ -27,6 +27,7 @@ help:
 	@echo "make bench-same-bytes RECORD=after.json BEFORE=before.json"
 	@echo "             record digests of what a fixed list of requests makes; with BEFORE, name what differs (developers)"
 	@echo "make dist    build sdist and wheel into dist/ (developers)"
+	@echo "make requirements choose the versions of packaging/requirements.txt anew; needs uv (developers)"
 	@echo "make bundle  build the bundle that hosts install by a click (.mcpb) into dist/; needs Node (developers)"
 	@echo "make starter re-make the maps and the starter catalogue that ship with the package"
 	@echo "make train-rbfn train the network of the planner MP-RBFN anew; the same weights (developers)"
@@ -47,7 +48,7 @@ test: $(DEV_STAMP)
 	@echo "==> Running the tests on $(WORKERS) processes"
 	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal
 
-$(STAMP): pyproject.toml scripts/setup.sh
+$(STAMP): pyproject.toml packaging/requirements.txt scripts/setup.sh
 	@bash scripts/setup.sh $(VENV)
 	@touch $@
 
@@ -157,6 +158,13 @@ dist: $(DEV_STAMP)
 	@echo "==> Building sdist and wheel"
 	@rm -f dist/plannerforge_mcp-*
 	@$(PYTHON) -m build --no-isolation --outdir dist
+	@cp packaging/requirements.txt dist/plannerforge_mcp-requirements.txt
+
+# What nothing imports is left out: docs/install.md.
+requirements:
+	@echo "==> Choosing the versions of all dependencies anew (uv)"
+	@printf "%s ; python_version < '3'\n" polygon3 torch sentence-transformers | uv pip compile pyproject.toml --quiet \
+		--universal --python-version 3.11 --upgrade --custom-compile-command "make requirements" --no-annotate --overrides /dev/stdin -o packaging/requirements.txt
 
 bundle: dist
 	@echo "==> Building the bundle"

@@ -28,39 +28,41 @@ find_python() {
     fail "needs Python 3.11 or 3.12. Get it with: curl -LsSf https://astral.sh/uv/install.sh | sh && uv python install 3.11"
 }
 
-check_compiler() {
-    # Polygon3, which the drivability checker needs, is built from source.
-    command -v cc >/dev/null 2>&1 || command -v gcc >/dev/null 2>&1 || command -v clang >/dev/null 2>&1 ||
-        fail "needs a C compiler for one dependency (Polygon3). Get it with: sudo apt-get install gcc (or your system's equivalent)"
-    local header
-    header=$("$1" -c 'import sysconfig; print(sysconfig.get_paths()["include"])')/Python.h
-    [ -f "$header" ] ||
-        fail "needs Python's headers for one dependency (Polygon3); $header is missing. Get them with: sudo apt-get install python3-dev"
-}
-
 install_package() {
     local python
     python=$(find_python)
-    install_by_uv "$python" && return
-    check_compiler "$python"
     say "Making the environment in $venv with $("$python" --version)"
-    [ -x "$venv/bin/pip" ] || "$python" -m venv "$venv"
+    install_pinned "$python" && return
+    say "Some of these versions cannot be had here: pip chooses others"
+    check_compiler "$python"
     install_torch
     say "Installing PlannerForge and its dependencies (two to three minutes)"
     install -e .
     "$venv/bin/python" -m pip check
 }
 
-install_by_uv() {
-    # Where uv is: in a tenth of the time, without what nothing imports and pip cannot leave out (docs/install.md).
-    command -v uv >/dev/null 2>&1 || return 1
-    say "Making the environment in $venv with $("$1" --version), and installing PlannerForge into it by uv (half a minute)"
-    [ -x "$venv/bin/python" ] || uv venv --quiet --seed --python "$1" "$venv"
-    uv pip install --quiet --python "$venv/bin/python" -e . --overrides <(
-        printf "%s ; python_version < '3'\n" polygon3 torch sentence-transformers
-    ) && return
-    say "uv could not; pip does it"
-    return 1
+install_pinned() {
+    # The versions that the tests ran with, and none of what nothing imports: no compiler, no PyTorch (docs/install.md).
+    local pinned=(--no-deps -r packaging/requirements.txt -e .)
+    if command -v uv >/dev/null 2>&1; then
+        say "Installing PlannerForge and its dependencies by uv (half a minute)"
+        [ -x "$venv/bin/python" ] || uv venv --quiet --seed --python "$1" "$venv"
+        uv pip install --quiet --python "$venv/bin/python" "${pinned[@]}" && return
+        say "uv could not; pip does it"
+    fi
+    [ -x "$venv/bin/pip" ] || "$1" -m venv "$venv"
+    say "Installing PlannerForge and its dependencies by pip (one to two minutes)"
+    install "${pinned[@]}"
+}
+
+check_compiler() {
+    # commonroad-drivability-checker asks for Polygon3, which is built from source.
+    command -v cc >/dev/null 2>&1 || command -v gcc >/dev/null 2>&1 || command -v clang >/dev/null 2>&1 ||
+        fail "needs a C compiler for one dependency (Polygon3). Get it with: sudo apt-get install gcc (or your system's equivalent)"
+    local header
+    header=$("$1" -c 'import sysconfig; print(sysconfig.get_paths()["include"])')/Python.h
+    [ -f "$header" ] ||
+        fail "needs Python's headers for one dependency (Polygon3); $header is missing. Get them with: sudo apt-get install python3-dev"
 }
 
 install_torch() {
