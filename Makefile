@@ -6,8 +6,6 @@ VENV ?= .venv
 PYTHON := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
 DEV_STAMP := $(VENV)/.installed-dev
-DOCS_VENV ?= .venv-docs
-DOCS_STAMP := $(DOCS_VENV)/.installed
 WORKERS ?= 2
 SEEDS ?= 1001 1002 1003
 RECORD ?= same-bytes.json
@@ -35,7 +33,7 @@ help:
 	@echo "make chat-page record docs/chat.md, a chat through five stages, anew (developers)"
 	@echo "make tutorial-page record docs/tutorial.md and its pictures anew (developers)"
 	@echo "make reference write the pages of docs/reference and docs/settings.md anew from the program (developers)"
-	@echo "make docs    build the documentation as a site into site/, in an environment of its own"
+	@echo "make docs    build the documentation as a site into site/ (developers)"
 	@echo "make bench-robust SEEDS=\"1 2 3\""
 	@echo "             all that shows soundness: hostile inputs, growth, symmetries, fresh data of these seeds, kills (developers)"
 	@echo "make clean   remove what was built"
@@ -193,13 +191,9 @@ reference: $(DEV_STAMP)
 	@echo "==> Writing docs/reference and docs/settings.md"
 	@$(PYTHON) scripts/write_reference.py
 
-docs: $(DOCS_STAMP)
+docs: $(DEV_STAMP)
 	@echo "==> Building the documentation into site/"
-	@NO_MKDOCS_2_WARNING=1 $(DOCS_VENV)/bin/mkdocs build --strict --quiet
-
-$(DOCS_STAMP): pyproject.toml scripts/setup.sh
-	@bash scripts/setup.sh $(DOCS_VENV) docs
-	@touch $@
+	@NO_MKDOCS_2_WARNING=1 $(VENV)/bin/mkdocs build --strict --quiet
 
 house: $(DEV_STAMP)
 	@echo "==> Drawing docs/house.svg from the imports"
@@ -210,5 +204,5 @@ format: $(DEV_STAMP)
 	@$(VENV)/bin/ruff check --fix .
 
 clean:
-	@rm -rf $(VENV) $(DOCS_VENV) site build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage .coverage.* demo-output soundness .mutation
+	@rm -rf $(VENV) site build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage .coverage.* demo-output soundness .mutation
 	@find . -name __pycache__ -type d -not -path './$(VENV)/*' -prune -exec rm -rf {} +

@@ -3,7 +3,6 @@
 #   scripts/setup.sh VENV        the package and what it needs
 #   scripts/setup.sh VENV torch  torch alone, into an environment that is there
 #   scripts/setup.sh VENV dev    what developers and tests need besides
-#   scripts/setup.sh VENV docs   an environment that builds the documentation and holds nothing else
 set -euo pipefail
 venv=${1:?the folder of the virtual environment}
 part=${2:-package}
@@ -86,19 +85,18 @@ install() { "$venv/bin/python" -m pip install --quiet --disable-pip-version-chec
 
 install_group() {
     if command -v uv >/dev/null 2>&1; then
-        group "$1" | xargs uv pip install --quiet --python "$venv/bin/python" && return
+        development | xargs uv pip install --quiet --python "$venv/bin/python" && return
         say "uv could not; pip does it"
     fi
-    group "$1" | xargs "$venv/bin/python" -m pip install --quiet --disable-pip-version-check
+    development | xargs "$venv/bin/python" -m pip install --quiet --disable-pip-version-check
 }
 
-group() {
-    "$venv/bin/python" - "$1" <<'PYTHON'
-import sys
+development() {
+    "$venv/bin/python" - <<'PYTHON'
 import tomllib
 
 with open("pyproject.toml", "rb") as stream:
-    print(*tomllib.load(stream)["dependency-groups"][sys.argv[1]], sep="\n")
+    print(*tomllib.load(stream)["dependency-groups"]["dev"], sep="\n")
 PYTHON
 }
 
@@ -108,21 +106,12 @@ install_development() {
         install "sentence-transformers==$(pinned sentence-transformers)"
     fi
     say "Installing the developers' tools"
-    install_group dev
-}
-
-install_documentation() {
-    local python
-    python=$(find_python)
-    say "Making the environment of the documentation in $venv with $("$python" --version)"
-    [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
-    install_group docs
+    install_group
 }
 
 case $part in
     package) install_package ;;
     torch) install_torch ;;
     dev) install_development ;;
-    docs) install_documentation ;;
-    *) fail "no part '$part'; there are package, torch, dev, docs" ;;
+    *) fail "no part '$part'; there are package, torch, dev" ;;
 esac
