@@ -356,10 +356,17 @@ class Loops:
     own: ProcessPoolExecutor
 
     def warm_up(self, bench: TuningBench) -> None:
-        """A run of each that does not count, of a scenario that is not among the drawn: libraries are loaded then."""
-        files = set(scenario_files(bench.shared / "data" / "commonroad", None)) - set(drawn_scenarios(bench))
-        self.theirs(min(files), DEFAULT, "ground_truth")
-        self.ours(min(files), DEFAULT, "ground_truth")
+        """A run of each that does not count, where possible of a scenario that is not drawn: libraries are loaded then.
+
+        Raises:
+            RuntimeError: the reference cannot drive it: its environment is at fault, and no run would be one.
+        """
+        files = scenario_files(bench.shared / "data" / "commonroad", None)
+        first = min(set(files) - set(drawn_scenarios(bench)), default=files[0])
+        fault = self.theirs(first, DEFAULT, "ground_truth").fault
+        if fault:
+            raise RuntimeError(f"the reference does not run in {bench.reference_python}: {fault}")
+        self.ours(first, DEFAULT, "ground_truth")
 
     def pair(self, path: Path, *, theirs_first: bool) -> Pair:
         """Default under the known future in both; where they end otherwise, what the reference drove is judged here."""

@@ -41,8 +41,6 @@ def _drive(asked: dict[str, Any], checkout: Path) -> dict[str, Any]:
             simulation = _simulation(asked, scratch)
             _watch(simulation.agents[0].planner_interface.planner, plans)
             simulation.run_simulation()
-        except ImportError:  # its environment lacks something: that is no outcome of a run
-            raise
         except Exception as error:  # noqa: BLE001 - whatever its loop raises is the outcome of this one run
             fault = _left_out(Path(scratch)) or _reason(error)
         spent, on_clock_s = _processor_s() - spent, time.perf_counter() - began
