@@ -107,7 +107,7 @@ def test_tools_are_listed_with_their_cost() -> None:
     [
         (("--workers", "0"), "--workers: workers takes a whole number from 1 to 64, not 0"),
         (("--workers", "0", "--tools", "few"), "; --tools: tools cannot be 'few' (valid: essential, all)"),
-        (("--log-level", "LOUD"), "log_level"),
+        (("--log-level", "warn"), "log_level cannot be 'warn' (valid: WARNING, "),
     ],
 )
 def test_wrong_flag_is_one_line(flags: tuple[str, ...], named: str) -> None:
@@ -116,6 +116,11 @@ def test_wrong_flag_is_one_line(flags: tuple[str, ...], named: str) -> None:
     assert result.stderr.startswith("plannerforge: ")
     assert named in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+def test_a_wrong_word_of_a_setting_is_told_with_all_that_are_valid() -> None:
+    said = run("serve", "--log-level", "LOUD").stderr
+    assert all(word in said for word in ("DEBUG", "INFO", "WARNING", "ERROR"))
 
 
 @pytest.mark.parametrize("text", ["wrokers = 3", "workers ="])
