@@ -19,8 +19,9 @@ from support.tree import CHECKOUT
 from typer.main import get_command
 
 from plannerforge import __version__
-from plannerforge.evals.command_line import application
+from plannerforge.evals.command_line import application, main
 from plannerforge.evals.serve.install import LEFT_OUT
+from plannerforge.server.commands.hosts import start_command
 from plannerforge.server.settings import Settings
 from plannerforge.tools.registry import TOOLS
 
@@ -294,6 +295,19 @@ def test_the_entry_of_the_registry_keeps_to_its_rules_and_invents_no_address() -
     assert {argument["name"] for argument in named} <= flags_of(first["value"])
     names = {variable["name"].lower().removeprefix("plannerforge_") for variable in package["environmentVariables"]}
     assert names <= set(Settings.model_fields)
+
+
+def test_what_the_registry_entry_starts_is_a_program_and_a_command_that_there_are(tmp_path: Path) -> None:
+    (package,) = json.loads((PACKAGING / "server.json").read_text(encoding="utf-8"))["packages"]
+    assert package["runtimeHint"] == "uvx", "which starts the program that is called like the package"
+    module, _, name = project()["project"]["scripts"][package["identifier"]].partition(":")
+    assert getattr(importlib.import_module(module), name) is main
+    assert package["packageArguments"][0]["value"] in get_command(application).commands  # type: ignore[attr-defined]
+    (tmp_path / "CACHEDIR.TAG").touch()
+    said = [word for argument in package["runtimeArguments"] for word in (argument["name"], argument["value"])]
+    _, *words = start_command([], tmp_path / "archive-v0" / "made")
+    assert words[: len(said)] == said, "install writes for uvx what the registry tells hosts"
+    assert words[-2:] == [package["identifier"], package["packageArguments"][0]["value"]]
 
 
 def test_no_public_address_is_made_up() -> None:
