@@ -1,4 +1,7 @@
-"""What a shell completes at a TAB: hosts, tools, and what the workspace holds. Only what is quick is looked at."""
+"""What a shell completes at a TAB: hosts, tools, and what the workspace holds. Only what is quick is looked at.
+
+Each function gives all there is with a word on it; typer keeps what begins as was typed.
+"""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,21 +20,21 @@ _VIEWED: "tuple[ArtifactKind, ...]" = ("scenario", "run", "batch")
 """The kinds that a view shows."""
 
 
-def hosts(incomplete: str) -> list[tuple[str, str]]:
-    """The hosts that begin so, with their titles."""
+def hosts() -> list[tuple[str, str]]:
+    """The hosts with their titles."""
     from .hosts import HOSTS
 
-    return [(name, host.title) for name, host in HOSTS.items() if name.startswith(incomplete)]
+    return [(name, host.title) for name, host in HOSTS.items()]
 
 
-def tools(incomplete: str) -> list[tuple[str, str]]:
-    """The tools that begin so, with their titles."""
+def tools() -> list[tuple[str, str]]:
+    """The tools with their titles."""
     from ...tools.registry import TOOLS
 
-    return [(spec.name, spec.title) for spec in TOOLS if spec.name.startswith(incomplete)]
+    return [(spec.name, spec.title) for spec in TOOLS]
 
 
-def viewed(context: typer.Context, incomplete: str) -> list[tuple[str, str]]:
+def viewed(context: typer.Context) -> list[tuple[str, str]]:
     """What ``view`` shows of the workspace that is meant, newest first of each kind; a workspace is not made."""
     from ...engine.workspace import Workspace
 
@@ -47,4 +50,4 @@ def viewed(context: typer.Context, incomplete: str) -> list[tuple[str, str]]:
         found = [each for kind in _VIEWED for each in workspace.newest(kind=kind, limit=_MOST_IDS)]
     finally:
         workspace.close()
-    return [(each.artifact_id, each.name or each.kind) for each in found if each.artifact_id.startswith(incomplete)]
+    return [(each.artifact_id, each.name or each.kind) for each in found]
