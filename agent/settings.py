@@ -1,12 +1,13 @@
 """Settings of the agent: by flag or by environment (``PLANNERFORGE_AGENT_…``), the flag first."""
 
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import typer
-from pydantic import Field, SecretStr, ValidationError
+from pydantic import Field, SecretStr, ValidationError, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from ..schemas.base import problems_of
+from ..schemas.text import in_any_case
 from .connection import ToolSet
 from .loop import TurnLimits
 from .models.interface import ModelFacts, ModelSettings
@@ -49,6 +50,11 @@ class AgentSettings(BaseSettings):
     )
     server: str = Field("", description="command that starts another MCP server")
     url: str = Field("", description="address of an MCP server (streamable HTTP)")
+
+    @field_validator("think", "tools", "condition", mode="before")
+    @classmethod
+    def _any_case(cls, value: Any, info: ValidationInfo) -> Any:
+        return in_any_case(value, get_args(cls.model_fields[str(info.field_name)].annotation))
 
     def for_model(self) -> ModelSettings:
         """How the model is asked."""
@@ -99,6 +105,10 @@ def agent_settings(**flags: Any) -> AgentSettings:
     try:
         return AgentSettings(**{name: value for name, value in flags.items() if value is not None})
     except ValidationError as error:
-        problems = "; ".join(problem for problem, _ in problems_of(AgentSettings, error, "setting"))
+        told = zip(error.errors(include_url=False), problems_of(AgentSettings, error, "setting"), strict=True)
+        problems = "; ".join(
+            f"{problem} (valid: {', '.join(valid)})" if detail["type"] == "literal_error" else problem
+            for detail, (problem, valid) in told
+        )
         typer.echo(f"plannerforge: {problems}", err=True)
         raise typer.Exit(2) from None

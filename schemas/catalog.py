@@ -265,15 +265,17 @@ class BuildIndexRequest(Model):
 
 
 class BuildIndexResponse(Model):
-    """How many descriptions the index holds, and whether it was built now."""
+    """How many descriptions the index holds, whether it was built now, and whether it had been damaged."""
 
     descriptions: int
     built: bool
+    mended: bool = False
 
 
 class RankResponse(Model):
-    """Scenario ids with their scores, best first; times for the benchmark."""
+    """Scenario ids with their scores, best first; whether the index was built for that, and had been damaged."""
 
     scenario_ids: tuple[str, ...]
     scores: tuple[float, ...]
     built_index: bool
+    mended_index: bool = False

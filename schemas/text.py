@@ -6,6 +6,7 @@ megabyte. What repeats it does so through :func:`quoted` or :func:`one_line`.
 
 import re
 import unicodedata
+from collections.abc import Iterable
 from typing import Any
 
 LONGEST_TEXT = 200
@@ -47,6 +48,13 @@ def counted(count: int, noun: str) -> str:
     ending = "es" if words.endswith(("s", "x", "ch", "sh")) else "s"
     is_regular = not (words.endswith("y") and words[-2:-1] not in "aeiou")
     return f"{count:,} {words}{ending}" if is_regular else f"{count:,} {words[:-1]}ies"
+
+
+def in_any_case(value: Any, words: Iterable[str]) -> Any:
+    """The word that a text is in another case or among spaces; else the value as it is, for others to refuse."""
+    if not isinstance(value, str):
+        return value
+    return next((word for word in words if word.lower() == value.strip().lower()), value)
 
 
 def _is_shown(character: str) -> bool:

@@ -179,7 +179,9 @@ async def warm_up(
     await workers.warm_up("retrieval")
     request = BuildIndexRequest(database=workspace.database.path, index=workspace.root / INDEX_FOLDER, model=model)
     try:
-        await workers.run(BUILD_INDEX, request)
+        built = await workers.run(BUILD_INDEX, request)
+        if built.mended:
+            logger.warning("the text index in %s was damaged and is made anew", request.index)
     except PlannerForgeError as error:  # not asked for yet: a search by text gets the error
         logger.warning("the text index could not be made ready: %s", error.text)
 

@@ -18,6 +18,7 @@ import typer
 
 from .. import __version__
 from ..schemas.errors import PlannerForgeError
+from .commands import completion
 from .commands.catalog import catalog
 from .commands.flags import MapFolders, Roots, SettingsCommand, Workers, Workspace, settings_from, settings_of
 from .commands.maps import maps
@@ -119,7 +120,9 @@ def _collect_again() -> None:
 
 @application.command()
 def call(
-    tool: Annotated[str, typer.Argument(help="Name of the tool; `plannerforge tools` lists them.")],
+    tool: Annotated[
+        str, typer.Argument(help="Name of the tool; `plannerforge tools` lists them.", autocompletion=completion.tools)
+    ],
     arguments: Annotated[str, typer.Argument(help='Arguments as a JSON object, such as {"count": 2}.')] = "{}",
     as_json: Annotated[bool, typer.Option("--json", help="Print the structured answer.")] = False,
     workspace: Workspace = None,
@@ -151,7 +154,11 @@ def token(
 @application.command()
 def view(
     ids: Annotated[
-        list[str], typer.Argument(help="A scenario, run or batch; two of the first, side by side; several runs.")
+        list[str],
+        typer.Argument(
+            help="A scenario, run or batch; two of the first, side by side; several runs.",
+            autocompletion=completion.viewed,
+        ),
     ],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the page to this file.")] = None,
     no_open: Annotated[
@@ -227,7 +234,7 @@ def check(
 @application.command()
 def doctor(
     as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
-    fix: Annotated[bool, typer.Option("--fix", help="Make folders that are missing.")] = False,
+    fix: Annotated[bool, typer.Option("--fix", help="Mend what is safe to: workspace, text index, hosts.")] = False,
     workspace: Workspace = None,
     roots: Roots = None,
     map_folders: MapFolders = None,
@@ -242,7 +249,11 @@ def doctor(
 @application.command()
 def install(
     host: Annotated[
-        str, typer.Argument(help="claude-desktop, claude-code, vscode, cursor, windsurf, codex, gemini or zed.")
+        str,
+        typer.Argument(
+            help="claude-desktop, claude-code, vscode, cursor, windsurf, codex, gemini or zed.",
+            autocompletion=completion.hosts,
+        ),
     ],
     print_only: Annotated[bool, typer.Option("--print", help="Print what belongs there and write nothing.")] = False,
     workspace: Workspace = None,
@@ -250,8 +261,14 @@ def install(
 ) -> None:
     """Write this server into the settings of an MCP host, with a backup of what was there."""
     from .commands.hosts import install as install_into
-    from .commands.hosts import named_host, start_command
+    from .commands.hosts import may_vanish, named_host, start_command
 
+    if may_vanish(Path(sys.prefix)):
+        typer.echo(
+            "This program runs in uv's cache, which may be emptied, so the host starts it by uvx; "
+            "`uv tool install plannerforge-mcp` makes an environment that stays.",
+            err=True,
+        )
     flags = ["--workspace", str(workspace.resolve())] if workspace else []
     flags += [part for root in roots or () for part in ("--roots", str(root.resolve()))]
     raise typer.Exit(install_into(named_host(host), start_command(flags), home=Path.home(), print_only=print_only))

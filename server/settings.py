@@ -4,10 +4,10 @@ import json
 import os
 import re
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from platformdirs import user_config_path, user_data_path
-from pydantic import Field, SecretStr, field_validator
+from pydantic import Field, SecretStr, ValidationInfo, field_validator
 from pydantic_settings import (
     BaseSettings,
     NoDecode,
@@ -21,6 +21,7 @@ from ..engine.execution import Limits
 from ..schemas.catalog import PACKAGED_MODEL
 from ..schemas.maps import NOMINATIM_URL, OVERPASS_URLS, MapServices, OnlineMode
 from ..schemas.planning import CommandPlanner
+from ..schemas.text import in_any_case
 
 RECORDINGS_FOLDER = "recordings"
 """Where, in the workspace, workers keep what they read; it may be deleted at any time."""
@@ -111,6 +112,11 @@ class Settings(BaseSettings):
     telemetry_endpoint: str = Field(
         "", description="OpenTelemetry collector for traces and metrics, such as http://127.0.0.1:4318"
     )
+
+    @field_validator("maps_online", "tools", "log_level", "log_format", mode="before")
+    @classmethod
+    def _any_case(cls, value: Any, info: ValidationInfo) -> Any:
+        return in_any_case(value, get_args(cls.model_fields[str(info.field_name)].annotation))
 
     @field_validator("roots", "map_folders", mode="before")
     @classmethod

@@ -2,8 +2,11 @@
 
 import importlib.util
 import json
+import os
 import re
 import shlex
+import shutil
+import socket
 import subprocess
 import sys
 import tomllib
@@ -19,14 +22,17 @@ from support.tree import CHECKOUT
 from typer.main import get_command
 
 from plannerforge import __version__
-from plannerforge.evals.command_line import application
+from plannerforge.evals.command_line import application, main
+from plannerforge.evals.serve.__main__ import PARTS
 from plannerforge.evals.serve.install import LEFT_OUT
+from plannerforge.server.commands.hosts import start_command
 from plannerforge.server.settings import Settings
 from plannerforge.tools.registry import TOOLS
 
 PACKAGING = CHECKOUT / "packaging"
 WORKFLOWS = CHECKOUT / ".github" / "workflows"
 RELEASE, CHANGE = "release.yml", "ci.yml"
+DEVELOPERS = ".venv/.installed-dev"
 TARGETS = set(re.findall(r"^([a-z-]+):", (CHECKOUT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
 
 
@@ -143,6 +149,82 @@ def test_compose_runs_it_without_rights_on_a_root_that_cannot_be_written() -> No
     assert names <= set(Settings.model_fields)
 
 
+STAND_IN = """#!{python}
+import os, signal, subprocess, sys, time, urllib.request
+from pathlib import Path
+
+words, here = sys.argv[1:], Path({folder!r})
+program = [{python!r}, "-P", "-m", "plannerforge"]
+served = [*program, "serve", "--http", "--port", "{port}", "--token-file", str(here / "tokens")]
+pid = here / "pid"
+with (here / "asked").open("a") as asked:
+    print(*words, file=asked)
+if words[0] == "run":
+    sys.exit(subprocess.run([*program, *words[3:]]).returncode)
+command = words[3]
+if command == "up":
+    log = (here / "log").open("a")
+    started = subprocess.Popen(served, stdout=log, stderr=log, start_new_session=True)
+    pid.write_text(str(started.pid))
+    for _ in range(600):
+        try:
+            urllib.request.urlopen("http://127.0.0.1:{port}/health", timeout=1)
+            break
+        except OSError:
+            time.sleep(0.1)
+if command == "down" and pid.exists():
+    os.kill(int(pid.read_text()), signal.SIGTERM)
+    while Path("/proc", pid.read_text()).exists():
+        time.sleep(0.05)
+    pid.unlink()
+print({{"config": "plannerforge:1", "port": "127.0.0.1:{port}"}}.get(command, ""))
+"""
+"""What stands in for docker where none runs: a container is a process of this checkout, its volume a folder."""
+
+
+def tried(tmp_path: Path) -> subprocess.CompletedProcess[str]:
+    """What the script that tries the image says, with a server of this checkout in the image's place."""
+    for name in ("try_image.sh", "compose.yaml"):
+        shutil.copy(PACKAGING / name, tmp_path)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    program = tmp_path / "bin" / "docker"
+    program.parent.mkdir()
+    program.write_text(STAND_IN.format(python=sys.executable, folder=str(tmp_path), port=port), encoding="utf-8")
+    program.chmod(0o755)
+    environment = {
+        "PATH": f"{program.parent}:{os.environ['PATH']}",
+        "PYTHONPATH": str(CHECKOUT),
+        "PLANNERFORGE_WORKSPACE": str(tmp_path / "workspace"),
+        "PLANNERFORGE_STARTER": "false",
+        "PLANNERFORGE_WARM_UP": "false",
+        "PLANNERFORGE_MAPS_ONLINE": "offline",
+    }
+    return subprocess.run(
+        ["bash", str(tmp_path / "try_image.sh")], env=environment, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.skipif(
+    sys.platform != "linux" or shutil.which("curl") is None, reason="it asks by curl, and waits for a process in /proc"
+)
+def test_what_tries_the_image_asks_with_a_token_and_after_a_restart(tmp_path: Path) -> None:
+    done = tried(tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search(r"^made (cfg_\w+)$[^!]*^\1 is there$", done.stdout, re.MULTILINE)
+    asked = [line.split()[3:] for line in (tmp_path / "asked").read_text().splitlines() if line.startswith("compose")]
+    ups_and_downs = [words for words in asked if words[0] in {"up", "down"}]
+    assert [words[0] for words in ups_and_downs] == ["up", "down", "up", "down"]
+    assert [words for words in ups_and_downs if "--volumes" in words] == [["down", "--volumes"]]
+    assert not (tmp_path / "tokens").exists()
+
+
+def test_tokens_that_are_there_are_not_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "tokens").write_text("mine")
+    assert tried(tmp_path).returncode == 1
+    assert (tmp_path / "tokens").read_text() == "mine"
+
+
 # ---- the bundle
 
 
@@ -213,6 +295,11 @@ def test_what_a_bundle_starts_is_the_command_line() -> None:
         check=True,
     )
     assert told.stdout == f"plannerforge {__version__}\n"
+
+
+def test_the_changelog_says_what_this_version_holds() -> None:
+    headings = re.findall(r"^## (.*)$", (CHECKOUT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert headings[:2] == ["[Unreleased]", f"[{__version__}]"]
 
 
 # ---- the registry
@@ -298,6 +385,19 @@ def test_the_entry_of_the_registry_keeps_to_its_rules_and_invents_no_address() -
     assert names <= set(Settings.model_fields)
 
 
+def test_what_the_registry_entry_starts_is_a_program_and_a_command_that_there_are(tmp_path: Path) -> None:
+    (package,) = json.loads((PACKAGING / "server.json").read_text(encoding="utf-8"))["packages"]
+    assert package["runtimeHint"] == "uvx", "which starts the program that is called like the package"
+    module, _, name = project()["project"]["scripts"][package["identifier"]].partition(":")
+    assert getattr(importlib.import_module(module), name) is main
+    assert package["packageArguments"][0]["value"] in get_command(application).commands  # type: ignore[attr-defined]
+    (tmp_path / "CACHEDIR.TAG").touch()
+    said = [word for argument in package["runtimeArguments"] for word in (argument["name"], argument["value"])]
+    _, *words = start_command([], tmp_path / "archive-v0" / "made")
+    assert words[: len(said)] == said, "install writes for uvx what the registry tells hosts"
+    assert words[-2:] == [package["identifier"], package["packageArguments"][0]["value"]]
+
+
 def test_no_public_address_is_made_up() -> None:
     assert "urls" not in project()["project"]
 
@@ -321,31 +421,56 @@ def commands(name: str = RELEASE) -> list[list[str]]:
     return [shlex.split(line) for step in steps for line in str(step.get("run", "")).splitlines() if line.strip()]
 
 
-def test_every_command_of_the_release_exists() -> None:
-    made = [words for words in commands() if words[0] == "make"]
-    assert made
-    assert {target for words in made for target in words[1:]} <= TARGETS
-    ours = [words for words in commands() if words[0].endswith("/plannerforge")]
+@pytest.mark.parametrize("name", [RELEASE, CHANGE])
+def test_every_command_of_a_workflow_exists(name: str) -> None:
+    run = commands(name)
+    targets = {target for words in run if words[0] == "make" for target in words[1:]}
+    assert targets
+    assert targets - {DEVELOPERS} <= TARGETS
+    modules = {words[words.index("-m") + 1] for words in run if "-m" in words} - {"pip"}
+    assert {module for module in modules if importlib.util.find_spec(f"{module}.__main__") is None} == set()
+    parts = [words[words.index("--only") + 1] for words in run if "--only" in words]
+    assert parts
+    assert [part for part in parts if part not in PARTS.keys] == []
+    scripts = [words[0] for words in run if "/" in words[0] and not words[0].startswith(("$", ".venv", "clean", "by-"))]
+    assert [script for script in scripts if not os.access(CHECKOUT / script, os.X_OK)] == []
+
+
+def test_the_environment_that_workflows_ask_make_for_is_the_one_of_developers() -> None:
+    makefile = (CHECKOUT / "Makefile").read_text(encoding="utf-8")
+    venv, stamp = re.findall(r"^(?:VENV \?|DEV_STAMP :)= (\S+)$", makefile, re.MULTILINE)
+    assert stamp.replace("$(VENV)", venv) == DEVELOPERS
+
+
+def test_the_release_is_tried_in_every_way_that_the_page_names() -> None:
     known = {*get_command(application).commands, "--version"}  # type: ignore[attr-defined]
+    run = commands()
+    ours = [words[number + 1] for words in run for number, word in enumerate(words[:-1]) if is_ours(word, words)]
     assert ours
-    assert {words[1] for words in ours} <= known
-    modules = [words[words.index("-m") + 1] for words in commands() if "-m" in words]
-    for module in set(modules) - {"pip"}:
-        assert importlib.util.find_spec(f"{module}.__main__") is not None
-    from plannerforge.evals.serve.__main__ import PARTS
+    assert set(ours) <= known
+    page = (CHECKOUT / "docs" / "install.md").read_text(encoding="utf-8")
+    assert [way for way in ("uv tool install", "uvx", "pipx install", "pip install") if way not in page] == []
+    for way in (["uv", "pip"], ["uvx"], ["pipx", "install"], ["by-pip/bin/python", "-m", "pip", "install"]):
+        assert any(words[: len(way)] == way for words in run)
+    found = [words for words in run if any("--find-links" in word for word in words)]
+    assert [words[0] for words in found] == ["uvx", "pipx", "by-pip/bin/python"]
+    assert all(project()["project"]["name"] in words for words in found)
 
-    (only,) = [words[words.index("--only") + 1] for words in commands() if "--only" in words]
-    assert PARTS.chosen([only]) == ("install",)
+
+def is_ours(word: str, words: list[str]) -> bool:
+    """Whether a word of a command is our program, and not our package that something installs."""
+    name = word.rpartition("/")[2]
+    return (name in project()["project"]["scripts"] and "/" in word) or (
+        name == "plannerforge-mcp" and words[0] == "uvx"
+    )
 
 
-def test_a_change_is_held_against_tests_conformance_and_the_image() -> None:
-    from plannerforge.evals.serve.__main__ import PARTS
-
+def test_a_change_is_held_against_all_that_can_break() -> None:
     words = commands(CHANGE)
-    assert [".ci/run"] in words
-    (measured,) = [line for line in words if "--only" in line]
-    assert PARTS.chosen([measured[measured.index("--only") + 1]]) == ("conformance",)
-    assert ["jq", "--exit-status", ".conformance_failed == 0", "conformance.json"] in words
+    for command in ([".ci/run"], ["make", "docs"], ["make", "bundle"], ["packaging/try_image.sh"]):
+        assert command in words
+    measured = [line[line.index("--only") + 1] for line in words if "--only" in line]
+    assert measured == ["conformance", "app_bridge"]
     (build,) = [line for line in words if line[:2] == ["docker", "build"]]
     assert (CHECKOUT / build[build.index("-f") + 1]).is_file()
     uses = [step["uses"] for job in jobs(CHANGE).values() for step in job["steps"] if "uses" in step]

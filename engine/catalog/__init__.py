@@ -32,6 +32,8 @@
 ``Vectors``: The type of vectors: an array of 32-bit floats.
 ``ensure_generation``: The folder of the text index for these texts, and whether it was built now.
 ``query``: The scenarios nearest to a vector, with cosine likeness in [−1, 1].
+``damaged_parts``: The files and generations of a text index that cannot be read.
+``remove_damaged``: Remove these, so that they are made anew; returns them.
 ``description_of``: A scenario in a few plain sentences, from its facts.
 """
 
@@ -49,7 +51,7 @@ if TYPE_CHECKING:
     from .search import Ranking, Search, entries_of
     from .starter import ARCHIVE, open_catalogue, starter_files
     from .tables import MOST_ENTRIES, add_facts, descriptions, facts_of, is_ready, listed_version, prepare, refresh
-    from .vector_index import COMPLETE, EmbeddingModel, Vectors, ensure_generation, query
+    from .vector_index import COMPLETE, EmbeddingModel, Vectors, damaged_parts, ensure_generation, query, remove_damaged
     from .words import description_of
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

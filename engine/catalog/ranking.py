@@ -1,12 +1,18 @@
 """Ranking scenarios by likeness to a text: the operations of the retrieval worker."""
 
 import sqlite3
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ...schemas.catalog import BuildIndexRequest, BuildIndexResponse, RankRequest, RankResponse
+from ...schemas.errors import ResourceFailure
 from ..execution import ProgressReporter
 from .bm25 import bm25_scores
 from .tables import descriptions, is_ready
+
+if TYPE_CHECKING:
+    from .vector_index import EmbeddingModel, Vectors
 
 
 def rank(request: RankRequest, report: ProgressReporter) -> RankResponse:
@@ -29,33 +35,63 @@ def build_index(request: BuildIndexRequest, report: ProgressReporter) -> BuildIn
     Raises:
         ResourceFailure: the model cannot be loaded, or the index not be written.
     """
-    from .vector_index import EmbeddingModel, ensure_generation, query
+    from .vector_index import EmbeddingModel
 
     model, texts = EmbeddingModel.of(request.model), _descriptions(request.database)
     vector = model.embed(["a scenario"])[0]
     if not texts:
         return BuildIndexResponse(descriptions=0, built=False)
-    folder, built = ensure_generation(request.index, texts, model.identity, model.embed, report)
-    query(folder, vector, None, 1)
-    return BuildIndexResponse(descriptions=len(texts), built=built)
+    _, built, mended = _nearest(request.index, texts, model, vector, None, 1, report)
+    return BuildIndexResponse(descriptions=len(texts), built=built, mended=mended)
 
 
 def _semantic(request: RankRequest, texts: dict[str, str], report: ProgressReporter) -> RankResponse:
-    from .vector_index import EmbeddingModel, ensure_generation, query
+    from .vector_index import EmbeddingModel
 
     if not texts:
         return RankResponse(scenario_ids=(), scores=(), built_index=False)
     report(0.1, "opening the text index")
     model = EmbeddingModel.of(request.model)
-    folder, built = ensure_generation(request.index, texts, model.identity, model.embed, report)
-    report(0.9, "ranking by text")
     candidates = None if request.candidates is None else [key for key in request.candidates if key in texts]
-    nearest = query(folder, model.embed([request.text])[0], candidates, request.limit)
+    vector = model.embed([request.text])[0]
+    nearest, built, mended = _nearest(request.index, texts, model, vector, candidates, request.limit, report)
     return RankResponse(
         scenario_ids=tuple(key for key, _ in nearest),
         scores=tuple(round(score, 4) for _, score in nearest),
         built_index=built,
+        mended_index=mended,
     )
+
+
+def _nearest(
+    root: Path,
+    texts: Mapping[str, str],
+    model: "EmbeddingModel",
+    vector: "Vectors",
+    candidates: Sequence[str] | None,
+    limit: int,
+    report: ProgressReporter,
+) -> tuple[list[tuple[str, float]], bool, bool]:
+    """The nearest scenarios, whether the index was built for that, and whether it had been damaged.
+
+    What is damaged is removed and made anew: the index is a cache.
+
+    Raises:
+        ResourceFailure: the index cannot be written, or cannot be read even when it is made anew.
+    """
+    from .vector_index import DAMAGED, ensure_generation, query, remove_damaged
+
+    def asked() -> tuple[list[tuple[str, float]], bool]:
+        folder, built = ensure_generation(root, texts, model.identity, model.embed, report)
+        report(0.9, "ranking by text")
+        return query(folder, vector, candidates, limit), built
+
+    try:
+        return *asked(), False
+    except ResourceFailure as failure:
+        if failure.reason != DAMAGED or not remove_damaged(root):
+            raise
+    return *asked(), True
 
 
 def _descriptions(database: Path) -> dict[str, str]:

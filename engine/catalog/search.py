@@ -68,15 +68,17 @@ class _Entry:
 
 @dataclass(frozen=True)
 class Ranking:
-    """Scenario ids by likeness of their text, best first, with their scores."""
+    """Scenario ids by likeness of their text, best first, with their scores; whether the index had been damaged."""
 
     scenario_ids: tuple[str, ...]
     scores: dict[str, float]
+    mended_index: bool = False
 
     @classmethod
     def of(cls, response: RankResponse) -> "Ranking":
         """The ranking that the retrieval worker answered."""
-        return cls(response.scenario_ids, dict(zip(response.scenario_ids, response.scores, strict=True)))
+        scores = dict(zip(response.scenario_ids, response.scores, strict=True))
+        return cls(response.scenario_ids, scores, response.mended_index)
 
 
 @dataclass(frozen=True)
@@ -211,7 +213,8 @@ class Search:
         """Where the words of the text were found, and those that were found nowhere; the text only ranks."""
         text = self._text_words
         few = len(text.found) + len(text.nowhere) <= _FEW_WORDS
-        notes = [f"In the text: {'; '.join(text.found)}."] if text.found else []
+        notes = ["The text index was damaged and is made anew."] if ranking and ranking.mended_index else []
+        notes += [f"In the text: {'; '.join(text.found)}."] if text.found else []
         if text.nowhere and (text.alone or few):
             words = ", ".join(f"'{one_line(word)}'" for word in text.nowhere)
             verb = "is" if len(text.nowhere) == 1 else "are"

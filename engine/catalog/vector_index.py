@@ -37,7 +37,10 @@ Embed = Callable[[Sequence[str]], Vectors]
 
 COLLECTION = "scenarios"
 COMPLETE = "complete"
-"""The file that marks a generation as complete; its date says when it was used last."""
+"""The file that marks a generation as complete: it holds the number of its vectors, its date says when it was used."""
+DAMAGED = "index_damaged"
+"""Reason of the failure of an index whose files cannot be read: ``remove_damaged`` mends it."""
+_LOCK, _KNOWN = "writer.sqlite", "vectors.sqlite"
 LOCK_TIMEOUT_S = 120.0
 """For another process to build its generation (chosen)."""
 GRACE_S = 3600.0
@@ -125,7 +128,8 @@ def ensure_generation(
     was embedded before an interruption stays in it.
 
     Raises:
-        ResourceFailure: the folder cannot be written, or another process holds the lock for too long.
+        ResourceFailure: the folder cannot be written, or another process holds the lock for too long; with the reason
+            ``DAMAGED``, what is there cannot be read.
     """
     content = json.dumps([model, sorted(texts.items())], ensure_ascii=False, separators=(",", ":"))
     folder = root / hashlib.sha256(content.encode()).hexdigest()[:16]
@@ -140,13 +144,117 @@ def ensure_generation(
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir()
             _fill(folder, texts, _vectors(root, texts, model, embed, report))
-            (folder / COMPLETE).touch()
+            (folder / COMPLETE).write_text(str(len(texts)), encoding="ascii")
             _remove_old(root, folder)
     except (OSError, sqlite3.Error) as error:
-        raise ResourceFailure(
-            f"the search index in {root} cannot be written: {error}", next_step="search without text, or free the disk"
-        ) from error
+        raise (_damaged if _is_damage(error) else _unwritable)(root, error) from error
     return folder, True
+
+
+def _unwritable(root: Path, error: Exception) -> ResourceFailure:
+    return ResourceFailure(
+        f"the search index in {root} cannot be written: {error}", next_step="search without text, or free the disk"
+    )
+
+
+def _damaged(where: Path, error: object) -> ResourceFailure:
+    return ResourceFailure(
+        f"the search index in {where} is damaged: {error}",
+        next_step="run `plannerforge doctor --fix`, which removes it; it is made anew by the next search by text",
+        reason=DAMAGED,
+    )
+
+
+def _is_damage(error: Exception) -> bool:
+    """Whether a file of SQLite is broken, and neither the disk full nor another process at it."""
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF in {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB}
+
+
+def damaged_parts(root: Path) -> list[Path]:
+    """The files and complete generations of an index that cannot be read; a generation is opened and asked."""
+    files = [path for path in (root / _LOCK, root / _KNOWN) if path.is_file() and not _is_sound(path)]
+    markers = sorted(root.glob(f"*/{COMPLETE}"))
+    return files + [marker.parent for marker in markers if not _answers(marker.parent)]
+
+
+def remove_damaged(root: Path, parts: Sequence[Path] | None = None) -> list[Path]:
+    """Remove what of an index cannot be read, so that it is made anew; returns it.
+
+    Args:
+        root: the folder of the index.
+        parts: what ``damaged_parts`` found there; None: look now.
+
+    Raises:
+        ResourceFailure: something cannot be removed.
+    """
+    found = damaged_parts(root) if parts is None else list(parts)
+    _reader().close()
+    try:
+        if root / _LOCK in found:
+            os.truncate(root / _LOCK, 0)  # in place: whoever holds the lock holds it on this very file
+        with _lock(root):
+            for part in found:
+                if part.is_dir():
+                    (part / COMPLETE).unlink(missing_ok=True)
+                    shutil.rmtree(part)
+                elif part.name == _KNOWN:
+                    for path in (part, *root.glob(f"{_KNOWN}-*")):
+                        path.unlink(missing_ok=True)
+    except (OSError, sqlite3.Error) as error:
+        raise _unwritable(root, error) from error
+    return found
+
+
+def _is_sound(file: Path) -> bool:
+    """Whether SQLite finds nothing wrong with a file; one that is locked is in use, and so sound."""
+    connection = sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True)
+    try:
+        return bool(connection.execute("PRAGMA quick_check(1)").fetchone() == ("ok",))
+    except sqlite3.DatabaseError as error:
+        return not _is_damage(error)
+    finally:
+        connection.close()
+
+
+def _answers(folder: Path) -> bool:
+    try:
+        with _reading(folder):
+            collection = _reader().collection(folder)
+            kept = collection.get(limit=1, include=["embeddings"])
+            if len(kept["ids"]):
+                collection.query(query_embeddings=[list(map(float, kept["embeddings"][0]))], n_results=1)
+    except ResourceFailure:
+        return False
+    return _is_sound(folder / "chroma" / "chroma.sqlite3")
+
+
+@contextmanager
+def _reading(folder: Path) -> Iterator[None]:
+    """A block that reads a complete generation with Chroma.
+
+    Raises:
+        ResourceFailure: with the reason ``DAMAGED``, it cannot be read.
+    """
+    try:
+        yield
+    except _unreadable() as error:
+        _forget()
+        raise _damaged(folder, error) from error
+
+
+def _unreadable() -> tuple[type[Exception], ...]:
+    """What Chroma raises where its files are broken."""
+    from chromadb.errors import ChromaError
+
+    return ChromaError, sqlite3.Error, OSError, ValueError, KeyError, RuntimeError
+
+
+def _forget() -> None:
+    """Let go of what is open; what Chroma could not open it would otherwise hold for open."""
+    from chromadb.api.shared_system_client import SharedSystemClient
+
+    _reader().close()
+    SharedSystemClient.clear_system_cache()
 
 
 def _used_now(folder: Path, at_most_unused_s: float = math.inf) -> bool:
@@ -173,21 +281,25 @@ def query(folder: Path, vector: Vectors, candidates: Sequence[str] | None, limit
         vector: shape (384,), unit length.
         candidates: ids to choose from; None for all.
         limit: the most that are returned.
+
+    Raises:
+        ResourceFailure: with the reason ``DAMAGED``, the generation cannot be read.
     """
     if candidates is not None and not candidates:
         return []
-    collection = _reader().collection(folder)
-    count = collection.count()
-    wanted = min(limit, count if candidates is None else len(candidates))
-    if wanted == 0:
-        return []
-    answer = collection.query(
-        query_embeddings=[vector.tolist()],
-        ids=None if candidates is None else list(candidates),
-        n_results=wanted,
-        include=["distances"],
-    )
-    found = zip(answer["ids"][0], answer["distances"][0], strict=True)
+    with _reading(folder):
+        collection = _reader().collection(folder)
+        count = collection.count()
+        wanted = min(limit, count if candidates is None else len(candidates))
+        if wanted == 0:
+            return []
+        answer = collection.query(
+            query_embeddings=[vector.tolist()],
+            ids=None if candidates is None else list(candidates),
+            n_results=wanted,
+            include=["distances"],
+        )
+        found = list(zip(answer["ids"][0], answer["distances"][0], strict=True))
     pairs = [(key, 1.0 - float(distance)) for key, distance in found]
     return sorted(pairs, key=lambda pair: (-round(pair[1], 6), pair[0]))
 
@@ -207,6 +319,9 @@ class _Reader:
             self.close()
             self._client = _client(folder)
             self._collection = self._client.get_collection(COLLECTION, embedding_function=None)
+            held, told = self._collection.count(), (folder / COMPLETE).read_text(encoding="ascii")
+            if told and held != int(told):  # a marker of an earlier version says nothing
+                raise ValueError(f"{held} vectors instead of {told}")
             self._opened = wanted
         return self._collection
 
@@ -247,7 +362,7 @@ def _fill(folder: Path, texts: Mapping[str, str], vectors: Vectors) -> None:
 def _vectors(root: Path, texts: Mapping[str, str], model: str, embed: Embed, report: ProgressReporter) -> Vectors:
     """Vectors in the alphabetical order of the ids."""
     digests = {key: hashlib.sha256(f"{model}\n{texts[key]}".encode()).hexdigest() for key in sorted(texts)}
-    connection = sqlite3.connect(root / "vectors.sqlite")
+    connection = sqlite3.connect(root / _KNOWN)
     try:
         connection.execute("CREATE TABLE IF NOT EXISTS vectors (digest TEXT PRIMARY KEY, vector BLOB NOT NULL)")
         known = {row[0]: row[1] for row in connection.execute("SELECT digest, vector FROM vectors")}
@@ -268,7 +383,7 @@ def _vectors(root: Path, texts: Mapping[str, str], model: str, embed: Embed, rep
 @contextmanager
 def _lock(root: Path) -> Iterator[None]:
     """One writer at a time; a lock of SQLite's, because the operating system frees it when its holder dies."""
-    connection = sqlite3.connect(root / "writer.sqlite", timeout=LOCK_TIMEOUT_S, isolation_level=None)
+    connection = sqlite3.connect(root / _LOCK, timeout=LOCK_TIMEOUT_S, isolation_level=None)
     try:
         connection.execute("BEGIN EXCLUSIVE")
         yield

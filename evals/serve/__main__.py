@@ -12,14 +12,16 @@ server after its warm-up, ``slowest_share`` (calls of the client that got fewest
 ``app_frames``: ``app_fps``, frames a second of the player with 300 vehicles in a browser without graphics card.
 ``app_bridge``: ``bridge_checks`` (what is held against the pages in the bridge that hosts of MCP Apps are built on),
 ``bridge_failed``.
-``conformance``: ``conformance_2026``, ``conformance_2025``, ``conformance_all`` (checks that hold, of all).
+``conformance``: ``conformance_2026``, ``conformance_2025``, ``conformance_all`` (checks that hold, of all),
+``conformance_failed`` (those that do not, and those that were not made).
 ``install``: ``install_s`` (from nothing to the first answer in a host, from a wheel, packages from pip's cache).
 ``hosts``: ``hosts_passed`` (clients of others that find, modify, run, compare and draw); goal: at least 8.
 
 What a killed worker, a cancelled call and a client that left cost is ``make bench-server`` (``workers.py``).
 
-``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too; then the status is
-1. ``--limit`` makes the load last so many minutes. ``--json`` prints the last line alone.
+``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too, and so is a check
+of pages or of the official suite that does not hold; then the status is 1. ``--limit`` makes the load last so many
+minutes. ``--json`` prints the last line alone.
 """
 
 import argparse
@@ -27,7 +29,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from ..harness import Parts, add_part_options, print_parts
+from ..harness import Figures, Parts, add_part_options, print_parts
 from .bench import ServeBench
 
 PARTS: Parts[ServeBench] = Parts(
@@ -39,13 +41,20 @@ PARTS: Parts[ServeBench] = Parts(
         "http_kills": ("kills", "lost"),
         "app_frames": ("app_fps",),
         "app_bridge": ("bridge_checks", "bridge_failed"),
-        "conformance": ("conformance_2026", "conformance_2025", "conformance_all"),
+        "conformance": ("conformance_2026", "conformance_2025", "conformance_all", "conformance_failed"),
         "install": ("install_s",),
         "hosts": ("hosts_passed",),
     },
 )
 """The parts in the order in which they are measured, and the keys that each owes."""
+_NONE = ("bridge_failed", "conformance_failed")
+"""Keys that are a fault unless they are 0."""
 _MINUTES = 10.0
+
+
+def broken(figures: Figures) -> list[str]:
+    """In words, what was measured and has to be none."""
+    return [f"{key} is {figures[key]}" for key in _NONE if figures.get(key)]
 
 
 def _main() -> int:
@@ -82,6 +91,7 @@ def _main() -> int:
             given.pictures,
         )
         figures, faults = PARTS.measured(parts, bench)
+        faults += broken(figures)
     return print_parts("Serve", figures, faults, as_json=given.json)
 
 

@@ -11,10 +11,11 @@ import sqlite3
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 from urllib.parse import urlsplit
 
 from rich.console import Console
@@ -23,16 +24,20 @@ from rich.table import Column, Table
 
 from ... import __version__
 from ...schemas.errors import PlannerForgeError
+from ...tools.call import INDEX_FOLDER
 from ..settings import Settings, settings_file
-from .hosts import HOSTS, has_server
+from .hosts import HOSTS, Host, address_of, has_server, mend_program
 
 State = Literal["ok", "note", "fault"]
 _TRY_LIMIT_S = 120.0
 """Longest that a library may take to be imported; chosen: a cold disk takes half a minute for PyTorch."""
 _ASK_LIMIT_S = 5.0
 """Longest that a host of a map service may take to accept a connection; chosen."""
+_OWN_LIMIT_S = 0.5
+"""The same for a server of this machine; chosen."""
 _LEAST_FREE_MB = 2000
 """Free disk below which long batches may fill it; chosen: a batch of 500 runs takes 300 MB."""
+_OWN_NAMES = frozenset({"127.0.0.1", "localhost", "::1"})
 _SIGNS = {"ok": "[green]✓[/green]", "note": "[yellow]●[/yellow]", "fault": "[red]✗[/red]"}
 
 
@@ -81,6 +86,14 @@ print("chromadb", chromadb.__version__)
 }
 
 
+LOOK_AT_INDEX = """
+import sys
+from pathlib import Path
+from plannerforge.engine.catalog import damaged_parts
+print(*damaged_parts(Path(sys.argv[1])), sep="\\n")
+"""
+
+
 @dataclass(frozen=True)
 class Diagnosis:
     """What was looked at, how it stands, what was found, and what mends it."""
@@ -93,9 +106,10 @@ class Diagnosis:
 
 def run_doctor(settings: Settings, *, as_json: bool, fix: bool, home: Path) -> int:
     """Look at everything, print what was found, and mend what is safe to where ``fix``; 1 where a fault is left."""
-    mended = list(_mended(settings)) if fix else []
+    mended = list(_mended(settings, home)) if fix else []
     found = list(diagnoses(settings, home))
     if as_json:
+        sys.stderr.write("".join(f"{words}\n" for words in mended))
         sys.stdout.write(json.dumps([asdict(each) for each in found], indent=1, ensure_ascii=False) + "\n")
     else:
         _print(found, mended)
@@ -110,6 +124,7 @@ def diagnoses(settings: Settings, home: Path) -> Iterator[Diagnosis]:
     for name, trial in TRIALS.items():
         yield _tried(name, trial, settings.embedding_model)
     yield from _workspace(settings)
+    yield from _index(settings)
     yield from _folders(settings)
     yield from _services(settings)
     yield from _hosts(home)
@@ -132,9 +147,19 @@ def _compiler() -> Diagnosis:
 
 
 def _tried(name: str, trial: Trial, model: str) -> Diagnosis:
+    done = _run(trial.program, model)
+    if done is None:
+        return Diagnosis(name, "fault", f"no answer in {_TRY_LIMIT_S:g} s", trial.mend)
+    if done.returncode:
+        return Diagnosis(name, "fault", _last_words(done), trial.mend)
+    return Diagnosis(name, "ok", done.stdout.strip())
+
+
+def _run(program: str, argument: str) -> subprocess.CompletedProcess[str] | None:
+    """What a program did in a process of its own; None where it took too long."""
     try:
-        done = subprocess.run(
-            [sys.executable, "-P", "-c", trial.program, model],
+        return subprocess.run(
+            [sys.executable, "-P", "-c", program, argument],
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,
@@ -142,18 +167,23 @@ def _tried(name: str, trial: Trial, model: str) -> Diagnosis:
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return Diagnosis(name, "fault", f"no answer in {_TRY_LIMIT_S:g} s", trial.mend)
-    if done.returncode:
-        lines = done.stderr.strip().splitlines()
-        ending = f"signal {-done.returncode}" if done.returncode < 0 else f"status {done.returncode}"
-        return Diagnosis(name, "fault", lines[-1] if lines else f"ended with {ending}", trial.mend)
-    return Diagnosis(name, "ok", done.stdout.strip())
+        return None
+
+
+def _last_words(done: subprocess.CompletedProcess[str]) -> str:
+    lines = done.stderr.strip().splitlines()
+    ending = f"signal {-done.returncode}" if done.returncode < 0 else f"status {done.returncode}"
+    return lines[-1] if lines else f"ended with {ending}"
 
 
 def _workspace(settings: Settings) -> Iterator[Diagnosis]:
     root = settings.workspace.expanduser().resolve()
     if not root.is_dir():
-        yield Diagnosis("workspace", "note", f"{root} is not there yet; the first start makes it", "--fix makes it now")
+        above = _lowest_above(root)
+        where = "" if above == root.parent else f", and the folders above it from {above} on"
+        yield Diagnosis(
+            "workspace", "note", f"{root} is not there yet; the first start makes it", f"--fix makes it now{where}"
+        )
         return
     free_mb = shutil.disk_usage(root).free // 1024**2
     if not os.access(root, os.W_OK | os.X_OK):
@@ -186,15 +216,63 @@ def _records(root: Path) -> Diagnosis:
     return Diagnosis("records", "ok", "intact, and their files are there")
 
 
+def _index(settings: Settings) -> Iterator[Diagnosis]:
+    root = _index_folder(settings)
+    if not root.is_dir():
+        return
+    damaged, reason = _damaged_parts(root)
+    mend = "--fix removes what is damaged; the next search by text makes it anew"
+    if reason:
+        yield Diagnosis("index files", "note", f"not looked at: {reason}", "mend the text index, above, first")
+    elif damaged:
+        names = ", ".join(str(part.relative_to(root.parent)) for part in damaged)
+        yield Diagnosis("index files", "fault", f"damaged: {names}", mend)
+    else:
+        yield Diagnosis("index files", "ok", f"{root} can be read")
+
+
+def _index_folder(settings: Settings) -> Path:
+    return settings.workspace.expanduser().resolve() / INDEX_FOLDER
+
+
+def _damaged_parts(root: Path) -> tuple[list[Path], str]:
+    """What of the text index cannot be read, or why that is not known.
+
+    Where looking ends the process that looks by a signal, each generation is taken for damaged.
+    """
+    done = _run(LOOK_AT_INDEX, str(root))
+    if done is None:
+        return [], f"no answer in {_TRY_LIMIT_S:g} s"
+    if done.returncode > 0:
+        return [], _last_words(done)
+    if done.returncode < 0:
+        return sorted(path for path in root.iterdir() if path.is_dir()), ""
+    return [Path(line) for line in done.stdout.splitlines() if line], ""
+
+
 def _folders(settings: Settings) -> Iterator[Diagnosis]:
     for name, folders in (("roots", settings.roots), ("map folders", settings.map_folders)):
-        missing = [str(folder) for folder in folders if not folder.expanduser().is_dir()]
+        missing = [folder.expanduser() for folder in folders if not folder.expanduser().is_dir()]
         if missing:
-            yield Diagnosis(
-                name, "note", f"not there: {', '.join(missing)}", f"make them, or correct the setting {name}"
-            )
+            told = "; ".join(f"{folder} (nearest: {_nearest(folder.resolve())})" for folder in missing)
+            mend = f"correct the setting {name.replace(' ', '_')}, or make what you meant: --fix makes none of these"
+            yield Diagnosis(name, "note", f"not there: {told}", mend)
         elif folders:
             yield Diagnosis(name, "ok", ", ".join(map(str, folders)))
+
+
+def _lowest_above(folder: Path) -> Path:
+    """The lowest folder above that is there."""
+    return next(parent for parent in folder.parents if parent.is_dir())
+
+
+def _nearest(folder: Path) -> Path:
+    """What a folder that is not there may stand for: one that is called nearly so, else the lowest above it."""
+    above = _lowest_above(folder)
+    missing = folder.relative_to(above).parts[0]
+    beside = [path.name for path in above.iterdir() if path.is_dir()] if os.access(above, os.R_OK | os.X_OK) else []
+    like = get_close_matches(missing, beside, n=1)
+    return above / like[0] if like else above
 
 
 def _services(settings: Settings) -> Iterator[Diagnosis]:
@@ -214,10 +292,11 @@ def _services(settings: Settings) -> Iterator[Diagnosis]:
         )
 
 
-def _accepts(address: str) -> bool:
+def _accepts(address: str, limit_s: float = _ASK_LIMIT_S) -> bool:
     parts = urlsplit(address)
+    port = parts.port or (80 if parts.scheme == "http" else 443)
     try:
-        with socket.create_connection((parts.hostname or "", parts.port or 443), timeout=_ASK_LIMIT_S):
+        with socket.create_connection((parts.hostname or "", port), timeout=limit_s):
             return True
     except OSError:
         return False
@@ -232,26 +311,58 @@ def _hosts(home: Path) -> Iterator[Diagnosis]:
             continue
         if entry is None:
             continue
-        command = str(entry.get("command", ""))
-        if shutil.which(command) is None:
-            yield Diagnosis(host.title, "fault", f"{path}: '{command}' is no program", f"plannerforge install {name}")
+        command, mend = str(entry.get("command", "")), f"plannerforge install {name}"
+        if address_of(entry):
+            yield _by_http(host, path, entry, mend)
+        elif shutil.which(command) is None:
+            yield Diagnosis(host.title, "fault", f"{path}: '{command}' is no program", mend)
         else:
             yield Diagnosis(host.title, "ok", f"{path}")
 
 
-def _mended(settings: Settings) -> Iterator[str]:
-    """Make folders that are missing: nothing that is there is touched."""
+def _by_http(host: Host, path: Path, entry: Mapping[str, Any], mend: str) -> Diagnosis:
+    """How an entry stands that has an address; only a server of this machine is asked whether it is there."""
+    try:
+        parts = urlsplit(address_of(entry))
+        is_address = parts.scheme in {"http", "https"} and bool(parts.hostname) and parts.port != 0
+    except ValueError:
+        is_address = False
+    if not is_address:
+        return Diagnosis(host.title, "fault", f"{path}: '{address_of(entry)}' is no address by HTTP", mend)
+    if "command" in entry:
+        return Diagnosis(host.title, "fault", f"{path}: an address and a program in one entry", mend)
+    told = f"{path}: by HTTP at {parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"
+    if parts.hostname in _OWN_NAMES and not _accepts(address_of(entry), _OWN_LIMIT_S):
+        return Diagnosis(host.title, "note", f"{told}; nothing answers there", "plannerforge serve --http")
+    return Diagnosis(host.title, "ok", told)
+
+
+def _mended(settings: Settings, home: Path) -> Iterator[str]:
+    """Mend what is safe to: make the workspace's folder, remove a damaged text index, name programs that are gone anew.
+
+    Folders of the user's are not made: one that is missing may be mistyped.
+    """
+    from ...engine.catalog import remove_damaged
     from ...engine.workspace import make_private
 
     root = settings.workspace.expanduser().resolve()
     if not root.is_dir():
         make_private(root)
         yield f"made {root}"
-    for folder in (*settings.roots, *settings.map_folders):
-        path = folder.expanduser().resolve()
-        if not path.exists():
-            path.mkdir(parents=True)
-            yield f"made {path}"
+    index = _index_folder(settings)
+    damaged, _ = _damaged_parts(index) if index.is_dir() else ([], "")
+    if damaged:
+        remove_damaged(index, damaged)
+        yield f"removed {', '.join(map(str, damaged))}: the next search by text makes it anew"
+    for host in HOSTS.values():
+        try:
+            written = mend_program(host, home=home)
+        except PlannerForgeError as error:
+            yield f"{host.title} is left as it is: {error.message}"
+            continue
+        if written is not None:
+            path, backup = written
+            yield f"{host.title}: {path} names this program now (as it was: {backup})"
 
 
 def _print(found: list[Diagnosis], mended: list[str]) -> None:

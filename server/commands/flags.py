@@ -165,7 +165,8 @@ def _problems(error: "ValidationError", flags: dict[str, Any]) -> str:
     problems = problems_of(Settings, error, "setting")
     for detail, (problem, valid) in zip(error.errors(include_url=False), problems, strict=True):
         name = str(detail["loc"][0])
-        names = ", ".join(valid[:3]) if detail["type"] in {"extra_forbidden", "literal_error"} else ""
+        shown = {"extra_forbidden": valid[:3], "literal_error": valid}.get(detail["type"], [])
+        names = ", ".join(shown)
         told.append(f"{_place(name, flags)}: {problem}" + (f" (valid: {names})" if names else ""))
     return "; ".join(told)
 

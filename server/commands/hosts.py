@@ -5,20 +5,28 @@ entry already. A file that is not plain JSON (comments, trailing commas) is not 
 """
 
 import json
+import re
 import shutil
 import sys
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, distribution
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote, urlsplit
 
 import typer
 
 from ...schemas.errors import InvalidRequest, ResourceFailure, UnknownName, closest
 
 NAME = "plannerforge"
+PACKAGE = "plannerforge-mcp"
+"""The package, and the one of its programs that ``uvx`` starts by the package's name alone."""
+_ADDRESSES = ("url", "serverUrl", "httpUrl")
+"""What hosts call the address of a server that they reach by HTTP and do not start."""
+_OWN_MODULE = ("-P", "-m", NAME)
 BACKUP = ".before-plannerforge"
 """Ending of the copy of a host's file as it was before."""
 
@@ -85,11 +93,52 @@ def named_host(name: str) -> Host:
     return HOSTS[folded]
 
 
-def start_command(arguments: Sequence[str]) -> tuple[str, ...]:
-    """Program and arguments that start this server from anywhere: absolute, since hosts have a PATH of their own."""
-    script = Path(sys.executable).with_name("plannerforge")
-    program = (str(script),) if script.is_file() else (sys.executable, "-P", "-m", "plannerforge")
+def start_command(arguments: Sequence[str], environment: Path | None = None) -> tuple[str, ...]:
+    """Program and arguments that start this server from anywhere: absolute, since hosts have a PATH of their own.
+
+    Args:
+        arguments: flags of ``serve``.
+        environment: the folder of the environment that the program runs in; None for this one.
+    """
+    if may_vanish(environment or Path(sys.prefix)):
+        return (*_by_uvx(), "serve", *arguments)
+    script = Path(sys.executable).with_name(NAME)
+    program = (str(script),) if script.is_file() else (sys.executable, *_OWN_MODULE)
     return (*program, "serve", *arguments)
+
+
+def may_vanish(environment: Path) -> bool:
+    """Whether an environment lies in uv's cache, where ``uvx`` makes it and ``uv cache clean`` removes it."""
+    return any(
+        re.fullmatch(r"(archive|environments)-v\d+", folder.name) and (folder.parent / "CACHEDIR.TAG").is_file()
+        for folder in environment.resolve().parents
+    )
+
+
+def _by_uvx() -> tuple[str, ...]:
+    """How uv makes such an environment again: from the index, or from where this one was installed from."""
+    source = _installed_from()
+    return (shutil.which("uvx") or "uvx", "--torch-backend", "cpu", *(("--from", source) if source else ()), PACKAGE)
+
+
+def _installed_from() -> str:
+    """The file or address that the package was installed from (PEP 610); empty for a package index."""
+    try:
+        text = distribution(PACKAGE).read_text("direct_url.json")
+    except PackageNotFoundError:
+        return ""
+    if not text:
+        return ""
+    told = json.loads(text)
+    address = urlsplit(told["url"])
+    if "vcs_info" in told:
+        return f"{PACKAGE} @ {told['vcs_info']['vcs']}+{told['url']}@{told['vcs_info']['commit_id']}"
+    return unquote(address.path) if address.scheme == "file" else str(told["url"])
+
+
+def address_of(entry: Mapping[str, Any]) -> str:
+    """Where a host reaches the server by HTTP; empty where it starts a program."""
+    return next((str(entry[name]) for name in _ADDRESSES if entry.get(name)), "")
 
 
 def install(host: Host, command: Sequence[str], *, home: Path, print_only: bool = False) -> int:
@@ -111,7 +160,7 @@ def install(host: Host, command: Sequence[str], *, home: Path, print_only: bool 
         typer.echo(f"{path} is no plain {path.suffix[1:].upper()} and is left alone; put this into it:", err=True)
         typer.echo(snippet)
         return 1
-    if known is not None and all(known.get(name) == value for name, value in entry.items()):
+    if known is not None and not address_of(known) and _holds(known, entry):
         typer.echo(f"{host.title} has plannerforge already ({path}).")
         return 0
     if known is not None and path.suffix == ".toml":
@@ -120,10 +169,44 @@ def install(host: Host, command: Sequence[str], *, home: Path, print_only: bool 
             valid=[line for line in snippet.splitlines() if line],
             next_step="put these lines in its place",
         )
-    backup = _written(path, _with_entry(host, path, text, entry, snippet))
+    backup = _written(path, _with_entry(host, path, text, entry, known))
     typer.echo(f"{host.title}: plannerforge is in {path} now" + (f" (as it was: {backup})" if backup else ""))
     typer.echo(f"Next: {host.then}.")
     return 0
+
+
+def mend_program(host: Host, *, home: Path) -> tuple[Path, Path | None] | None:
+    """Where a host's entry starts this package by a program that is gone, name the one that runs now in its place.
+
+    An entry of another form (a container, a script of the user's) is left alone, and so are flags and variables.
+
+    Returns:
+        The file and the copy of what it was before; None where nothing was to be mended.
+
+    Raises:
+        ResourceFailure: the file cannot be read or written.
+        InvalidRequest: it holds something else where the servers belong.
+    """
+    path = host.file(home, sys.platform)
+    text = _text(path)
+    known, _ = _known(host, path, text)
+    if known is None or address_of(known) or shutil.which(str(known.get("command", ""))) or path.suffix == ".toml":
+        return None
+    flags = _own_flags(known)
+    if flags is None:
+        return None
+    return path, _written(path, _with_entry(host, path, text, host.entry(start_command(flags)), known))
+
+
+def _own_flags(entry: Mapping[str, Any]) -> list[str] | None:
+    """The flags of ``serve`` in an entry as ``install`` writes it; None for one of another form."""
+    arguments = entry.get("args")
+    if not isinstance(arguments, list) or "serve" not in arguments:
+        return None
+    before = tuple(arguments[: arguments.index("serve")])
+    name = Path(str(entry.get("command", ""))).name
+    is_ours = (name in {NAME, PACKAGE} and not before) or (name.startswith("python") and before == _OWN_MODULE)
+    return [str(each) for each in arguments[len(before) + 1 :]] if is_ours else None
 
 
 def has_server(host: Host, home: Path) -> tuple[Path, dict[str, Any] | None]:
@@ -159,12 +242,17 @@ def _known(host: Host, path: Path, text: str) -> tuple[dict[str, Any] | None, bo
     return (known if isinstance(known, dict) else None), True
 
 
-def _with_entry(host: Host, path: Path, text: str, entry: dict[str, Any], snippet: str) -> str:
+def _holds(known: Mapping[str, Any], entry: Mapping[str, Any]) -> bool:
+    return all(known.get(name) == value for name, value in entry.items())
+
+
+def _with_entry(host: Host, path: Path, text: str, entry: dict[str, Any], known: dict[str, Any] | None) -> str:
+    """The file's text with the entry; what an entry of before holds beside it stays, unless that was by HTTP."""
     if path.suffix == ".toml":
-        return f"{text.rstrip()}\n\n{snippet}" if text.strip() else snippet
+        return f"{text.rstrip()}\n\n{_toml(host, entry)}" if text.strip() else _toml(host, entry)
     whole = json.loads(text or "{}")
-    servers = whole.setdefault(host.key, {})
-    servers[NAME] = {**servers.get(NAME, {}), **entry}
+    kept = {} if known is None or address_of(known) else known
+    whole.setdefault(host.key, {})[NAME] = {**kept, **entry}
     return json.dumps(whole, indent=2, ensure_ascii=False) + "\n"
 
 

@@ -1,6 +1,7 @@
 """Settings of the agent: flags before variables, what they make of a model, and that the server's stay apart."""
 
 import pytest
+import typer
 
 from plannerforge.agent.instructions import OUT_OF_SCOPE, own_instructions
 from plannerforge.agent.models.interface import ModelFacts
@@ -42,6 +43,14 @@ def test_a_flag_wins_over_a_variable_that_the_server_does_not_read(monkeypatch: 
 @pytest.mark.parametrize(("word", "think"), [("auto", None), ("on", True), ("off", False)])
 def test_thinking_is_left_to_the_model_or_set(word: str, think: bool | None) -> None:
     assert agent_settings(think=word).for_model().think is think
+
+
+def test_words_may_be_in_any_case_and_a_wrong_one_names_all(capsys: pytest.CaptureFixture[str]) -> None:
+    assert agent_settings(think="ON", tools="Essential", condition="CP_cot").condition == "cp_cot"
+    with pytest.raises(typer.Exit):
+        agent_settings(think="maybe")
+    said = capsys.readouterr().err
+    assert all(word in said for word in ("'maybe'", "auto", "on", "off"))
 
 
 @pytest.mark.parametrize(

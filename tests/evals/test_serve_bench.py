@@ -1,12 +1,15 @@
 """``make bench-serve``: its parts, the slope that it tells, and the real server with what the official suite calls."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mcp import Client
+from support.tree import CHECKOUT
 
 from plannerforge.engine.workspace import Recipe, Workspace
-from plannerforge.evals.serve.__main__ import PARTS
+from plannerforge.evals.serve.__main__ import PARTS, broken
+from plannerforge.evals.serve.conformance import KNOWN, judged
 from plannerforge.evals.serve.conformance_server import add_fixtures
 from plannerforge.evals.serve.http_kills import lost_of
 from plannerforge.evals.serve.http_load import Told, settled, slope_per_h
@@ -23,6 +26,36 @@ def test_every_part_is_there_and_chosen_by_its_keys() -> None:
     assert [part for part in PARTS.keys if PARTS.find(part) is None] == []
     assert PARTS.chosen(["http_ms"]) == ("latency",)
     assert PARTS.chosen(["conformance", "http_errors"]) == ("http_load", "conformance")
+
+
+def suite_said(held: int, broken: int = 0, empty: str = "server-sse-polling") -> str:
+    return f"✓ tools-list: {held} passed, {broken} failed\n✓ {empty}: 0 passed, 0 failed\n"
+
+
+@pytest.mark.parametrize(
+    ("changed", "failed", "told"),
+    [
+        ({}, 0, ""),
+        ({"broken": 2}, 2, "tools-list: 2 checks do not hold"),
+        ({"held": 3}, 192, "192 checks of 195 were not made"),
+        ({"held": 200}, 0, ""),
+        ({"empty": "a-new-one"}, 1, "a-new-one: no check was made: the reason is not known"),
+    ],
+)
+def test_checks_that_were_not_made_count_as_failed(changed: dict[str, Any], failed: int, told: str) -> None:
+    said = {key: suite_said(held) for key, held in KNOWN.items()}
+    said["conformance_2026"] = suite_said(**{"held": KNOWN["conformance_2026"], **changed})
+    figures, words = judged(said)
+    assert figures["conformance_failed"] == failed
+    assert told in "\n".join(words)
+    assert broken(figures) == ([f"conformance_failed is {failed}"] if failed else [])
+
+
+def test_known_counts_are_those_of_the_pages() -> None:
+    counts = list(map(str, KNOWN.values()))
+    measured = (CHECKOUT / "docs" / "measured.md").read_text(encoding="utf-8")
+    assert f"| {', '.join(counts)} checks hold, none fails |" in measured
+    assert all(f"| {count} | 0 |" in (CHECKOUT / "docs" / "http.md").read_text(encoding="utf-8") for count in counts)
 
 
 def test_slope_of_memory_is_told_of_what_comes_after_the_warm_up() -> None:

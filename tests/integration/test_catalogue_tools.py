@@ -219,3 +219,20 @@ async def test_bad_calls_are_refused(
         failed, text, _ = await call(client, tool, **arguments)
         assert failed
         assert expected in text
+
+
+async def test_a_damaged_text_index_is_made_anew_and_the_answer_says_so(
+    connect: Connect, bare: Settings, folder: Path
+) -> None:
+    async with connect(bare) as client:
+        await call(client, "import_files", path=str(folder / "good.xml"))
+        assert not (await call(client, "find_scenarios", text="a truck"))[0]
+        for file in (bare.workspace / "index").rglob("*.sqlite*"):
+            file.write_bytes(b"no database at all" * 1000)
+        town_road().with_vehicles().write(folder / "good.xml")
+        _, _, second = await call(client, "import_files", path=str(folder / "good.xml"))
+        failed, text, found = await call(client, "find_scenarios", text="a truck")
+        assert not failed, text
+        assert [match["scenario_id"] for match in found["matches"]] == [second["items"][0]["artifact_id"]]
+        assert "The text index was damaged and is made anew." in text
+        assert "damaged" not in (await call(client, "find_scenarios", text="a truck"))[1]

@@ -11,6 +11,7 @@ from typer.testing import CliRunner, Result
 
 from plannerforge import __version__
 from plannerforge.engine import execution
+from plannerforge.engine.workspace import Recipe, Workspace
 from plannerforge.server import assembly
 from plannerforge.server.command_line import application
 from plannerforge.server.commands import ui
@@ -107,7 +108,7 @@ def test_tools_are_listed_with_their_cost() -> None:
     [
         (("--workers", "0"), "--workers: workers takes a whole number from 1 to 64, not 0"),
         (("--workers", "0", "--tools", "few"), "; --tools: tools cannot be 'few' (valid: essential, all)"),
-        (("--log-level", "LOUD"), "log_level"),
+        (("--log-level", "warn"), "log_level cannot be 'warn' (valid: WARNING, "),
     ],
 )
 def test_wrong_flag_is_one_line(flags: tuple[str, ...], named: str) -> None:
@@ -116,6 +117,11 @@ def test_wrong_flag_is_one_line(flags: tuple[str, ...], named: str) -> None:
     assert result.stderr.startswith("plannerforge: ")
     assert named in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+def test_a_wrong_word_of_a_setting_is_told_with_all_that_are_valid() -> None:
+    said = run("serve", "--log-level", "LOUD").stderr
+    assert all(word in said for word in ("DEBUG", "INFO", "WARNING", "ERROR"))
 
 
 @pytest.mark.parametrize("text", ["wrokers = 3", "workers ="])
@@ -178,3 +184,34 @@ def test_what_serves_shares_its_heaps_before_it_starts_threads(
     assert CliRunner().invoke(application, words).exit_code == 0
     assert begun[0] == "shared"
     assert begun[1:] in (["stdio"], ["http"])
+
+
+def completed(words: str, typed: str) -> list[str]:
+    """What bash is given at a TAB behind these words."""
+    environment = {
+        "_PLANNERFORGE_COMPLETE": "complete_bash",
+        "COMP_WORDS": f"{words} {typed}",
+        "COMP_CWORD": str(len(words.split())),
+    }
+    return CliRunner().invoke(application, [], prog_name="plannerforge", env=environment).stdout.split()
+
+
+def test_a_shell_completes_hosts_and_tools() -> None:
+    assert completed("plannerforge install", "c") == ["claude-desktop", "claude-code", "cursor", "codex"]
+    assert completed("plannerforge call", "list_") == ["list_planners", "list_artifacts"]
+    assert completed("plannerforge call", "nothing") == []
+
+
+def test_a_shell_completes_ids_that_are_shown_and_makes_no_workspace(tmp_path: Path) -> None:
+    assert completed("plannerforge view", "run_") == []
+    assert not (tmp_path / "workspace").exists()
+    for root in (tmp_path / "workspace", tmp_path / "other"):
+        workspace = Workspace(root)
+        for kind, artifact_id in (("run", f"run_{root.name}"), ("config", "cfg_1")):
+            recipe = Recipe(tool="run_planner", arguments={"id": artifact_id})
+            workspace.put(kind, artifact_id, recipe=recipe, record=Recipe(tool="none", arguments={}), files={})  # type: ignore[arg-type]
+        workspace.close()
+    assert completed("plannerforge view", "") == ["run_workspace"]
+    assert completed(f"plannerforge view --workspace {tmp_path / 'other'}", "run_") == ["run_other"]
+    (tmp_path / "workspace" / "workspace.sqlite").write_bytes(b"no database at all" * 500)
+    assert completed("plannerforge view", "run_") == []

@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 
 from plannerforge.schemas.errors import InvalidRequest, UnknownName
 from plannerforge.server.command_line import application
-from plannerforge.server.commands.hosts import BACKUP, HOSTS, install, named_host, start_command
+from plannerforge.server.commands import hosts
+from plannerforge.server.commands.hosts import BACKUP, HOSTS, install, may_vanish, named_host, start_command
 
 COMMAND = start_command(["--roots", "/data"])
 
@@ -99,3 +100,90 @@ def test_an_unknown_host_names_the_nearest() -> None:
     with pytest.raises(UnknownName) as refusal:
         named_host("cursr")
     assert refusal.value.valid[0] == "cursor"
+
+
+@pytest.mark.parametrize("name", sorted(set(HOSTS) - {"codex"}))
+@pytest.mark.parametrize("key", ["url", "serverUrl", "httpUrl"])
+def test_an_entry_by_http_gives_way_to_a_program_whole(name: str, key: str, tmp_path: Path) -> None:
+    host = HOSTS[name]
+    path = host.file(tmp_path, "linux")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    by_http = {"type": "http", key: "http://127.0.0.1:8765/mcp", "headers": {"A": "1"}}
+    path.write_text(json.dumps({host.key: {"plannerforge": by_http}}), encoding="utf-8")
+    assert install(host, COMMAND, home=tmp_path) == 0
+    assert servers(path, host.key)["plannerforge"] == host.entry(COMMAND)
+    assert servers(path.with_name(path.name + BACKUP), host.key)["plannerforge"] == by_http
+
+
+def test_an_entry_with_an_address_and_this_program_is_not_taken_for_right(tmp_path: Path) -> None:
+    path = HOSTS["cursor"].file(tmp_path, "linux")
+    path.parent.mkdir(parents=True)
+    both = {"url": "http://127.0.0.1:8765/mcp", **HOSTS["cursor"].entry(COMMAND)}
+    path.write_text(json.dumps({"mcpServers": {"plannerforge": both}}), encoding="utf-8")
+    assert install(HOSTS["cursor"], COMMAND, home=tmp_path) == 0
+    assert "url" not in servers(path, "mcpServers")["plannerforge"]
+
+
+@pytest.fixture
+def passing(tmp_path: Path) -> Path:
+    """An environment as ``uvx`` makes it: a link in uv's cache to an unpacked one."""
+    cache = tmp_path / "uv"
+    kept = cache / "archive-v0" / "Xy1"
+    kept.mkdir(parents=True)
+    (cache / "CACHEDIR.TAG").touch()
+    (cache / "environments-v2").mkdir()
+    link = cache / "environments-v2" / "plannerforge-mcp-1"
+    link.symlink_to(kept)
+    return link
+
+
+def test_an_environment_in_uvs_cache_may_vanish_and_others_stay(passing: Path, tmp_path: Path) -> None:
+    assert may_vanish(passing)
+    own = tmp_path / "project" / ".venv"
+    own.mkdir(parents=True)
+    (own / "CACHEDIR.TAG").touch()  # uv marks every environment so
+    assert not may_vanish(own)
+    (tmp_path / "archive-v0" / "mine").mkdir(parents=True)
+    assert not may_vanish(tmp_path / "archive-v0" / "mine")
+
+
+def test_what_may_vanish_is_started_by_uvx(passing: Path) -> None:
+    program, *words = start_command(["--roots", "/data"], passing)
+    assert Path(program).name == "uvx"
+    assert words[-4:] == ["plannerforge-mcp", "serve", "--roots", "/data"]
+    assert str(passing) not in words
+
+
+@pytest.mark.parametrize(
+    ("told", "source"),
+    [
+        (None, []),
+        ({"url": "file:///data/my%20wheels/p.whl", "archive_info": {}}, ["--from", "/data/my wheels/p.whl"]),
+        ({"url": "https://forge.example/p.whl", "archive_info": {}}, ["--from", "https://forge.example/p.whl"]),
+        (
+            {"url": "https://forge.example/p", "vcs_info": {"vcs": "git", "commit_id": "ab12"}},
+            ["--from", "plannerforge-mcp @ git+https://forge.example/p@ab12"],
+        ),
+    ],
+)
+def test_uvx_takes_the_package_from_where_it_was_installed_from(
+    told: dict[str, Any] | None, source: list[str], passing: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Installed:
+        def read_text(self, name: str) -> str | None:
+            assert name == "direct_url.json"
+            return None if told is None else json.dumps(told)
+
+    monkeypatch.setattr(hosts, "distribution", lambda name: Installed())
+    assert list(start_command([], passing))[3:] == [*source, "plannerforge-mcp", "serve"]
+
+
+def test_installing_out_of_uvs_cache_says_that_the_host_uses_uvx(
+    passing: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.prefix", str(passing))
+    result = CliRunner().invoke(application, ["install", "cursor", "--print"])
+    assert "uv tool install" in result.stderr
+    assert Path(json.loads(result.stdout)["mcpServers"]["plannerforge"]["command"]).name == "uvx"
+    monkeypatch.undo()
+    assert CliRunner().invoke(application, ["install", "cursor", "--print"]).stderr == ""

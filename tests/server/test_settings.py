@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import Literal, get_args, get_origin
 
 import pytest
 from pydantic import ValidationError
@@ -38,6 +39,20 @@ def test_wrong_file_is_refused_by_name(text: str, named: str) -> None:
     with pytest.raises(ValidationError) as caught:
         Settings()
     assert [detail["loc"] for detail in caught.value.errors()] == [(named,)]
+
+
+CHOICES = {name: field for name, field in Settings.model_fields.items() if get_origin(field.annotation) is Literal}
+
+
+def test_a_word_of_a_setting_may_be_in_any_case(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert set(CHOICES) == {"maps_online", "tools", "log_level", "log_format"}
+    for name, field in CHOICES.items():
+        for word in get_args(field.annotation):
+            for spelled in (word.upper(), word.title(), f" {word.lower()} "):
+                assert getattr(Settings(**{name: spelled}), name) == word
+    monkeypatch.setenv("PLANNERFORGE_MAPS_ONLINE", "Cache")
+    write_file("log_level = 'info'\n")
+    assert (Settings().maps_online, Settings().log_level) == ("cache", "INFO")
 
 
 def test_wrong_variable_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:

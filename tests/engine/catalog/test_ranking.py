@@ -15,7 +15,14 @@ from plannerforge.engine.catalog import vector_index
 from plannerforge.engine.catalog.bm25 import bm25_scores, reciprocal_rank_fusion
 from plannerforge.engine.catalog.ranking import build_index, rank
 from plannerforge.engine.catalog.tables import add_facts, prepare
-from plannerforge.engine.catalog.vector_index import COMPLETE, Vectors, ensure_generation, query
+from plannerforge.engine.catalog.vector_index import (
+    COMPLETE,
+    Vectors,
+    damaged_parts,
+    ensure_generation,
+    query,
+    remove_damaged,
+)
 from plannerforge.engine.execution.executor import silent
 from plannerforge.schemas.catalog import (
     PACKAGED_MODEL,
@@ -24,6 +31,7 @@ from plannerforge.schemas.catalog import (
     RankRequest,
     RankResponse,
 )
+from plannerforge.schemas.errors import ResourceFailure
 
 TEXTS = {"one": "a truck on the motorway", "two": "bicycles in a village", "three": "a bus at a crossing"}
 
@@ -208,3 +216,62 @@ def test_an_index_that_was_made_ready_is_not_built_by_the_first_search(database:
 def test_an_index_of_no_catalogue_is_no_failure(tmp_path: Path) -> None:
     request = BuildIndexRequest(database=tmp_path / "none.sqlite", index=tmp_path / "index")
     assert build_index(request, silent).descriptions == 0
+
+
+def spoilt(path: Path, how: str) -> None:
+    """Overwrite a file, empty it, or cut it off in its middle."""
+    if how == "truncated":
+        os.truncate(path, path.stat().st_size // 2)
+    else:
+        path.write_bytes(b"" if how == "empty" else b"no database at all" * 1000)
+
+
+@pytest.mark.parametrize("how", ["rubbish", "empty", "truncated"])
+def test_a_damaged_generation_is_made_anew_and_told(database: Path, how: str) -> None:
+    before = ranked(database)
+    (file,) = database.parent.glob("index/*/chroma/chroma.sqlite3")
+    remove_damaged(file.parents[2])  # lets go of the file, as another process would find it
+    spoilt(file, how)
+    after = ranked(database)
+    assert (after.mended_index, after.built_index) == (True, True)
+    assert (after.scenario_ids, after.scores) == (before.scenario_ids, before.scores)
+    assert not ranked(database).mended_index
+
+
+@pytest.mark.parametrize(
+    ("name", "how", "told"),
+    [
+        ("vectors.sqlite", "rubbish", True),
+        ("vectors.sqlite", "truncated", True),
+        ("vectors.sqlite", "empty", False),
+        ("writer.sqlite", "rubbish", True),
+    ],
+)
+def test_what_an_index_keeps_beside_is_made_anew(database: Path, name: str, how: str, told: bool) -> None:
+    build_index(BuildIndexRequest(database=database, index=database.parent / "index"), silent)
+    spoilt(database.parent / "index" / name, how)
+    with sqlite3.connect(database) as connection:
+        add_facts(connection, 3, facts("DEU_Bonn-3_1_T-1", tags=["urban"]))
+    connection.close()
+    request = BuildIndexRequest(database=database, index=database.parent / "index")
+    assert build_index(request, silent) == BuildIndexResponse(descriptions=3, built=True, mended=told)
+    assert ranked(database).scenario_ids[0] == "DEU_Bonn-2_1_T-1"
+
+
+def test_a_generation_that_lacks_vectors_is_damaged(tmp_path: Path) -> None:
+    folder, _ = ensure_generation(tmp_path, TEXTS, "letters", CountingEmbedding())
+    assert damaged_parts(tmp_path) == []
+    remove_damaged(tmp_path)  # lets go of it
+    (folder / COMPLETE).write_text("4")
+    assert damaged_parts(tmp_path) == [folder]
+
+
+def test_a_full_disk_is_no_damage(tmp_path: Path) -> None:
+    class Full(CountingEmbedding):
+        def __call__(self, texts: Sequence[str]) -> Vectors:
+            raise sqlite3.OperationalError("database or disk is full")
+
+    with pytest.raises(ResourceFailure, match="cannot be written") as failure:
+        ensure_generation(tmp_path, TEXTS, "letters", Full())
+    assert failure.value.reason == ""
+    assert "free the disk" in failure.value.text
