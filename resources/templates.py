@@ -125,7 +125,7 @@ def artifact_link(artifact: Artifact, workspace: Workspace) -> Resource:
     return Resource(
         uri=f"{SCHEME}{artifact.kind}/{artifact.artifact_id}/{part}",
         name=artifact.artifact_id,
-        title=printable(artifact.name) or None,
+        title=printable(artifact.name) or f"{artifact.kind.capitalize()} {artifact.artifact_id}",
         description=f"{artifact.kind}, made by {artifact.recipe.tool}",
         mime_type=mime_type,
         size=size,

@@ -194,8 +194,10 @@ class PlannerForgeServer(MCPServer[Services]):
         return self._reading if client.reads_only else self._specs
 
     def services_for(self, client: ClientIdentity, services: Services) -> Services:
-        """The services with what this client made last, where it is not the only client."""
-        return replace(services, recent=self._memories.of(client.key)) if client.key else services
+        """The services with what this client made last and whose token it has, where it is not the only client."""
+        if not client.key:
+            return services
+        return replace(services, recent=self._memories.of(client.key), owner=client.owner)
 
     async def call_tool(
         self, name: str, arguments: dict[str, Any], context: Context[Services, Any] | None = None

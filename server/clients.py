@@ -34,11 +34,13 @@ class ClientIdentity:
         key: what tells it from others on the same server; empty where it is the only one.
         name: what it calls itself, and the name of its token.
         reads_only: it may use only what makes nothing.
+        owner: whose token it has; empty where none is asked for.
     """
 
     key: str
     name: str
     reads_only: bool = False
+    owner: str = ""
 
 
 def client_of(context: ServerRequestContext[Any]) -> ClientIdentity:
@@ -52,7 +54,7 @@ def client_of(context: ServerRequestContext[Any]) -> ClientIdentity:
     name = f"{own_name} ({principal})" if principal else own_name
     session = request.headers.get(MCP_SESSION_ID_HEADER)
     key = f"{principal} session {session}" if session else f"{principal} named {own_name}"
-    return ClientIdentity(key, name, reads_only=not may_write(request.scope))
+    return ClientIdentity(key, name, reads_only=not may_write(request.scope), owner=principal)
 
 
 def principal_of(scope: Scope) -> str:

@@ -252,7 +252,8 @@ class Tasks(Extension):
         async def stop() -> None:
             if work.job_id and work.task is not None:
                 job = jobs.store.get(work.job_id)
-                if not job.ended and job.started_at >= work.task.created_at - self._grace_s - 1.0:
+                is_own = job.owner == work.services.owner
+                if is_own and not job.ended and job.started_at >= work.task.created_at - self._grace_s - 1.0:
                     await jobs.cancel(work.job_id)
 
         await self._threads.run(stop)

@@ -15,7 +15,7 @@ from ..schemas.artifacts import (
     SuccessRequest,
 )
 from ..schemas.catalog import SearchRecord
-from ..schemas.errors import NotPossible
+from ..schemas.errors import NotPossible, UnknownName
 from ..schemas.jobs import CancelJobArguments, GetJobArguments, JobResult
 from ..schemas.runs import BatchRecord, RunRecord
 from ..schemas.text import counted
@@ -30,6 +30,8 @@ _NEXT = {
     "cancelled": "the finished results stay; the same call takes up the rest",
     "interrupted": "its server ended; the same call takes up the rest, what is finished is reused",
 }
+_MOST_NAMED = 100
+"""Of a token's own jobs, the newest that are looked through for those that run; chosen."""
 _NEXT_AFTER_IMPORT = "search with find_scenarios, or list what came in with list_artifacts"
 
 
@@ -154,7 +156,7 @@ async def get_job(arguments: GetJobArguments, call: ToolCall) -> JobResult:
 
 async def cancel_job(arguments: CancelJobArguments, call: ToolCall) -> JobResult:
     """Stop a job."""
-    job = await call.jobs.cancel(_job_id(arguments.job_id, call))
+    job = await call.jobs.cancel(_own_job_id(arguments.job_id, call))
     if not job.ended:
         raise NotPossible(
             f"{job.job_id} runs in another server on this workspace",
@@ -164,13 +166,53 @@ async def cancel_job(arguments: CancelJobArguments, call: ToolCall) -> JobResult
 
 
 def _job_id(word: str, call: ToolCall) -> str:
-    """The id of a job; ``latest`` is the one that the client started last, else the newest, which is told."""
-    own = call.services.recent.last(["job"])
-    if word == "latest" and own:
-        return own[0][1]
-    job = call.jobs.store.get(word)
-    if word == "latest":
-        call.tell_whose("job", job.job_id)
+    """The id of a job; ``latest`` is the client's own, else the newest of the workspace, which is told."""
+    if word != "latest":
+        return call.jobs.store.get(word).job_id
+    own = _own_latest(call)
+    if own is not None:
+        return own
+    newest = call.jobs.store.get(word)
+    call.tell_whose("job", newest.job_id)
+    return newest.job_id
+
+
+def _own_latest(call: ToolCall) -> str | None:
+    """The job that the client started last, else the newest that was begun with its token, which is told."""
+    last = call.services.recent.last(["job"])
+    if last:
+        return last[0][1]
+    owner = call.services.owner
+    before = call.jobs.store.newest_of(owner, 1) if owner else []
+    if not before:
+        return None
+    call.tell_whose("job", before[0].job_id, "this token's")
+    return before[0].job_id
+
+
+def _own_job_id(word: str, call: ToolCall) -> str:
+    """The id of a job that the client may stop: any, where no token is asked for, else one that its token began.
+
+    Raises:
+        NotPossible: another began it; those of its own that run are named.
+        UnknownName: there is none.
+    """
+    owner = call.services.owner
+    if not owner:
+        return _job_id(word, call)
+    own = _own_latest(call) if word == "latest" else word
+    if own is None:
+        raise UnknownName(
+            "no job was begun with this token", next_step="get_job and list_artifacts show those of others"
+        )
+    job = call.jobs.store.get(own)
+    if job.owner != owner:
+        running = [each.job_id for each in call.jobs.store.newest_of(owner, _MOST_NAMED) if not each.ended]
+        raise NotPossible(
+            f"{job.job_id} was not begun with this token",
+            valid=running,
+            next_step="cancel it with the token that began it; get_job shows how far it is",
+        )
     return job.job_id
 
 

@@ -14,6 +14,7 @@ from ..engine.execution import (
     Executor,
     Job,
     JobRunner,
+    JobWork,
     Limits,
     OnProgress,
     Operation,
@@ -21,7 +22,7 @@ from ..engine.execution import (
     Response,
     no_progress,
 )
-from ..engine.workspace import Artifact, ArtifactKind, Workspace
+from ..engine.workspace import Artifact, ArtifactKind, Recipe, Workspace
 from ..schemas.catalog import PACKAGED_MODEL
 from ..schemas.errors import OutsideRoots
 from ..schemas.maps import MapServices
@@ -102,6 +103,8 @@ class Services:
     online: MapServices = field(default_factory=MapServices)
     links: bool = True
     """Whether answers link what they made."""
+    owner: str = ""
+    """Whose token the client has; empty where none is asked for, and everything is the user's own."""
 
 
 class ToolCall:
@@ -163,10 +166,10 @@ class ToolCall:
                 self.tell_whose(artifact.kind, artifact.artifact_id)
         return [*own, *others[: count - len(own)]]
 
-    def tell_whose(self, kind: MadeKind, made_id: str) -> None:
+    def tell_whose(self, kind: MadeKind, made_id: str, whose: str = "the workspace's") -> None:
         """Have the answer say, once for each kind, that what a word meant was not made in this session."""
         if self.services.recent.is_untold(kind):
-            self.remarks.append(f"{made_id}: the workspace's newest {kind}, as this session has made none.")
+            self.remarks.append(f"{made_id}: {whose} newest {kind}, as this session has made none.")
 
     def artifact(self, word: str, kind: ArtifactKind) -> Artifact:
         """The artifact with this id; ``latest`` is the client's last one of the kind.
@@ -197,6 +200,10 @@ class ToolCall:
     async def progress(self, share: float, message: str = "") -> None:
         """Tell the client the share done in [0, 1] of the whole call."""
         await self._send_progress(share, message)
+
+    def start_job(self, kind: str, recipe: Recipe, work: JobWork) -> Job:
+        """Start the work as a job of the client's, or join the one that already makes this recipe."""
+        return self.jobs.start(kind, recipe, work, self.services.owner)
 
     async def wait_for(self, job_id: str, wait_s: float) -> Job:
         """The job once it has ended, or as it is after ``wait_s`` seconds; the client is shown its progress."""

@@ -64,7 +64,7 @@ def start_indexing(call: ToolCall, path: Path, known: KnownAs) -> Job:
     size, changed_ns = _state_of(path)
     arguments = {"extract": str(path), "size": size, "changed_ns": changed_ns}
     arguments |= {"name": known.place, "country": known.country}
-    return call.jobs.start("import", Recipe(tool="import_files", arguments=arguments), work)
+    return call.start_job("import", Recipe(tool="import_files", arguments=arguments), work)
 
 
 def _state_of(path: Path) -> tuple[int, int]:

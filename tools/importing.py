@@ -170,7 +170,7 @@ async def _import_as_job(
 
     resolved = {"path": str(call.allowed_path(arguments.path))}
     recipe = Recipe(tool="import_files", arguments=arguments.model_dump(mode="json") | resolved)
-    job = call.jobs.start("import", recipe, work)
+    job = call.start_job("import", recipe, work)
     call.made("job", job.job_id)
     job = await call.wait_for(job.job_id, WAIT_S)
     result = tally.result(job.job_id, job.state)

@@ -224,7 +224,7 @@ async def run_many(call: ToolCall, cells: Sequence[Cell], wait_s: float, notes: 
         _take_note(call, batch)
         progress.add_result(batch.batch_id)
 
-    job = call.jobs.start("batch", recipe, work)
+    job = call.start_job("batch", recipe, work)
     call.made("job", job.job_id)
     job = await call.wait_for(job.job_id, wait_s)
     batch_id = next((key for key in job.results if key.startswith("batch_")), None)

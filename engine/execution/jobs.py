@@ -18,6 +18,7 @@ from typing import Any
 
 import anyio
 import anyio.abc
+from pydantic import Field
 
 from ...schemas.base import Model
 from ...schemas.errors import ResourceFailure, UnexpectedFailure, UnknownName, as_told, closest
@@ -27,6 +28,7 @@ from ..workspace import Database, Recipe, still_runs
 logger = logging.getLogger(__name__)
 _POLL_S = 0.5
 """How often a job of another server is looked at; chosen."""
+_JOBS = "SELECT * FROM jobs LEFT JOIN job_owners USING (job_id)"
 
 
 class Job(Model):
@@ -42,6 +44,8 @@ class Job(Model):
     error: str
     started_at: float
     updated_at: float
+    owner: str = Field("", exclude=True)
+    """Whose token it was begun with; empty where none was asked for. Not shown: names of persons are no results."""
 
     @property
     def ended(self) -> bool:
@@ -62,10 +66,11 @@ class JobStore:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def start(self, kind: str, recipe: Recipe) -> tuple[Job, bool]:
+    def start(self, kind: str, recipe: Recipe, owner: str = "") -> tuple[Job, bool]:
         """The job that makes this recipe, and whether it is a new one: two servers that ask at once get one job.
 
-        The id of a new one counts the attempts (``job_<digest>``, ``job_<digest>_2``, …).
+        The id of a new one counts the attempts (``job_<digest>``, ``job_<digest>_2``, …). It stays its ``owner``'s who
+        began it, whoever joins it.
         """
         now = time.time()
         with self._database.writing() as connection:
@@ -79,6 +84,8 @@ class JobStore:
                 " started_at, updated_at) VALUES (?, ?, ?, ?, 'running', 0, '', '[]', '', ?, ?, ?)",
                 (job_id, kind, recipe.digest, recipe.model_dump_json(), os.getpid(), now, now),
             )
+            if owner:
+                connection.execute("INSERT INTO job_owners VALUES (?, ?)", (job_id, owner))
         return self.get(job_id), True
 
     def update(self, job_id: str, *, share: float, message: str, results: tuple[str, ...]) -> None:
@@ -101,7 +108,7 @@ class JobStore:
             if newest:
                 return newest[0]
             raise UnknownName("there is no job yet", next_step="start one, for instance with run_planner")
-        row = self._database.connection().execute("SELECT * FROM jobs WHERE job_id = ?", (job_id,)).fetchone()
+        row = self._database.connection().execute(f"{_JOBS} WHERE job_id = ?", (job_id,)).fetchone()
         if row is None:
             known = [job.job_id for job in self.newest(500)]
             raise UnknownName(f"there is no job '{job_id}'", valid=closest(job_id, known))
@@ -109,18 +116,23 @@ class JobStore:
 
     def running(self, recipe: Recipe) -> Job | None:
         """The job that makes this recipe just now, in whichever server."""
-        query = "SELECT * FROM jobs WHERE digest = ? AND state = 'running' ORDER BY sequence DESC"
+        query = f"{_JOBS} WHERE digest = ? AND state = 'running' ORDER BY sequence DESC"
         jobs = [_job(row) for row in self._database.connection().execute(query, (recipe.digest,)).fetchall()]
         return next((job for job in jobs if job.state == "running"), None)
 
     def newest(self, limit: int, offset: int = 0) -> list[Job]:
         """Jobs, newest first."""
-        query = "SELECT * FROM jobs ORDER BY sequence DESC LIMIT ? OFFSET ?"
+        query = f"{_JOBS} ORDER BY sequence DESC LIMIT ? OFFSET ?"
         return [_job(row) for row in self._database.connection().execute(query, (limit, offset)).fetchall()]
+
+    def newest_of(self, owner: str, limit: int) -> list[Job]:
+        """Jobs that were begun with one token, newest first."""
+        query = f"{_JOBS} WHERE owner = ? ORDER BY sequence DESC LIMIT ?"
+        return [_job(row) for row in self._database.connection().execute(query, (owner, limit)).fetchall()]
 
     def lately(self, within_s: float = 60.0) -> list[Job]:
         """Jobs that run, or whose record changed in the last seconds, newest first."""
-        query = "SELECT * FROM jobs WHERE state = 'running' OR updated_at > ? ORDER BY sequence DESC"
+        query = f"{_JOBS} WHERE state = 'running' OR updated_at > ? ORDER BY sequence DESC"
         return [_job(row) for row in self._database.connection().execute(query, (time.time() - within_s,)).fetchall()]
 
     def _set(self, job_id: str, assignments: str, values: tuple[object, ...]) -> None:
@@ -146,6 +158,7 @@ def _job(row: sqlite3.Row) -> Job:
         error=row["error"],
         started_at=row["started_at"],
         updated_at=row["updated_at"],
+        owner=row["owner"] or "",
     )
 
 
@@ -194,10 +207,14 @@ class JobRunner:
         self._listeners: set[_Listener] = set()
         self._unrecorded: dict[str, _JobEnd] = {}
 
-    def start(self, kind: str, recipe: Recipe, work: JobWork) -> Job:
-        """Start the work, or join the job that already makes this recipe."""
+    def start(self, kind: str, recipe: Recipe, work: JobWork, owner: str = "") -> Job:
+        """Start the work, or join the job that already makes this recipe.
+
+        Args:
+            owner: whose token it is begun with; empty where none is asked for.
+        """
         self._record_missed_ends()
-        job, is_new = self.store.start(kind, recipe)
+        job, is_new = self.store.start(kind, recipe, owner)
         if not is_new:
             return job
         self._own[job.job_id] = None

@@ -20,7 +20,7 @@ from ...schemas.errors import ResourceFailure
 
 Kept = TypeVar("Kept")
 logger = logging.getLogger(__name__)
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 _PRIVATE = 0o700
 """Others on the machine need not read what somebody works on."""
 _BUSY_TIMEOUT_S = 10.0
@@ -68,6 +68,11 @@ CREATE TABLE IF NOT EXISTS jobs (
     updated_at REAL NOT NULL
 );
 CREATE INDEX IF NOT EXISTS jobs_by_digest ON jobs (digest);
+CREATE TABLE IF NOT EXISTS job_owners (
+    job_id TEXT PRIMARY KEY,
+    owner TEXT NOT NULL
+) WITHOUT ROWID;
+CREATE INDEX IF NOT EXISTS jobs_by_owner ON job_owners (owner);
 CREATE TABLE IF NOT EXISTS tasks (
     task_id TEXT PRIMARY KEY,
     owner TEXT NOT NULL,

@@ -21,7 +21,7 @@ _MOST_CLIENTS = 10_000
 """Clients whose pace is remembered; chosen."""
 _MOST_STREAMS = 16
 """Streams of news that a client may keep open; chosen: a host needs one or two."""
-_BODY_TIMEOUT_S = 30.0
+BODY_TIMEOUT_S = 30.0
 """Time in which a body has to arrive; chosen: a slower client would keep its place for ever."""
 _SHORT_BYTES, _MORE_SHORT = 1_000, 4
 """Size of a body that may be a cancellation, and how many such are let in beyond the bound: a client with all of its
@@ -160,7 +160,7 @@ class Gate:
         if _UNDECLARED > _declared_bytes(headers) > most:
             return _Refusal(413, told)
         body = bytearray()
-        with anyio.move_on_after(_BODY_TIMEOUT_S):
+        with anyio.move_on_after(BODY_TIMEOUT_S):
             while True:
                 message = await receive()
                 body += message.get("body", b"")
@@ -168,7 +168,7 @@ class Gate:
                     return _Refusal(413, told)
                 if message["type"] != "http.request" or not message.get("more_body", False):
                     return bytes(body)
-        return _Refusal(408, f"the body did not arrive within {_BODY_TIMEOUT_S:g} s; send it whole")
+        return _Refusal(408, f"the body did not arrive within {BODY_TIMEOUT_S:g} s; send it whole")
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,10 @@
 
 import ipaddress
 import logging
+import math
 import socket
 import sys
+import time
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
@@ -52,6 +54,11 @@ _SESSION_IDLE_S = 1800.0
 _BACKLOG = 256
 _CONNECTIONS_END_S = 2.0
 """Connections that wait to be taken, and how long they have to close once nothing is under way; chosen."""
+KEEP_ALIVE_S = 75
+"""How long an idle connection stays open. Chosen: longer than clients (5 s) and proxies (60 s) keep one, so that they
+close it; where the server closes first, a request that is on its way just then is lost."""
+READY_KEPT_S = 1.0
+"""How long the answer of ``/ready`` holds (chosen): it needs no token, and must not hold up who works here."""
 
 
 class HttpServer:
@@ -77,7 +84,6 @@ class HttpServer:
                 "or set oauth_issuer",
             )
         most_bytes = settings.http_body_mb * 1024**2
-        self._server = server
         self._sessions = StreamableHTTPSessionManager(
             app=server.protocol,
             security_settings=_let_in(settings),
@@ -89,10 +95,11 @@ class HttpServer:
         if authentication is not None:
             endpoint = RequireAuthMiddleware(endpoint, [READ_SCOPE], authentication.metadata_url)
         self._gate = Gate(endpoint, HttpLimits(most_bytes, settings.http_calls, settings.http_rate))
+        self._readiness = _Readiness(self._gate, server)
         routes = [
             Route(PATH, endpoint=self._gate),
             Route("/health", endpoint=_health, methods=["GET"]),
-            Route("/ready", endpoint=self._ready, methods=["GET"]),
+            Route("/ready", endpoint=self._readiness.answer, methods=["GET"]),
             *(authentication.routes() if authentication is not None else ()),
             *(pages.routes() if pages is not None else ()),
         ]
@@ -110,6 +117,7 @@ class HttpServer:
             server_header=False,
             proxy_headers=bool(proxies),
             forwarded_allow_ips=proxies,
+            timeout_keep_alive=KEEP_ALIVE_S,
             timeout_graceful_shutdown=round(_CONNECTIONS_END_S),
         )
         self._uvicorn = _Uvicorn(config, self._gate, settings.http_stop_s)
@@ -135,10 +143,32 @@ class HttpServer:
         """Let calls under way end, then end."""
         self._uvicorn.should_exit = True
 
-    async def _ready(self, request: Request) -> JSONResponse:
+
+class _Readiness:
+    """Whether requests are taken and the workspace can be read; that is looked at once a second, however often asked.
+
+    Args:
+        gate: what takes requests.
+        server: what reads the workspace.
+    """
+
+    def __init__(self, gate: Gate, server: PlannerForgeServer) -> None:
+        self._gate, self._server = gate, server
+        self._looking = anyio.Lock()
+        self._can_read, self._looked_at = False, -math.inf
+
+    async def answer(self, request: Request) -> JSONResponse:
+        """200 or 503."""
         del request
-        is_ready = self._gate.is_open and await self._server.is_ready()
+        is_ready = self._gate.is_open and await self._reads() and self._gate.is_open
         return JSONResponse({"status": "ready" if is_ready else "not ready"}, 200 if is_ready else 503)
+
+    async def _reads(self) -> bool:
+        async with self._looking:
+            if time.monotonic() - self._looked_at > READY_KEPT_S:
+                self._can_read = await self._server.is_ready()
+                self._looked_at = time.monotonic()
+        return self._can_read
 
 
 async def _health(request: Request) -> JSONResponse:

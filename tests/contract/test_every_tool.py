@@ -6,9 +6,11 @@ from typing import Any
 
 import jsonschema
 import pytest
-from mcp import Client
+from mcp import Client, MCPError
 from mcp.types import ImageContent
+from pydantic import SecretStr
 from support.contract import CASES, Bad, Prepared, filled
+from support.http_serving import READER, WRITER, served
 from support.loop_watch import watched_loop
 
 from plannerforge.server.assembly import create_server
@@ -65,6 +67,27 @@ async def test_a_bad_call_is_refused_with_what_is_valid(tool: str, bad: Bad, pre
     assert after == before
 
 
+async def test_a_reading_token_calls_each_tool_that_makes_nothing_and_no_other(prepared: Prepared, era: str) -> None:
+    tokens = (SecretStr(f"maker {WRITER}"), SecretStr(f"reader {READER} read-only"))
+    own = prepared.settings.model_copy(update={"http_tokens": tokens})
+    async with served(own, prepared.folder) as server, server.client(era, READER) as client:
+        before, offered = await _artifacts(client), {tool.name for tool in (await client.list_tools()).tools}
+        for spec in TOOLS:
+            good = filled(CASES[spec.name].good, prepared)
+            if not spec.read_only:
+                with pytest.raises(MCPError, match=f"no tool '{spec.name}' for a token that is for reading only"):
+                    await client.call_tool(spec.name, good)
+                continue
+            assert not (await client.call_tool(spec.name, good)).is_error, spec.name
+            for argument in spec.making:
+                refused = await client.call_tool(spec.name, {**good, argument: True})
+                assert refused.is_error
+                assert f"makes nothing, and {argument} does" in refused.content[0].text  # type: ignore[union-attr]
+        assert await _artifacts(client) == before
+    assert offered == {spec.name for spec in TOOLS if spec.read_only}
+    assert any(spec.making for spec in TOOLS)
+
+
 async def test_the_list_of_tools_is_the_same_on_every_connection(prepared: Prepared, era: str) -> None:
     lists = []
     for _ in range(2):
@@ -90,7 +113,9 @@ async def test_every_link_of_an_answer_leads_somewhere(prepared: Prepared, era: 
     async with session(prepared, era) as client:
         drawn = await client.call_tool("render", {"ids": [prepared.scenario_id]})
         listed = await client.call_tool("list_artifacts", {"limit": 50})
-        links = [block.uri for block in drawn.content if block.type == "resource_link"]
+        pictures = [block for block in drawn.content if block.type == "resource_link"]
+        assert all(one.mime_type == "image/png" and one.title and one.size for one in pictures)
+        links = [one.uri for one in pictures]
         records = [item["uri"] for item in (listed.structured_content or {})["artifacts"]]
         assert links
         assert records

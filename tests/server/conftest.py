@@ -1,17 +1,20 @@
 """A server with small probe tools beside the real ones that need no other part of the project."""
 
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import pytest
 from pydantic import Field
+from support.http_serving import Serve, Served, served
 
 from plannerforge.resources.templates import picture_link
 from plannerforge.schemas.base import Answer, Arguments, Model, Result
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.server import assembly
+from plannerforge.server.settings import Settings
 from plannerforge.server.tool_calls import MOST_IMAGE_BYTES
 from plannerforge.tools.call import Image, ImageAnswer, Question, ToolCall
 from plannerforge.tools.registry import TOOLS, ToolSpec
@@ -98,7 +101,7 @@ async def start_job(arguments: EchoArguments, call: ToolCall) -> EchoResult:
         if arguments.text == "endless":
             await anyio.sleep_forever()
 
-    job = call.jobs.start("batch", Recipe(tool="start_job", arguments={"text": arguments.text}), work)
+    job = call.start_job("batch", Recipe(tool="start_job", arguments={"text": arguments.text}), work)
     call.made("job", job.job_id)
     return EchoResult(said=EchoArguments(text=job.job_id))
 
@@ -117,7 +120,7 @@ async def make_long(arguments: EchoArguments, call: ToolCall) -> EchoResult:
             await anyio.sleep(0.1)
 
     recipe = Recipe(tool="make_long", arguments={"text": arguments.text})
-    job = call.jobs.start("batch", recipe, work)
+    job = call.start_job("batch", recipe, work)
     call.made("job", job.job_id)
     job = await call.wait_for(job.job_id, 0.1)
     return EchoResult(said=EchoArguments(text=job.state), note=job.job_id)
@@ -160,3 +163,15 @@ def probe_tools(monkeypatch: pytest.MonkeyPatch) -> tuple[ToolSpec, ...]:
 def echo_arguments() -> type[Arguments]:
     """Arguments of every shape that tools have."""
     return EchoArguments
+
+
+@pytest.fixture
+def serve(settings: Settings, tmp_path: Path) -> Serve:
+    """Starts servers over HTTP on the test's workspace."""
+
+    @asynccontextmanager
+    async def started(**changes: Any) -> AsyncIterator[Served]:
+        async with served(settings.model_copy(update=changes), tmp_path) as one:
+            yield one
+
+    return started

@@ -6,17 +6,15 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import AsyncIterator, Callable
-from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from collections.abc import AsyncIterator
 from pathlib import Path
-from typing import Any
 
 import anyio
 import httpx
 import pytest
 from mcp import MCPError
 from pydantic import SecretStr
-from support.http_serving import PATIENCE_S, Served, called, served
+from support.http_serving import PATIENCE_S, READER, WRITER, Serve, called, post
 
 from plannerforge.schemas.errors import InvalidRequest, OutsideRoots
 from plannerforge.server.assembly import create_server
@@ -25,25 +23,7 @@ from plannerforge.server.http.serving import HttpServer, bound
 from plannerforge.server.settings import Settings
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("probe_tools", "warm_workers")]
-WRITER, READER = "w" * 32, "r" * 32
 TOKENS = (SecretStr(f"maker {WRITER}"), SecretStr(f"reader {READER} read-only"))
-Serve = Callable[..., AbstractAsyncContextManager[Served]]
-
-
-@pytest.fixture
-def serve(settings: Settings, tmp_path: Path) -> Serve:
-    @asynccontextmanager
-    async def started(**changes: Any) -> AsyncIterator[Served]:
-        async with served(settings.model_copy(update=changes), tmp_path) as one:
-            yield one
-
-    return started
-
-
-async def post(server: Served, body: Any, headers: dict[str, str], **more: str) -> httpx.Response:
-    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
-        content = body if isinstance(body, bytes) else json.dumps(body).encode()
-        return await client.post(server.url, content=content, headers={**headers, **more})
 
 
 async def test_client_lists_calls_and_is_refused_by_http_in_both_eras(serve: Serve, era: str) -> None:

@@ -192,6 +192,30 @@ async def test_a_task_is_found_by_its_own_client_alone(settings: Settings, tmp_p
             await ask(client, "tasks/cancel", task_id)
 
 
+async def test_task_that_joined_the_job_of_another_token_leaves_it_running(
+    settings: Settings, tmp_path: Path, warm_workers: None
+) -> None:
+    keys = {"one": "o" * 32, "two": "t" * 32}
+    own = settings.model_copy(
+        update={"http_tokens": tuple(SecretStr(f"{name} {token}") for name, token in keys.items())}
+    )
+    mine, theirs = KnowsTasks(), KnowsTasks()
+    async with (
+        served(own, tmp_path) as server,
+        server.client("auto", keys["one"], extensions=[mine]) as one,
+        server.client("auto", keys["two"], extensions=[theirs]) as two,
+    ):
+        task_id = await begin(one, mine, text="for ever")
+        joined_id = await begin(two, theirs, text="for ever")
+        await ask(two, "tasks/cancel", joined_id)
+        left = (await one.call_tool("get_job", {"job_id": "latest", "wait_s": 1})).structured_content
+        await ask(one, "tasks/cancel", task_id)
+        stopped = (await one.call_tool("get_job", {"job_id": "latest", "wait_s": 10})).structured_content
+    assert left is not None
+    assert stopped is not None
+    assert (left["state"], stopped["state"]) == ("running", "cancelled")
+
+
 def test_task_is_forgotten_after_its_lifetime(settings: Settings) -> None:
     workspace = Workspace(settings.workspace)
     store = TaskStore(workspace.database)

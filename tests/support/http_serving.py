@@ -1,9 +1,11 @@
 """A server over HTTP on a free port of this machine, in the test's own event loop, and clients of it."""
 
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+import json
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import anyio
 import httpx
@@ -17,6 +19,8 @@ from plannerforge.server.http.serving import HttpServer, bound
 from plannerforge.server.settings import Settings
 
 PATIENCE_S = 60.0
+WRITER, READER = "w" * 32, "r" * 32
+"""Two tokens, as clients send them."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,10 @@ async def served(settings: Settings, folder: Path, pages: Pages | None = None) -
                 http.stop()
 
 
+Serve = Callable[..., AbstractAsyncContextManager[Served]]
+"""Starts a server of the test's settings with some of them changed."""
+
+
 async def _until_it_answers(address: str) -> None:
     with anyio.fail_after(PATIENCE_S):
         async with httpx.AsyncClient() as client:
@@ -66,6 +74,13 @@ async def _until_it_answers(address: str) -> None:
                     await anyio.sleep(0.02)
                 else:
                     return
+
+
+async def post(server: Served, body: Any, headers: dict[str, str], **more: str) -> httpx.Response:
+    """The answer to a request, with more headers than those given."""
+    async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
+        content = body if isinstance(body, bytes) else json.dumps(body).encode()
+        return await client.post(server.url, content=content, headers={**headers, **more})
 
 
 def called(tool: str, **arguments: object) -> tuple[dict[str, object], dict[str, str]]:

@@ -7,7 +7,9 @@ from typing import Any
 
 import pytest
 from mcp import Client
+from pydantic import SecretStr
 from support.builders import town_road
+from support.http_serving import READER, WRITER, served
 
 from plannerforge.engine.workspace import Workspace
 from plannerforge.server.assembly import create_server
@@ -100,6 +102,36 @@ async def test_runs_and_batches_that_were_made_before_are_the_latest_when_asked_
     owners = {file["artifact_id"] for file in exported["files"]}
     assert {first["runs"][0]["run_id"], ONE} <= owners
     assert any(key.startswith("cfg_") for key in owners)
+
+
+async def test_clients_of_one_server_by_http_have_a_latest_and_a_current_each(
+    settings: Settings, warm_workers: None, tmp_path: Path, era: str
+) -> None:
+    tokens = (SecretStr(f"one {WRITER}"), SecretStr(f"two {READER}"))
+    own = settings.model_copy(update={"starter": False, "http_tokens": tokens})
+    town_road().write(tmp_path / "one.xml")
+    async with (
+        served(own, tmp_path) as server,
+        server.client(era, WRITER) as first,
+        server.client(era, READER) as second,
+    ):
+        one, two = Session(first), Session(second)
+        await one.ask("import_files", path="one.xml")
+        mine = await one.ask("configure_planner", base="idm", weights=["time_headway_s=1.2"])
+        edited = await one.ask("modify_scenario", edits=[{"op": "set_speed", "vehicles": ["31"], "speed": "5m/s"}])
+        run = await one.ask("run_planner")
+        faster = [{"op": "set_speed", "vehicles": ["31"], "speed": "9m/s"}]
+        theirs = await two.ask("configure_planner", base="idm", weights=["time_headway_s=2"])
+        other = await two.ask("modify_scenario", scenario_id=ONE, edits=faster)
+        other_run = await two.ask("run_planner")
+        found = [await client.ask("find_scenarios", obstacles=["car"]) for client in (one, two)]
+        for client, config, scenario, ran in ((one, mine, edited, run), (two, theirs, other, other_run)):
+            assert (await client.ask("list_planners"))["config_id"] == config["config_id"]
+            assert (await client.ask("describe_scenario"))["scenario_id"] == scenario["scenario_id"]
+            assert ran["runs"][0]["config_id"] == config["config_id"]
+            assert ran["runs"][0]["scenario_id"] == scenario["scenario_id"]
+            assert (await client.ask("analyze_results"))["rows"][0]["run_id"] == ran["runs"][0]["run_id"]
+        assert found[0]["total"] == found[1]["total"]
 
 
 def test_what_is_remembered_of_a_session_is_bounded() -> None:

@@ -34,6 +34,10 @@ async def test_a_trial_runs_the_change_and_tells_what_it_bought_and_cost(connect
         assert (change.failing, change.passing, change.gained) == (2, 1, 2)
         assert not change.helps  # two flips may be chance
         runs = (await ask("list_artifacts", kind="run", limit=50))["artifacts"]
+        jobs = (await ask("list_artifacts", kind="job", limit=1))["artifacts"]
+        made = (await ask("get_job", job_id=jobs[0]["artifact_id"]))["results"]  # type: ignore[index]
+        assert made
+        assert set(made) <= {run["artifact_id"] for run in runs}  # type: ignore[attr-defined, call-overload]
         again = await ask("analyze_results", trial=True)
         assert again["findings"] == tried["findings"]
         assert (await ask("list_artifacts", kind="run", limit=50))["artifacts"] == runs

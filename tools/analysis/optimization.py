@@ -453,7 +453,7 @@ async def optimize_planner(arguments: OptimizePlannerArguments, call: ToolCall) 
         progress.add_result(study.study_id)
         progress.report(1.0, f"{len(study.trials)} candidates; call optimize_planner again for the study")
 
-    job = call.jobs.start("study", recipe, work)
+    job = call.start_job("study", recipe, work)
     call.made("job", job.job_id)
     job = await call.wait_for(job.job_id, arguments.wait_s)
     stored = call.workspace.find_by_recipe("study", recipe)
@@ -475,6 +475,7 @@ def _study_name(study: StudyRecord) -> str:
 
 def _finished(study: StudyRecord, call: ToolCall) -> OptimizePlannerResult:
     better = study.held_out is not None and study.held_out.is_better
+    call.made("study", study.study_id)
     if better:
         call.made("config", study.best_id)
     following = (

@@ -18,7 +18,7 @@ from ...schemas.results import AnalyzeResultsResult, Finding, Suggestion, TriedC
 from ...schemas.runs import RunRecord, RunSource
 from ..call import ToolCall
 from ..configurations import resolve_configuration, store_configuration
-from ..runs import Cell, run_grid
+from ..runs import Cell, CellResult, run_grid
 
 MOST_TRIED = 3
 """Suggestions that one call tries (chosen)."""
@@ -64,7 +64,7 @@ async def with_trials(result: AnalyzeResultsResult, runs: Sequence[RunSource], c
     cells = [cell for change in changes for cell in change.cells()]
     missing = [cell for cell in cells if call.workspace.find_by_recipe("run", cell.recipe()) is None]
     if missing:
-        job = call.jobs.start("trial", _recipe(changes), _work(missing, len(cells), call))
+        job = call.start_job("trial", _recipe(changes), _work(missing, len(cells), call))
         call.made("job", job.job_id)
         job = await call.wait_for(job.job_id, _WAIT_S)
         if job.state == "running":
@@ -165,9 +165,11 @@ def _work(cells: Sequence[Cell], total: int, call: ToolCall) -> JobWork:
     async def work(progress: JobProgress) -> None:
         done = total - len(cells)
 
-        def on_done(_: object) -> None:
+        def on_done(result: CellResult) -> None:
             nonlocal done
             done += 1
+            if result.record is not None:
+                progress.add_result(result.record.run_id)
             progress.report(done / total, f"{done} of {total} runs")
 
         await run_grid(ToolCall(call.services), cells, on_done)

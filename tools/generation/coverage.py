@@ -120,7 +120,7 @@ async def cover_combinations(
         async def work(progress: JobProgress) -> None:
             await _PlanWork(asked, ToolCall(call.services), progress).carry_on()
 
-        job = call.jobs.start("plan", asked.recipe, work)
+        job = call.start_job("plan", asked.recipe, work)
         call.made("job", job.job_id)
         job = await call.wait_for(job.job_id, WAIT_S)
     return await _answer(asked, call, rows, job, notes)

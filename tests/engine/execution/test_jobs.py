@@ -79,6 +79,16 @@ def test_attempts_of_one_recipe_have_ids_of_their_own(store: JobStore) -> None:
     assert [job.job_id for job in store.newest(5)] == [second.job_id, first.job_id]
 
 
+def test_job_stays_its_owner_s_whoever_joins_it(store: JobStore) -> None:
+    mine = store.start("batch", RECIPE, "one")[0]
+    joined, is_new = store.start("batch", RECIPE, "two")
+    without = store.start("batch", OTHER)[0]
+    assert (joined, is_new) == (mine, False)
+    assert [job.owner for job in (mine, store.get(mine.job_id), without)] == ["one", "one", ""]
+    assert [store.newest_of(owner, 5) for owner in ("one", "two", "")] == [[mine], [], []]
+    assert "owner" not in mine.model_dump()
+
+
 def test_unknown_job_names_the_nearest(store: JobStore) -> None:
     with pytest.raises(UnknownName, match="no job yet"):
         store.get("latest")

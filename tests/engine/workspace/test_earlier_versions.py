@@ -1,7 +1,8 @@
 """Workspaces of earlier versions of the database open with everything in them; a copy stays as it was.
 
-``earlier/`` holds a workspace for each version, made by the last program of that version (commits af00222 and 0a48a29)
-with its own ``plannerforge call``: a generated scenario, a configuration with its preset, a run, a search, the journal.
+``earlier/`` holds a workspace for each version, made by the last program of that version (commits af00222, 0a48a29 and
+ecb00de) with its own ``plannerforge call``: a generated scenario, a configuration with its preset, a run, a search,
+the journal.
 """
 
 import sqlite3
@@ -23,6 +24,7 @@ EARLIER = Path(__file__).parent / "earlier"
 MADE = {
     1: ("run_b3085e620874", "ZAM_Kreiselheim-80708322_1_T-1", "search_a68248053e25"),
     2: ("run_98dd2be6b421", "ZAM_Kreiselheim-214760387_1_T-1", "search_be049abef292"),
+    3: ("run_98dd2be6b421", "ZAM_Kreiselheim-214760387_1_T-1", "search_b07ca4c47803"),
 }
 CONFIGURATION = "cfg_504647410ee4"
 
@@ -70,7 +72,7 @@ def test_what_later_versions_brought_works_in_an_earlier_workspace(version: int,
     job, is_new = JobStore(workspace.database).start("batch", Recipe(tool="run_planner"))
     assert (is_new, job.state) == (True, "running")
     tables = {row[0] for row in workspace.database.connection().execute("SELECT name FROM sqlite_master")}
-    assert {"tasks", "claims", "map_files", "artifacts_by_superseded"} <= tables
+    assert {"tasks", "claims", "map_files", "artifacts_by_superseded", "job_owners"} <= tables
     workspace.put("search", "search_new", recipe=Recipe(tool="find_scenarios"), record=Note(text="new"))
     export_workspace(workspace, tmp_path / "work.zip")
     assert import_workspace(Workspace(tmp_path / "other"), tmp_path / "work.zip").added == 6
