@@ -6,8 +6,6 @@ VENV ?= .venv
 PYTHON := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
 DEV_STAMP := $(VENV)/.installed-dev
-DOCS_VENV ?= .venv-docs
-DOCS_STAMP := $(DOCS_VENV)/.installed
 WORKERS ?= 2
 SEEDS ?= 1001 1002 1003
 RECORD ?= same-bytes.json
@@ -16,7 +14,7 @@ SEED ?= 1
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
 	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning bench-serve \
-	dist bundle starter house chat-page tutorial-page reference docs train-rbfn format clean
+	dist requirements bundle starter house chat-page tutorial-page reference docs train-rbfn format clean
 
 help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
@@ -27,6 +25,7 @@ help:
 	@echo "make bench-same-bytes RECORD=after.json BEFORE=before.json"
 	@echo "             record digests of what a fixed list of requests makes; with BEFORE, name what differs (developers)"
 	@echo "make dist    build sdist and wheel into dist/ (developers)"
+	@echo "make requirements choose the versions of packaging/requirements.txt anew; needs uv (developers)"
 	@echo "make bundle  build the bundle that hosts install by a click (.mcpb) into dist/; needs Node (developers)"
 	@echo "make starter re-make the maps and the starter catalogue that ship with the package"
 	@echo "make train-rbfn train the network of the planner MP-RBFN anew; the same weights (developers)"
@@ -34,7 +33,7 @@ help:
 	@echo "make chat-page record docs/chat.md, a chat through five stages, anew (developers)"
 	@echo "make tutorial-page record docs/tutorial.md and its pictures anew (developers)"
 	@echo "make reference write the pages of docs/reference and docs/settings.md anew from the program (developers)"
-	@echo "make docs    build the documentation as a site into site/, in an environment of its own"
+	@echo "make docs    build the documentation as a site into site/ (developers)"
 	@echo "make bench-robust SEEDS=\"1 2 3\""
 	@echo "             all that shows soundness: hostile inputs, growth, symmetries, fresh data of these seeds, kills (developers)"
 	@echo "make clean   remove what was built"
@@ -47,7 +46,7 @@ test: $(DEV_STAMP)
 	@echo "==> Running the tests on $(WORKERS) processes"
 	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal
 
-$(STAMP): pyproject.toml scripts/setup.sh
+$(STAMP): pyproject.toml packaging/requirements.txt scripts/setup.sh
 	@bash scripts/setup.sh $(VENV)
 	@touch $@
 
@@ -157,6 +156,13 @@ dist: $(DEV_STAMP)
 	@echo "==> Building sdist and wheel"
 	@rm -f dist/plannerforge_mcp-*
 	@$(PYTHON) -m build --no-isolation --outdir dist
+	@cp packaging/requirements.txt dist/plannerforge_mcp-requirements.txt
+
+# What nothing imports is left out: docs/install.md.
+requirements:
+	@echo "==> Choosing the versions of all dependencies anew (uv)"
+	@printf "%s ; python_version < '3'\n" polygon3 torch sentence-transformers | uv pip compile pyproject.toml --quiet \
+		--universal --python-version 3.11 --upgrade --custom-compile-command "make requirements" --no-annotate --overrides /dev/stdin -o packaging/requirements.txt
 
 bundle: dist
 	@echo "==> Building the bundle"
@@ -185,13 +191,9 @@ reference: $(DEV_STAMP)
 	@echo "==> Writing docs/reference and docs/settings.md"
 	@$(PYTHON) scripts/write_reference.py
 
-docs: $(DOCS_STAMP)
+docs: $(DEV_STAMP)
 	@echo "==> Building the documentation into site/"
-	@NO_MKDOCS_2_WARNING=1 $(DOCS_VENV)/bin/mkdocs build --strict --quiet
-
-$(DOCS_STAMP): pyproject.toml scripts/setup.sh
-	@bash scripts/setup.sh $(DOCS_VENV) docs
-	@touch $@
+	@NO_MKDOCS_2_WARNING=1 $(VENV)/bin/mkdocs build --strict --quiet
 
 house: $(DEV_STAMP)
 	@echo "==> Drawing docs/house.svg from the imports"
@@ -202,5 +204,5 @@ format: $(DEV_STAMP)
 	@$(VENV)/bin/ruff check --fix .
 
 clean:
-	@rm -rf $(VENV) $(DOCS_VENV) site build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage .coverage.* demo-output soundness .mutation
+	@rm -rf $(VENV) site build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage .coverage.* demo-output soundness .mutation
 	@find . -name __pycache__ -type d -not -path './$(VENV)/*' -prune -exec rm -rf {} +

@@ -3,7 +3,6 @@
 #   scripts/setup.sh VENV        the package and what it needs
 #   scripts/setup.sh VENV torch  torch alone, into an environment that is there
 #   scripts/setup.sh VENV dev    what developers and tests need besides
-#   scripts/setup.sh VENV docs   an environment that builds the documentation and holds nothing else
 set -euo pipefail
 venv=${1:?the folder of the virtual environment}
 part=${2:-package}
@@ -28,39 +27,41 @@ find_python() {
     fail "needs Python 3.11 or 3.12. Get it with: curl -LsSf https://astral.sh/uv/install.sh | sh && uv python install 3.11"
 }
 
-check_compiler() {
-    # Polygon3, which the drivability checker needs, is built from source.
-    command -v cc >/dev/null 2>&1 || command -v gcc >/dev/null 2>&1 || command -v clang >/dev/null 2>&1 ||
-        fail "needs a C compiler for one dependency (Polygon3). Get it with: sudo apt-get install gcc (or your system's equivalent)"
-    local header
-    header=$("$1" -c 'import sysconfig; print(sysconfig.get_paths()["include"])')/Python.h
-    [ -f "$header" ] ||
-        fail "needs Python's headers for one dependency (Polygon3); $header is missing. Get them with: sudo apt-get install python3-dev"
-}
-
 install_package() {
     local python
     python=$(find_python)
-    install_by_uv "$python" && return
-    check_compiler "$python"
     say "Making the environment in $venv with $("$python" --version)"
-    [ -x "$venv/bin/pip" ] || "$python" -m venv "$venv"
+    install_pinned "$python" && return
+    say "Some of these versions cannot be had here: pip chooses others"
+    check_compiler "$python"
     install_torch
     say "Installing PlannerForge and its dependencies (two to three minutes)"
     install -e .
     "$venv/bin/python" -m pip check
 }
 
-install_by_uv() {
-    # Where uv is: in a tenth of the time, without what nothing imports and pip cannot leave out (docs/install.md).
-    command -v uv >/dev/null 2>&1 || return 1
-    say "Making the environment in $venv with $("$1" --version), and installing PlannerForge into it by uv (half a minute)"
-    [ -x "$venv/bin/python" ] || uv venv --quiet --seed --python "$1" "$venv"
-    uv pip install --quiet --python "$venv/bin/python" -e . --overrides <(
-        printf "%s ; python_version < '3'\n" polygon3 torch sentence-transformers
-    ) && return
-    say "uv could not; pip does it"
-    return 1
+install_pinned() {
+    # The versions that the tests ran with, and none of what nothing imports: no compiler, no PyTorch (docs/install.md).
+    local pinned=(--no-deps -r packaging/requirements.txt -e .)
+    if command -v uv >/dev/null 2>&1; then
+        say "Installing PlannerForge and its dependencies by uv (half a minute)"
+        [ -x "$venv/bin/python" ] || uv venv --quiet --seed --python "$1" "$venv"
+        uv pip install --quiet --python "$venv/bin/python" "${pinned[@]}" && return
+        say "uv could not; pip does it"
+    fi
+    [ -x "$venv/bin/pip" ] || "$1" -m venv "$venv"
+    say "Installing PlannerForge and its dependencies by pip (one to two minutes)"
+    install "${pinned[@]}"
+}
+
+check_compiler() {
+    # commonroad-drivability-checker asks for Polygon3, which is built from source.
+    command -v cc >/dev/null 2>&1 || command -v gcc >/dev/null 2>&1 || command -v clang >/dev/null 2>&1 ||
+        fail "needs a C compiler for one dependency (Polygon3). Get it with: sudo apt-get install gcc (or your system's equivalent)"
+    local header
+    header=$("$1" -c 'import sysconfig; print(sysconfig.get_paths()["include"])')/Python.h
+    [ -f "$header" ] ||
+        fail "needs Python's headers for one dependency (Polygon3); $header is missing. Get them with: sudo apt-get install python3-dev"
 }
 
 install_torch() {
@@ -84,19 +85,18 @@ install() { "$venv/bin/python" -m pip install --quiet --disable-pip-version-chec
 
 install_group() {
     if command -v uv >/dev/null 2>&1; then
-        group "$1" | xargs uv pip install --quiet --python "$venv/bin/python" && return
+        development | xargs uv pip install --quiet --python "$venv/bin/python" && return
         say "uv could not; pip does it"
     fi
-    group "$1" | xargs "$venv/bin/python" -m pip install --quiet --disable-pip-version-check
+    development | xargs "$venv/bin/python" -m pip install --quiet --disable-pip-version-check
 }
 
-group() {
-    "$venv/bin/python" - "$1" <<'PYTHON'
-import sys
+development() {
+    "$venv/bin/python" - <<'PYTHON'
 import tomllib
 
 with open("pyproject.toml", "rb") as stream:
-    print(*tomllib.load(stream)["dependency-groups"][sys.argv[1]], sep="\n")
+    print(*tomllib.load(stream)["dependency-groups"]["dev"], sep="\n")
 PYTHON
 }
 
@@ -106,21 +106,12 @@ install_development() {
         install "sentence-transformers==$(pinned sentence-transformers)"
     fi
     say "Installing the developers' tools"
-    install_group dev
-}
-
-install_documentation() {
-    local python
-    python=$(find_python)
-    say "Making the environment of the documentation in $venv with $("$python" --version)"
-    [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
-    install_group docs
+    install_group
 }
 
 case $part in
     package) install_package ;;
     torch) install_torch ;;
     dev) install_development ;;
-    docs) install_documentation ;;
-    *) fail "no part '$part'; there are package, torch, dev, docs" ;;
+    *) fail "no part '$part'; there are package, torch, dev" ;;
 esac

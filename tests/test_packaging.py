@@ -103,19 +103,21 @@ def test_the_image_serves_by_http_with_flags_that_there_are_and_looks_after_itse
     assert f"http://127.0.0.1:{port}/health" in stage["HEALTHCHECK"]
 
 
-def test_image_bundle_page_and_release_leave_out_what_a_server_does_not_import() -> None:
-    build = " ".join(said for _, said in instructions())
-    left_out = re.search(r"""printf "(%s [^"]+)\\n" ([\w -]+) >""", build)
-    assert left_out is not None
-    overrides = [left_out[1].replace("%s", name) for name in left_out[2].split()]
+def test_bundle_page_and_release_leave_out_what_a_server_does_not_import() -> None:
+    overrides = [f"{name} ; python_version < '3'" for name in LEFT_OUT]
     bundle = tomllib.loads((PACKAGING / "bundle" / "environment.toml").read_text(encoding="utf-8"))
     assert overrides == bundle["tool"]["uv"]["override-dependencies"]
     assert project()["tool"]["uv"]["override-dependencies"][0] in overrides
-    assert "--overrides" in build
     for place in ("docs/install.md", ".github/workflows/release.yml"):
         words = (CHECKOUT / place).read_text(encoding="utf-8")
-        assert f"""printf "{left_out[1]}\\n" {left_out[2]} > overrides.txt""" in words
-    assert tuple(left_out[2].split()) == LEFT_OUT
+        assert f"""printf "%s ; python_version < '3'\\n" {" ".join(LEFT_OUT)} > overrides.txt""" in words
+    makefile = (CHECKOUT / "Makefile").read_text(encoding="utf-8")
+    assert f"""printf "%s ; python_version < '3'\\n" {" ".join(LEFT_OUT)} | uv pip compile""" in makefile
+
+
+def test_the_image_holds_the_versions_that_are_pinned() -> None:
+    build = " ".join(said for _, said in instructions())
+    assert "--no-deps -r packaging/requirements.txt /wheels/*.whl" in build
 
 
 def test_what_the_build_is_given_is_all_that_a_wheel_is_built_from() -> None:

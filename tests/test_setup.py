@@ -10,10 +10,13 @@ import tomllib
 import venv
 import zipfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 from support.tree import CHECKOUT
 
 from plannerforge.evals.serve.install import LEFT_OUT
@@ -88,14 +91,13 @@ def test_torch_is_had_for_the_cpu_and_otherwise_from_the_usual_index(tmp_path: P
 
 
 def stand_in_uv(folder: Path, status: int) -> Path:
-    """A program ``uv`` that writes down its arguments and the overrides, makes an environment and ends so."""
+    """A program ``uv`` that writes down its arguments, makes an environment and ends so."""
     folder.mkdir()
     program = folder / "uv"
     program.write_text(
         f"""#!/bin/bash
 echo "$*" >> {folder}/asked
-if [ "$1" = venv ]; then {sys.executable} -m venv --without-pip "${{@: -1}}"; exit; fi
-cat "${{@: -1}}" >> {folder}/overrides
+if [ "$1" = venv ]; then {sys.executable} -m venv "${{@: -1}}"; exit; fi
 exit {status}
 """,
         encoding="utf-8",
@@ -111,20 +113,61 @@ def set_up_by_uv(folder: Path, uv: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(script, cwd=CHECKOUT, env=environment, capture_output=True, text=True, check=False)
 
 
-def test_uv_installs_where_it_is_without_what_nothing_imports(tmp_path: Path) -> None:
+def test_uv_installs_where_it_is_exactly_what_is_pinned(tmp_path: Path) -> None:
     uv = stand_in_uv(tmp_path / "bin", 0)
     told = set_up_by_uv(tmp_path / "venv", uv)
     assert told.returncode == 0, told.stderr
     assert "by uv" in told.stdout
     asked = (uv / "asked").read_text(encoding="utf-8").splitlines()
     assert [line.split()[0] for line in asked] == ["venv", "pip"]
-    assert "-e ." in asked[1]
-    left_out = (uv / "overrides").read_text(encoding="utf-8").splitlines()
-    assert left_out == [f"{name} ; python_version < '3'" for name in LEFT_OUT]
+    assert "--no-deps -r packaging/requirements.txt -e ." in asked[1]
 
 
-def test_pip_goes_on_where_uv_could_not(tmp_path: Path) -> None:
+def test_pip_goes_on_where_uv_could_not_and_chooses_where_versions_are_gone(tmp_path: Path) -> None:
     told = set_up_by_uv(tmp_path / "venv", stand_in_uv(tmp_path / "bin", 2))
-    assert "uv could not; pip does it" in told.stdout
-    assert "Installing torch" in told.stdout
+    steps = ["by uv", "uv could not; pip does it", "by pip", "pip chooses others", "Installing torch"]
+    places = [told.stdout.find(step) for step in steps]
+    assert -1 not in places, told.stdout
+    assert places == sorted(places), told.stdout
     assert told.returncode != 0
+
+
+def pinned() -> dict[str, list[Requirement]]:
+    """What the file of versions names, by package; more than one where systems or Pythons differ."""
+    found: dict[str, list[Requirement]] = {}
+    for line in (CHECKOUT / "packaging" / "requirements.txt").read_text(encoding="utf-8").splitlines():
+        if not line.startswith("#"):
+            one = Requirement(line)
+            found.setdefault(canonicalize_name(one.name), []).append(one)
+    return found
+
+
+def pinned_here() -> dict[str, str]:
+    here = [one for several in pinned().values() for one in several if one.marker is None or one.marker.evaluate()]
+    return {canonicalize_name(one.name): str(one.specifier).removeprefix("==") for one in here}
+
+
+def test_the_file_of_versions_names_all_that_is_asked_for_but_what_nothing_imports() -> None:
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    versions = pinned_here()
+    assert not set(LEFT_OUT) & set(pinned())
+    for asked in map(Requirement, project["dependencies"]):
+        name = canonicalize_name(asked.name)
+        if name not in LEFT_OUT:
+            assert versions[name] in asked.specifier, f"{asked}: run make requirements"
+
+
+def test_the_file_of_versions_lacks_nothing_that_what_it_names_asks_for() -> None:
+    versions = pinned_here()
+    compared = 0
+    for name, version in versions.items():
+        with suppress(PackageNotFoundError):
+            package = distribution(name)
+            if package.version != version:
+                continue
+            compared += 1
+            for asked in map(Requirement, package.requires or ()):
+                wanted = canonicalize_name(asked.name)
+                if wanted not in LEFT_OUT and (asked.marker is None or asked.marker.evaluate({"extra": ""})):
+                    assert versions[wanted] in asked.specifier, f"{name} asks for {asked}"
+    assert compared > len(versions) / 2

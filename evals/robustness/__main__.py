@@ -4,7 +4,7 @@ Keys: ``hostile_inputs``, ``unexpected`` (answers with ``[unexpected]``), ``serv
 ended for its memory), ``loop_blocked_ms_max`` (the longest wait for a cheap call while an input was under way, less the
 same call's on the idle server; the time in which the machine gave the server no core is left out),
 ``server_memory_mb_max`` (VmHWM of the server's process), ``outside_writes``, ``slowest_s`` (the slowest refusal),
-``late_refusals`` (after more than 5 s, or none within 30 s), ``forged_lines`` (an injected text on a line of its own),
+``late_refusals`` (after more than 5 s, or none within 60 s), ``forged_lines`` (an injected text on a line of its own),
 ``oversized_answers`` (more than 20,000 characters), ``unadvised_refusals`` (without a next step), ``outside_reads``,
 ``journal_faults`` (texts of callers in the journal longer than 200 characters or with control characters, or a journal
 that others may read), ``minutes``.

@@ -26,8 +26,8 @@ from .server_process import Folders, Program, Session, session
 
 SLOW_S, BLOCKED_MS, MEMORY_MB = 5.0, 100.0, 400.0
 """After which a refusal is late, for how long nothing else may be answered, and what the server's process may hold."""
-_LIMIT_S = 30.0
-"""A call that takes longer is given up (chosen)."""
+_LIMIT_S = 60.0
+"""A call that takes longer is given up: work that is under way is answered with its job after 50 s at the latest."""
 _AT_A_TIME = 4
 """Inputs under way (chosen for two cores)."""
 _MOST_SUSPECTS = 300

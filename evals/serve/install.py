@@ -1,11 +1,12 @@
 """From nothing to the first answer in a host: a wheel, a new environment, the host's settings, a call as it makes it.
 
 Keys: ``install_s`` (all of it by pip, with packages from pip's cache where it has them), ``install_packages_s``
-(environment, torch for the CPU and the wheel with all that it needs), ``install_host_s`` (``plannerforge install`` into
+(environment, the wheel and the pinned versions of all that it needs), ``install_host_s`` (``plannerforge install`` into
 a host's settings), ``install_answer_s`` (the server started as those settings say, to the answer of a search),
 ``install_mb`` (what the environment takes); ``install_cold_s``: all of it without pip's cache; ``install_uv_s``,
-``install_uv_cold_s``, ``install_uv_mb``: the same by uv, which leaves out what docs/install.md says, with its cache and
-with an empty one. The wheel itself is built before the clock starts, and uv is had from PyPI: a user has them.
+``install_uv_cold_s``, ``install_uv_mb``: the same by uv, which chooses versions itself, with its cache and with an
+empty one. Neither installs what docs/install.md leaves out. The wheel itself is built before the clock starts, and uv
+is had from PyPI: a user has them.
 """
 
 import os
@@ -15,7 +16,6 @@ import sys
 import time
 import tomllib
 from collections.abc import Callable
-from importlib.metadata import requires
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,12 +28,13 @@ from ..harness import Figures, LeftOut
 from .bench import ServeBench
 
 _CHECKOUT = Path(__file__).resolve().parents[2]
-_TORCH_INDEX = "https://download.pytorch.org/whl/cpu"
+_VERSIONS = _CHECKOUT / "packaging" / "requirements.txt"
+"""What pip installs beside the wheel: it is published with it."""
 _HOST = ("codex", ".codex/config.toml", "mcp_servers")
 """A host whose settings are one file in the home folder."""
 _BYTES = 1024**2
 LEFT_OUT = ("polygon3", "torch", "sentence-transformers")
-"""What nothing imports in a server with its default settings; uv can leave it out (docs/install.md)."""
+"""What nothing imports in a server with its default settings (docs/install.md)."""
 
 
 class Taken(NamedTuple):
@@ -103,8 +104,7 @@ def _taken(folder: Path, install: Callable[[Path], None]) -> Taken:
 
 def _by_pip(environment: Path, wheel: Path, *options: str) -> None:
     _run([sys.executable, "-m", "venv", str(environment)])
-    _install_torch(environment, *options)
-    _run([*_pip(environment), *options, str(wheel)])
+    _run([*_pip(environment), *options, "--no-deps", "-r", str(_VERSIONS), str(wheel)])
 
 
 def _by_uv(environment: Path, wheel: Path, uv: Path) -> None:
@@ -131,17 +131,6 @@ def _uv(folder: Path) -> Path | None:
 def _built(folder: Path) -> Path:
     _run([sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(_CHECKOUT)])
     return next(folder.glob("*.whl"))
-
-
-def _install_torch(environment: Path, *options: str) -> None:
-    """Torch for the CPU, from PyTorch's own index where that can be reached; else what the usual index has."""
-    wanted = next(line for line in requires("plannerforge-mcp") or () if line.startswith("torch=="))
-    index = os.environ.get("PLANNERFORGE_TORCH_INDEX", _TORCH_INDEX)
-    pip = [*_pip(environment), *options]
-    own = [*pip, "--no-deps", "--retries", "0", "--timeout", "10", "--index-url", index, f"{wanted}+cpu"]
-    if sys.platform != "linux" or subprocess.run(own, capture_output=True, env=_clean(), check=False).returncode:
-        sys.stderr.write("install: torch from the usual index\n")
-        _run([*pip, wanted])
 
 
 def _pip(environment: Path) -> list[str]:

@@ -274,7 +274,8 @@ def _figures(study: StudyRecord) -> list[str]:
 
 def _told_effects(study: StudyRecord) -> str:
     matters = [one.name for one in study.effects if one.verdict == "matters"]
-    told = f"{', '.join(matters)} matter{'s' if len(matters) == 1 else ''}" if matters else "no weight is shown to matter"
+    verb = "matters" if len(matters) == 1 else "matter"
+    told = f"{', '.join(matters)} {verb}" if matters else "no weight is shown to matter"
     return (
         f"{study.study_id}: on {counted(study.training_scenarios, 'scenario')} {told} to {' + '.join(study.objective)}"
         f" ({study.method}, {len(study.trials)} configurations)."

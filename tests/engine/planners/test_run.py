@@ -53,6 +53,15 @@ def carried_out(builder: ScenarioBuilder, folder: Path, problem_id: int | None =
     return run_planner(request(builder, folder, problem_id), silent)
 
 
+@pytest.mark.parametrize("name", ["frenetix:Default", "mp_rbfn:Default", "idm"])
+def test_runs_need_neither_polygon3_nor_pytorch(name: str, tmp_path: Path) -> None:
+    without = 'import sys; sys.modules |= dict.fromkeys(("Polygon", "torch", "sentence_transformers"))'
+    asked = request(town_road(), tmp_path, name=name).model_dump_json()
+    program = [sys.executable, "-c", without + DIGEST]
+    digest = subprocess.run(program, input=asked, capture_output=True, text=True, check=True).stdout.strip()
+    assert len(digest) == 64
+
+
 @pytest.mark.parametrize("version", ["2018b", "2020a"])
 def test_both_formats_run_to_the_goal(version: str, tmp_path: Path) -> None:
     response = carried_out(replace(town_road(), version=version), tmp_path)
