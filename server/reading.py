@@ -193,15 +193,14 @@ class ResourceReading:
             return completed_views(typed, workspace)
         return resource_completions(template, argument, typed, given, workspace)
 
-    def _schema_link(self, tool: str) -> Resource:
-        uri = _SCHEMA + tool
+    @staticmethod
+    def _schema_link(tool: str) -> Resource:
         return Resource(
-            uri=uri,
+            uri=_SCHEMA + tool,
             name=f"schema of {tool}",
             title=f"Schema of {tool}",
             description=_SCHEMA_TEMPLATE.description,
             mime_type=_JSON,
-            size=len(self._schema(uri).encode()),
         )
 
     def _schema(self, uri: str) -> str:

@@ -178,7 +178,8 @@ def test_what_is_listed_can_be_read_with_the_stated_type_and_size(workspace: Wor
     for resource in listed:
         content, mime_type = read_resource(resource.uri, workspace)
         size = len(content.encode() if isinstance(content, str) else content)
-        assert (resource.mime_type, resource.size) == (mime_type, size), resource
+        told = None if "/preset/" in resource.uri else size
+        assert (resource.mime_type, resource.size) == (mime_type, told), resource
 
 
 def test_newest_twenty_artifacts_are_listed_with_searches_and_starters_last(workspace: Workspace) -> None:
@@ -222,14 +223,11 @@ async def test_client_lists_a_handful_and_is_refused_a_wrong_cursor(connect: Any
             assert caught.value.error.code == INVALID_PARAMS
         following = await client.list_resources(cursor=listed.next_cursor) if listed.next_cursor else None
         entries = [*listed.resources, *(following.resources if following else [])]
-        schema = next(one for one in entries if one.uri == f"{SCHEME}schema/run_planner")
-        (read,) = (await client.read_resource(schema.uri)).contents
     uris = [resource.uri for resource in listed.resources]
     assert uris[:3] == [SCHEME + name for name in ("catalog", "maps", "planners")]
     assert len(uris) <= 50
     assert {f"{SCHEME}schema/{spec.name}" for spec in TOOLS} <= {one.uri for one in entries}
     assert [one.uri for one in entries if not one.title] == []
-    assert schema.size == len(read.text.encode())
 
 
 @pytest.mark.anyio
