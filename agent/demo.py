@@ -287,7 +287,9 @@ async def _compare(session: _DemoSession, batch_id: str, shown_run: str) -> None
     """Ask what got better, and what the figures say."""
     session.stage("Compare and analyse", "What got better, what got worse, and what is the evidence?")
     await session.ask("compare_results", {"results": [batch_id]})
-    await session.ask("analyze_results", {"results": [batch_id], "detail": "findings"})
+    analysed = await session.ask("analyze_results", {"results": [batch_id]})
+    if trivial := analysed.structured.get("trivial"):
+        session.says(f"Goals met without driving say nothing of a planner: {', '.join(trivial['run_ids'])}.")
     await session.ask("analyze_results", {"results": [shown_run], "detail": "timeline"})
 
 

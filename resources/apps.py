@@ -15,6 +15,7 @@ from typing import Literal
 from mcp.server.apps import Apps
 from mcp.server.mcpserver.resources import FunctionResource
 
+from ..engine.workspace import ArtifactKind, Workspace
 from .templates import SCHEME
 
 VIEW_KEY = "plannerforge/view"
@@ -24,6 +25,10 @@ PageKind = Literal["player", "board"]
 _TITLES: dict[PageKind, str] = {"player": "Scenario and run player", "board": "Board of runs"}
 _MOST_NAMED = 20
 """Ids in the URI of a view (chosen): more are runs without a batch that nobody looks at one by one."""
+
+_VIEWED: tuple[ArtifactKind, ...] = ("scenario", "run", "batch")
+_MOST_COMPLETED = 300
+"""Newest artifacts of each kind among which the ids of a view are completed; chosen."""
 
 
 def page_uri(kind: PageKind) -> str:
@@ -38,8 +43,18 @@ def view_uri(ids: Sequence[str]) -> str | None:
 
 def viewed_ids(uri: str) -> list[str]:
     """What the data behind a URI show; empty where it is not that of a view."""
-    match = re.fullmatch(rf"{re.escape(SCHEME)}view/([\w.\-]+(?:\+[\w.\-]+){{0,{_MOST_NAMED - 1}}})", uri)
+    plain = uri.replace("%2B", "+")  # as clients fill a template in
+    match = re.fullmatch(rf"{re.escape(SCHEME)}view/([\w.\-]+(?:\+[\w.\-]+){{0,{_MOST_NAMED - 1}}})", plain)
     return match[1].split("+") if match else []
+
+
+def completed_views(typed: str, workspace: Workspace) -> list[str]:
+    """What a view can show whose last id begins as the last one typed, in any case; newest first."""
+    before, plus, last = typed.rpartition("+")
+    stored = [artifact for kind in _VIEWED for artifact in workspace.newest(kind=kind, limit=_MOST_COMPLETED)]
+    newest = sorted(stored, key=lambda artifact: -artifact.sequence)
+    begun = [artifact.artifact_id for artifact in newest if artifact.artifact_id.casefold().startswith(last.casefold())]
+    return [f"{before}{plus}{artifact_id}" for artifact_id in begun]
 
 
 def pages() -> Apps:

@@ -1,4 +1,4 @@
-"""Resources by URI: files and records of artifacts, jobs, pictures, reports, vocabularies, presets.
+"""Resources by URI: files and records of artifacts, jobs, pictures, vocabularies, presets.
 
 Of artifacts only the newest are listed (a workspace holds thousands); tools find the others and answer with links.
 """
@@ -37,7 +37,6 @@ _TEMPLATES: Final = (
     ("job/{id}", "job", "Job", "State of long work; it can be subscribed to", _JSON),
     ("picture/{name}.png", "picture", "Picture", "A picture that render made", "image/png"),
     ("picture/{name}.gif", "animation", "Animation", "An animation that render made", "image/gif"),
-    ("report/{name}.html", "report", "Report", "A report as one HTML page", "text/html"),
     ("vocabulary/{name}", "vocabulary", "Vocabulary", "Words that an argument takes, with their meaning", _JSON),
     ("preset/{planner}/{name}", "preset", "Preset", "Cost weights of a planner's preset as YAML", _YAML),
 )
@@ -51,9 +50,11 @@ _FILES = {
     ("config", "yaml"): ("config.yaml", _YAML),
     ("run", "steps"): ("steps.json", _JSON),
 }
+_KINDS = {"config": "Configuration", "plan": "Coverage plan"}
+"""Kinds of artifacts that have other names in words."""
 _MAIN_PARTS = {"scenario": "xml", "config": "yaml"}
 """What of an artifact a link leads to, where it is not the record."""
-_MADE = {"png": "image/png", "gif": "image/gif", "html": "text/html"}
+_MADE = {"png": "image/png", "gif": "image/gif"}
 _VOCABULARIES: Final[dict[str, tuple[str, Callable[[], dict[str, str]]]]] = {
     "tags": ("Tags of scenarios", lambda: TAGS),
     "features": ("Features that are computed of scenarios", lambda: FEATURES),
@@ -78,8 +79,8 @@ def read_resource(uri: str, workspace: Workspace) -> tuple[str | bytes, str]:
     if match is None:
         raise unknown_resource(uri)
     kind, identifier, part = match[1], match[2], match[3]
-    if kind in ("picture", "report") and part is None:
-        return _made_file(uri, workspace, kind, identifier)
+    if kind == "picture" and part is None:
+        return _picture(uri, workspace, identifier)
     if kind == "job" and part is None:
         return _as_json(JobStore(workspace.database).get(identifier).model_dump(mode="json")), _JSON
     if kind == "vocabulary" and part is None and identifier in _VOCABULARIES:
@@ -99,7 +100,7 @@ def read_resource(uri: str, workspace: Workspace) -> tuple[str | bytes, str]:
 
 
 def listed_resources(workspace: Workspace) -> list[Resource]:
-    """What a client is shown without asking for anything: vocabularies, then the newest artifacts."""
+    """What a client is shown without asking for anything: vocabularies, the newest artifacts, presets."""
     words = [
         Resource(
             uri=f"{SCHEME}vocabulary/{name}",
@@ -111,7 +112,19 @@ def listed_resources(workspace: Workspace) -> list[Resource]:
         )
         for name, (title, read) in _VOCABULARIES.items()
     ]
-    return [*words, *(artifact_link(artifact, workspace) for artifact in workspace.newest(limit=MOST_LISTED))]
+    artifacts = [artifact_link(artifact, workspace) for artifact in workspace.newest_made(MOST_LISTED)]
+    return [*words, *artifacts, *(_preset_link(planner, name) for planner in PLANNERS for name in _presets([planner]))]
+
+
+def _preset_link(planner: str, name: str) -> Resource:
+    """Without the size of its YAML, which is made when it is read: that takes longer than all of a list."""
+    return Resource(
+        uri=f"{SCHEME}preset/{planner}/{name}",
+        name=f"{planner}:{name}",
+        title=f"Preset {name} of {planner}",
+        description=tuning_of(planner).presets[name].intent,
+        mime_type=_YAML,
+    )
 
 
 def artifact_link(artifact: Artifact, workspace: Workspace) -> Resource:
@@ -125,7 +138,8 @@ def artifact_link(artifact: Artifact, workspace: Workspace) -> Resource:
     return Resource(
         uri=f"{SCHEME}{artifact.kind}/{artifact.artifact_id}/{part}",
         name=artifact.artifact_id,
-        title=printable(artifact.name) or f"{artifact.kind.capitalize()} {artifact.artifact_id}",
+        title=printable(artifact.name)
+        or f"{_KINDS.get(artifact.kind, artifact.kind.capitalize())} {artifact.artifact_id}",
         description=f"{artifact.kind}, made by {artifact.recipe.tool}",
         mime_type=mime_type,
         size=size,
@@ -183,12 +197,12 @@ def _values(kind: str, argument: str, template: str, given: dict[str, str], work
     if kind == "vocabulary":
         return _VOCABULARIES
     if kind == "preset":
-        return dict.fromkeys(preset for name in _planners(given) for preset in tuning_of(name).presets)
+        return _presets(_planners(given))
     if kind == "job":
         return [job.job_id for job in JobStore(workspace.database).newest(_MOST_IDS)]
     if argument == "name":
         ending = template.rpartition(".")[2]
-        files = [path for path in (workspace.root / f"{kind}s").glob(f"*.{ending}") if not path.name.startswith(".")]
+        files = [path for path in (workspace.root / "pictures").glob(f"*.{ending}") if not path.name.startswith(".")]
         newest = sorted(files, key=lambda path: (-path.stat().st_mtime, path.name))
         return [path.stem for path in newest[:_MOST_IDS]]
     wanted: ArtifactKind | None = kind if kind in ARTIFACT_KINDS else None  # type: ignore[assignment]
@@ -198,6 +212,11 @@ def _values(kind: str, argument: str, template: str, given: dict[str, str], work
 def _planners(given: dict[str, str]) -> Iterable[str]:
     named = given.get("planner", "")
     return [named] if named in PLANNERS else PLANNERS
+
+
+def _presets(planners: Iterable[str]) -> Iterable[str]:
+    """The names of the presets of some planners, each once."""
+    return dict.fromkeys(preset for name in planners for preset in tuning_of(name).presets)
 
 
 def _edits() -> dict[str, str]:
@@ -211,20 +230,19 @@ def _behaviours() -> dict[str, str]:
 
 
 def _record(artifact: Artifact) -> str:
-    return _as_json(artifact.model_dump(mode="json"))
+    return artifact.model_dump_json(indent=1)
 
 
 def _as_json(value: Any) -> str:
     return json.dumps(value, indent=1, ensure_ascii=False)
 
 
-def _made_file(uri: str, workspace: Workspace, kind: str, name: str) -> tuple[str | bytes, str]:
-    path = workspace.root / f"{kind}s" / name
+def _picture(uri: str, workspace: Workspace, name: str) -> tuple[bytes, str]:
+    path = workspace.root / "pictures" / name
     mime_type = _MADE.get(path.suffix.removeprefix("."))
     if mime_type is None or name.startswith(".") or path.is_symlink() or not path.is_file():
         raise unknown_resource(uri)
-    content = _content(path)
-    return (content.decode() if mime_type == "text/html" else content), mime_type
+    return _content(path), mime_type
 
 
 def _content(path: Path) -> bytes:

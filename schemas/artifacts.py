@@ -79,7 +79,7 @@ class BatchSummary(Model):
 
 
 class ListedArtifact(Model):
-    """One artifact in a list; ``batch``: what came out of it, where batches were asked for."""
+    """One artifact in a list; ``batch``: what came out of it, where batches were asked for, and left out elsewhere."""
 
     artifact_id: str
     kind: str = Field(description="kind of the artifact")
@@ -88,7 +88,7 @@ class ListedArtifact(Model):
     parents: tuple[str, ...] = Field(description="ids of what it was made from")
     made_at: str = Field(description="when it was made, in UTC")
     uri: str = Field(description="address of the resource that describes it")
-    batch: BatchSummary | None = None
+    batch: BatchSummary | None = Field(None, exclude_if=lambda batch: batch is None)
 
     def in_words(self) -> str:
         """The line of an answer: kind, id, what it is, when it was made."""

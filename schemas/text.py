@@ -19,7 +19,10 @@ def printable(text: str, kept: str = "\n\t") -> str:
     """The text without control, zero-width and direction characters, but for those of ``kept``."""
     if text.isprintable():
         return text
-    return "".join(character for character in text if character in kept or _is_shown(character))
+    parts = (
+        re.split(f"([{re.escape(kept)}])", text) if kept else [text]
+    )  # mostly printable lines, which stay as they are
+    return "".join(part if part.isprintable() or part in kept else "".join(filter(_is_shown, part)) for part in parts)
 
 
 def one_line(text: str, longest: int = LONGEST_TEXT) -> str:

@@ -31,7 +31,7 @@ from plannerforge.schemas.errors import PlannerForgeError, error_classes  # noqa
 from plannerforge.schemas.modification import EDITS, Edit  # noqa: E402
 from plannerforge.schemas.planning import CommandPlanner, DeclaredPreset, DeclaredWeight  # noqa: E402
 from plannerforge.server.settings import Settings  # noqa: E402
-from plannerforge.server.tool_schema import tool_description  # noqa: E402
+from plannerforge.server.tool_schema import output_schema, tool_description  # noqa: E402
 from plannerforge.tools.registry import TOOLS, ToolSpec  # noqa: E402
 
 DOCS = CHECKOUT / "docs"
@@ -195,8 +195,7 @@ def _answer(spec: ToolSpec) -> str:
     model = spec.result_type
     if model is None:
         return "The pictures themselves, a sentence on each, and a link to each; no structured content."
-    schema = _described(spec).output_schema
-    fields = _fields(model, schema).replace("TYPES", "../types.md")
+    fields = _fields(model, output_schema(model)).replace("TYPES", "../types.md")
     return f"{_doc(model)}\n\n{fields}\n\nThe text of the answer says the same ([how](../../answers.md))."
 
 
@@ -260,7 +259,7 @@ def types_page() -> str:
     models: dict[str, type[BaseModel]] = {}
     for spec in TOOLS:
         if spec.result_type is not None:
-            definitions |= (_described(spec).output_schema or {}).get("$defs", {})
+            definitions |= output_schema(spec.result_type).get("$defs", {})
             models |= {model.__name__: model for model in models_below(spec.result_type, set())}
     parts = [
         f"## {name}\n\n{_doc(models[name])}\n\n{_fields(models[name], definitions[name])}".replace("TYPES#", "#")

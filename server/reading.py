@@ -32,7 +32,7 @@ from mcp.types import (
 from ..engine.execution import CallThreads
 from ..engine.workspace import Workspace
 from ..prompts.catalog import completions
-from ..resources.apps import viewed_ids
+from ..resources.apps import completed_views, viewed_ids
 from ..resources.templates import (
     SCHEME,
     TEMPLATES,
@@ -76,6 +76,15 @@ _SCHEMA_TEMPLATE = ResourceTemplate(
 )
 
 
+_VIEW_TEMPLATE = ResourceTemplate(
+    uri_template=f"{SCHEME}view/{{ids}}",
+    name="view",
+    title="View",
+    description="What the pages of MCP Apps show of a scenario or run, of two joined by +, or of a batch",
+    mime_type=_JSON,
+)
+
+
 class ResourceReading:
     """Answers the protocol's requests about resources, in the threads of calls.
 
@@ -99,7 +108,7 @@ class ResourceReading:
 
     def templates(self) -> list[ResourceTemplate]:
         """Where everything can be read that tools link to."""
-        return [*TEMPLATES, _SCHEMA_TEMPLATE]
+        return [*TEMPLATES, _SCHEMA_TEMPLATE, _VIEW_TEMPLATE]
 
     async def read(self, uri: str, services: Services) -> tuple[str | bytes, str]:
         """Content and media type behind a URI.
@@ -129,7 +138,8 @@ class ResourceReading:
                 Resource(uri=SCHEME + name, name=name, title=title, description=told, mime_type=_JSON)
                 for name, (_, _, title, told) in _BY_TOOLS.items()
             ]
-            page, following = page_of([*by_tools, *listed_resources(workspace)], request.cursor, PAGE)
+            entries = [*by_tools, *listed_resources(workspace), *map(self._schema_link, self._tools)]
+            page, following = page_of(entries, request.cursor, PAGE)
             return ListResourcesResult(resources=page, next_cursor=following)
 
         return await self._done(look)
@@ -179,7 +189,19 @@ class ResourceReading:
     ) -> list[str]:
         if (template, argument) == (_SCHEMA_TEMPLATE.uri_template, "tool"):
             return [name for name in self._tools if name.startswith(typed.casefold())]
+        if (template, argument) == (_VIEW_TEMPLATE.uri_template, "ids"):
+            return completed_views(typed, workspace)
         return resource_completions(template, argument, typed, given, workspace)
+
+    @staticmethod
+    def _schema_link(tool: str) -> Resource:
+        return Resource(
+            uri=_SCHEMA + tool,
+            name=f"schema of {tool}",
+            title=f"Schema of {tool}",
+            description=_SCHEMA_TEMPLATE.description,
+            mime_type=_JSON,
+        )
 
     def _schema(self, uri: str) -> str:
         spec = self._tools.get(uri.removeprefix(_SCHEMA))

@@ -1,8 +1,8 @@
 """The one place that turns a typed function into a tool: check the arguments, call, shape the answer or the error."""
 
 import base64
-import json
 import logging
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -25,6 +25,9 @@ MOST_LINKS = 4
 """Of an answer, beside its text and structure, which name all ids; chosen: hosts hand them to the model."""
 MOST_IMAGE_BYTES = 12 * 1024**2
 """Of all pictures of an answer; more are only linked. Chosen: clients refuse messages of tens of megabytes."""
+
+_ESCAPE = re.compile(r"\\[ubfr]")
+"""Stands in JSON for a character that is not printed; line breaks and tabulators are."""
 
 
 class InputNeeded(Exception):
@@ -99,8 +102,9 @@ def _shaped(result: Result | ImageAnswer, call: ToolCall) -> CallToolResult:
         links = map(_as_link, result.links if call.services.links else ())
         return CallToolResult(content=[*blocks, *links])
     text = _bounded(printable("\n".join([result.to_text(), *remarks])))
-    structured = _printable_parts(result.model_dump(mode="json"))
-    _bounded(json.dumps(structured, ensure_ascii=False))
+    structured, written = result.model_dump(mode="json"), _bounded(result.model_dump_json())
+    if _ESCAPE.search(written) or not written.isprintable():  # one look at the whole spares one at each of its texts
+        structured = _printable_parts(structured)
     return CallToolResult(
         content=[TextContent(type="text", text=text), *linked_by(call)], structured_content=structured
     )

@@ -6,6 +6,8 @@ the two differ.
 """
 
 import base64
+from collections import Counter
+from collections.abc import Iterator
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -62,7 +64,7 @@ def tool_description(spec: ToolSpec) -> Tool:
         title=spec.title,
         description=" ".join((arguments.__doc__ or "").split()),
         input_schema=input_schema(arguments),
-        output_schema=None if result is None else output_schema(result),
+        output_schema=None if result is None else folded(output_schema(result)),
         annotations=ToolAnnotations(
             title=spec.title,
             read_only_hint=spec.read_only and not spec.making,
@@ -89,6 +91,46 @@ def output_schema(model: type[BaseModel]) -> dict[str, Any]:
     """The schema of a structured answer; null arms stay, because clients validate against it."""
     schema: dict[str, Any] = _without_noise(model.model_json_schema(mode="serialization"))
     return schema
+
+
+def folded(schema: dict[str, Any]) -> dict[str, Any]:
+    """The schema with what is named once in its place, and null as the first arm.
+
+    Clients check every answer against it: to follow a name, or to try an arm in vain, takes longer than a value does.
+    """
+    definitions = schema.get("$defs", {})
+    names = Counter(_names(schema))
+
+    def placed(part: Any) -> Any:
+        if isinstance(part, list):
+            return [placed(entry) for entry in part]
+        if not isinstance(part, dict):
+            return part
+        name = _name_of(part)
+        if names[name] == 1:
+            return placed({**definitions[name], **{key: value for key, value in part.items() if key != "$ref"}})
+        whole = {key: placed(value) for key, value in part.items()}
+        if isinstance(whole.get("anyOf"), list):
+            whole["anyOf"].sort(key=lambda arm: arm.get("type") != "null")
+        return whole
+
+    kept = {name: part for name, part in definitions.items() if names[name] > 1}
+    rest = {key: part for key, part in schema.items() if key != "$defs"}
+    whole: dict[str, Any] = placed({"$defs": kept, **rest} if kept else rest)
+    return whole
+
+
+def _names(schema: Any) -> Iterator[str]:
+    """The name of each definition, as often as a schema refers to it."""
+    if isinstance(schema, dict) and "$ref" in schema:
+        yield _name_of(schema)
+    for part in schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ():
+        yield from _names(part)
+
+
+def _name_of(schema: dict[str, Any]) -> str:
+    """The name of the definition that a schema refers to; empty where it refers to none."""
+    return str(schema.get("$ref", "")).rpartition("/")[2]
 
 
 def _lean(schema: Any, definitions: dict[str, Any]) -> Any:

@@ -7,6 +7,7 @@ in ``operations.py``.
 import importlib
 from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal, get_type_hints
 
 from ..schemas.base import Arguments, Result
@@ -43,7 +44,7 @@ class ToolSpec:
     open_world: bool = False
     view: Literal["player", "board"] | None = None
 
-    @property
+    @cached_property
     def arguments_type(self) -> type[Arguments]:
         """The model of the arguments, as the function declares it; its docstring is the tool's description."""
         arguments: type[Arguments] = get_type_hints(self.load_function())["arguments"]

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from ...schemas.errors import ResourceFailure
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
-from ..workspace import NewArtifact, Recipe, Workspace, disk_failure
+from ..workspace import STARTER_TOOL, NewArtifact, Recipe, Workspace, disk_failure
 from .tables import refresh
 
 ARCHIVE = "starter.zip"
@@ -59,8 +59,10 @@ def _town(name: str) -> str:
 
 
 def _load_starter(workspace: Workspace) -> None:
+    if _loaded(workspace):
+        return
     archive = files("plannerforge.engine.catalog") / ARCHIVE
-    if not archive.is_file() or _loaded(workspace):
+    if not archive.is_file():
         return
     with as_file(archive) as path:
         content = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -83,7 +85,7 @@ def _put_starter(workspace: Workspace, opened: zipfile.ZipFile) -> None:
     def stage(scenario_id: str) -> NewArtifact:
         copies, content = _unpack(opened, scenario_id, folder / scenario_id)
         facts = ScenarioFacts.model_validate(facts_by_id[scenario_id])
-        recipe = Recipe(tool="starter", arguments={"content": content, "made_by": made_by[scenario_id]})
+        recipe = Recipe(tool=STARTER_TOOL, arguments={"content": content, "made_by": made_by[scenario_id]})
         record = ScenarioRecord(facts=facts, origin="starter", content=content)
         return NewArtifact("scenario", scenario_id, recipe, record, files={}, copies=copies)
 

@@ -1,12 +1,12 @@
 """Scenes that a worker keeps: one scenario is edited again and again, and reading it takes longer than an edit."""
 
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 from ..commonroad import RecordedScenario, kept_recording
 from ..cosimulation import SimulationSetup
-from ..scene import Scene
+from ..scene import Scene, leader_and_follower
 from .ego_risk import EgoDrive, base_drive
 
 _KEPT = 4
@@ -19,6 +19,11 @@ class _KeptScene:
 
     scene: Scene
     _drives: dict[int, EgoDrive | None] = field(default_factory=dict)
+
+    @cached_property
+    def neighbours(self) -> tuple[int | None, int | None]:
+        """The nearest vehicles ahead and behind along the ego's lane at its start; None where there is none."""
+        return leader_and_follower(self.scene, self.scene.ego) if self.scene.ego else (None, None)
 
     def ego_before(self, setup: SimulationSetup) -> EgoDrive | None:
         """The ego's ordinary drive among the recorded vehicles; simulated once for a seed, and the last one is kept."""

@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 from ...schemas.errors import UnknownName
@@ -137,10 +137,11 @@ class MapMatch:
         return (south, west, north, east) if south < north and west < east else core
 
 
-def built_in_maps() -> list[MapEntry]:
-    """The maps that come with the package, by id."""
+@cache
+def built_in_maps() -> tuple[MapEntry, ...]:
+    """The maps that come with the package, by id; read once, as nothing changes them."""
     listed = MapList.model_validate_json((LIBRARY / "catalogue.json").read_bytes())
-    return [MapEntry(facts, LIBRARY / facts.file_name) for facts in listed.maps]
+    return tuple(MapEntry(facts, LIBRARY / facts.file_name) for facts in listed.maps)
 
 
 def find_maps(

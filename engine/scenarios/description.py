@@ -40,7 +40,6 @@ from ..scene import (
     goal_centers,
     is_own_recording,
     lanelets_at,
-    leader_and_follower,
 )
 from ..vehicles import EGO_SIZE_M
 
@@ -62,7 +61,8 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
         UnsafeInput: the file is broken.
     """
     report(0.0, "reading the scenario")
-    scene = scene_of(request.path, request.problem_id).scene
+    kept = scene_of(request.path, request.problem_id)
+    scene = kept.scene
     ego = _describe_ego(scene)
     center, asked = _center(scene, request.focus)
     name = asked.name if asked is not None else "the ego" if scene.ego is not None else "the middle of the map"
@@ -70,7 +70,8 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
     near = _near(scene, tracks, center, request.radius_m)
     own = next((key for key in near if asked is not None and asked.name == f"vehicle {key}"), None)
     shown = [key for key in near if key != own][: VEHICLES_SHOWN[request.detail]]
-    vehicles = _vehicles(scene, center, [*shown, *([] if own is None else [own])])
+    roles = _roles(*kept.neighbours)
+    vehicles = _vehicles(scene, center, [*shown, *([] if own is None else [own])], roles)
     if asked is not None:
         asked = asked.model_copy(update={"vehicle": None if own is None else vehicles[own]})
     lanelets, total = _describe_lanelets(scene, ego, center, request.radius_m, LANELETS_SHOWN[request.detail])
@@ -147,12 +148,14 @@ def _distance_m(track: Track, begin: int, center: Points) -> float:
     return round(float(np.linalg.norm(track.positions[track.index_at(begin) or 0] - center)), 1)
 
 
-def _vehicles(scene: Scene, center: Points, keys: Collection[int]) -> dict[int, DescribedVehicle]:
+def _vehicles(
+    scene: Scene, center: Points, keys: Collection[int], roles: Mapping[int, str]
+) -> dict[int, DescribedVehicle]:
     """Some vehicles by id; each where it is at the ego's start, or first appears."""
     if not keys:
         return {}
     lane, known = ego_lane(scene, scene.ego) if scene.ego else None, scene.tracks | scene.standing
-    begin, roles = scene.ego.step if scene.ego else 0, _roles(scene)
+    begin = scene.ego.step if scene.ego else 0
     return {
         key: _with_role(scene, _vehicle(scene, lane, known[key], begin, center, moves=key in scene.tracks), roles)
         for key in keys
@@ -177,8 +180,7 @@ def _is_undrivable(scene: Scene, track: Track) -> bool:
     return track.kind not in NOT_DRIVEN and bool(not_drivable(scene, track.obstacle_id))
 
 
-def _roles(scene: Scene) -> dict[int, str]:
-    lead, follow = leader_and_follower(scene, scene.ego) if scene.ego else (None, None)
+def _roles(lead: int | None, follow: int | None) -> dict[int, str]:
     roles = {lead: "nearest ahead along lanelets: 'lead'", follow: "nearest behind along lanelets: 'follow'"}
     return {key: role for key, role in roles.items() if key is not None}
 

@@ -7,7 +7,7 @@ words that a driver would use.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -99,7 +99,7 @@ def _gaps_along_lanelets(scene: Scene, ego: Ego) -> Iterator[tuple[int, float]]:
     at, _ = project(table.lanes[own].center, ego.position)
     ahead = _distances(scene, own, table.successors, table.lanes[own].length_m - at)
     behind = _distances(scene, own, table.predecessors, at)
-    for key, lanelet, station in _stations(scene, ego):
+    for key, lanelet, station in _stations(scene, ego, {own, *ahead, *behind}):
         if lanelet == own:
             yield key, station - at
         if lanelet in ahead:
@@ -108,12 +108,13 @@ def _gaps_along_lanelets(scene: Scene, ego: Ego) -> Iterator[tuple[int, float]]:
             yield key, station - behind[lanelet] - table.lanes[lanelet].length_m
 
 
-def _stations(scene: Scene, ego: Ego) -> Iterator[tuple[int, int, float]]:
-    """Vehicles on lanelets, and their arc length on them, at the ego's first time step."""
+def _stations(scene: Scene, ego: Ego, wanted: Collection[int]) -> Iterator[tuple[int, int, float]]:
+    """Vehicles on some lanelets, and their arc length on them, at the ego's first time step."""
     for key, track, index in _others(scene, ego):
         match = scene.matches.get(key)
-        if match is not None and not _outside_lane(scene.network, match.at(index), track, index):
-            lanelet = match.at(index)
+        if match is None or (lanelet := match.at(index)) not in wanted:
+            continue
+        if not _outside_lane(scene.network, lanelet, track, index):
             yield key, lanelet, project(scene.layout.table.lanes[lanelet].center, track.positions[index])[0]
 
 

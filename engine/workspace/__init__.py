@@ -1,6 +1,7 @@
 """The workspace: immutable artifacts, their recipes, and the database that knows them.
 
 ``ARTIFACT_KINDS``: The names of all kinds of artifacts.
+``STARTER_TOOL``: Stands in recipes in the place of a tool where a scenario came with the package.
 ``Artifact``: What was made: id, kind, recipe and record; its files lie in the workspace.
 ``NewArtifact``: An artifact that is to be stored, with the files to copy.
 ``ArtifactKind``: The kinds of artifacts.
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from .archive import ArchiveLimits, export_workspace, import_workspace
     from .artifacts import (
         ARTIFACT_KINDS,
+        STARTER_TOOL,
         Artifact,
         ArtifactKind,
         NewArtifact,

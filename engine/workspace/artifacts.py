@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
@@ -42,10 +43,16 @@ _MAKERS: dict[ArtifactKind, str] = {
 """What makes an artifact of each kind, for the next step of a refusal."""
 _OWN_FOLDERS = frozenset(
     {
-        *("scratch", "index", "logs", "recordings", "journal", "pictures", "views", "reports", "answers", "extracts"),
+        *("scratch", "index", "logs", "recordings", "journal", "pictures", "views", "answers", "extracts"),
         *(f"{kind}s" for kind in get_args(ArtifactKind)),
     }
 )
+STARTER_TOOL = "starter"
+"""Stands in recipes in the place of a tool where a scenario came with the package."""
+_BESIDES = f"kind = 'search' OR (kind = 'scenario' AND json_extract(recipe, '$.tool') = '{STARTER_TOOL}')"
+"""What nobody made for its own sake: every look into the catalogue stores a search."""
+_MOST_KEPT = 256
+"""Artifacts whose JSON is kept as it was read, some 30 kB each; chosen: those that a session comes back to."""
 ORDINARY_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,119}")
 
 
@@ -90,6 +97,8 @@ class Workspace:
         self.database = Database(root / "workspace.sqlite")
         self._tidied = False
         self._admits: Callable[[int], None] = _admit_all
+        self._parsed = lru_cache(_MOST_KEPT)(_artifact)
+        """By whole rows, which are read each time: what another server stores, amends or removes is seen."""
 
     def limit_room(self, admits: Callable[[int], None]) -> None:
         """Have all that is to be stored admitted first, by its size in bytes: by making room, or with an error."""
@@ -239,9 +248,18 @@ class Workspace:
         if text:
             conditions.append("instr(lower(artifact_id || ' ' || name || ' ' || recipe), lower(?)) > 0")
             values.append(text)
-        query = f"SELECT * FROM artifacts WHERE {' AND '.join(conditions)} ORDER BY sequence DESC LIMIT ? OFFSET ?"  # noqa: S608 - fixed words only
+        wanted = " AND ".join(conditions)
+        query = f"SELECT {_COLUMNS} FROM artifacts WHERE {wanted} ORDER BY sequence DESC LIMIT ? OFFSET ?"  # noqa: S608 - fixed words only
         rows = self.database.connection().execute(query, (*values, limit, offset)).fetchall()
-        return [_artifact(row) for row in rows]
+        return [self._parsed(*row) for row in rows]
+
+    def newest_made(self, limit: int) -> list[Artifact]:
+        """The newest artifacts, first those that were made or imported, then searches and the starter scenarios."""
+        rows: list[sqlite3.Row] = []
+        for is_wanted in (f"NOT ({_BESIDES})", _BESIDES):
+            query = f"SELECT {_COLUMNS} FROM artifacts WHERE {is_wanted} ORDER BY sequence DESC LIMIT ?"  # noqa: S608 - fixed words only
+            rows += self.database.connection().execute(query, (limit - len(rows),)).fetchall()
+        return [self._parsed(*row) for row in rows]
 
     def newest_sequence(self) -> int:
         """The number of the newest artifact; 0 where there is none."""
@@ -315,9 +333,9 @@ class Workspace:
         self.database.close()
 
     def _first(self, condition: str, kind: ArtifactKind, value: str) -> Artifact | None:
-        query = f"SELECT * FROM artifacts WHERE kind = ? AND {condition} ORDER BY sequence LIMIT 1"  # noqa: S608 - fixed words only
+        query = f"SELECT {_COLUMNS} FROM artifacts WHERE kind = ? AND {condition} ORDER BY sequence LIMIT 1"  # noqa: S608 - fixed words only
         row = self.database.connection().execute(query, (kind, value)).fetchone()
-        return None if row is None else _artifact(row)
+        return None if row is None else self._parsed(*row)
 
     def _ids(self, kind: ArtifactKind | None) -> list[sqlite3.Row]:
         query = "SELECT artifact_id FROM artifacts WHERE ?1 IS NULL OR kind = ?1 ORDER BY sequence DESC LIMIT 5000"
@@ -335,15 +353,21 @@ class Workspace:
             raise disk_failure(target, error) from error
 
 
-def _artifact(row: sqlite3.Row) -> Artifact:
+_COLUMNS = "sequence, artifact_id, kind, name, recipe, record, made_at"
+
+
+def _artifact(
+    sequence: int, artifact_id: str, kind: ArtifactKind, name: str, recipe: str, record: str, made_at: str
+) -> Artifact:
+    """What a row of the database holds."""
     return Artifact(
-        artifact_id=row["artifact_id"],
-        kind=row["kind"],
-        name=row["name"],
-        recipe=Recipe.model_validate_json(row["recipe"]),
-        record=json.loads(row["record"]),
-        sequence=row["sequence"],
-        made_at=row["made_at"],
+        artifact_id=artifact_id,
+        kind=kind,
+        name=name,
+        recipe=Recipe.model_validate_json(recipe),
+        record=json.loads(record),
+        sequence=sequence,
+        made_at=made_at,
     )
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from ...schemas.errors import ResourceFailure
 from .artifacts import ABANDONED_S, ARTIFACT_KINDS, Workspace, disk_failure
 
-_CACHES = ("recordings", "pictures", "views", "reports", "index", "answers", "scratch")
+_CACHES = ("recordings", "pictures", "views", "index", "answers", "scratch")
 """Folders whose files are made anew when they are missing, those first that are made again most quickly."""
 _MB = 1024**2
 _LOOK_S, _LOOKS_SHARE = 60.0, 50

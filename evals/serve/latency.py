@@ -2,17 +2,20 @@
 
 Keys: ``memory_ms``, ``stdio_ms``, ``http_ms`` (medians of a call that reads the workspace, ``list_artifacts``, in
 memory, by standard input and by HTTP with a token), ``http_sessions_ms`` (by HTTP in a revision with sessions),
-``bare_http_ms`` (the same SDK's server with one tool that does nothing, by HTTP), ``start_ratio`` (process start to the
-first answer, median of the paired ratios against an ``MCPServer`` without tools).
+``bare_http_ms`` (the same SDK's server with one tool that does nothing, by HTTP), ``find_scenarios_ms``,
+``describe_catalog_ms``, ``describe_scenario_ms`` (medians of these calls in memory; the last one asks a worker),
+``start_ratio`` (process start to the first answer, median of the paired ratios against an ``MCPServer`` without tools).
 
-The transports take turns, block by block, so that what else the machine does falls on all of them alike.
+Every workspace holds the starter scenarios. Transports and calls take turns, block by block, so that what else the
+machine does falls on all of them alike.
 """
 
 import statistics
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from contextlib import AbstractAsyncContextManager, AsyncExitStack
+from functools import partial
 from pathlib import Path
 
 import anyio
@@ -21,11 +24,11 @@ from mcp import Client, StdioServerParameters
 from ...server.assembly import create_server
 from ...server.settings import Settings
 from ..faults.http_process import QUIET, http_client, http_process
-from ..harness import Figures, call_ms
+from ..harness import Figures, ask, call_ms
 from .bench import ServeBench
 
 _STARTS, _BLOCKS, _CALLS, _WARM_UP = 9, 10, 30, 20
-"""Starts, blocks of calls of each transport, calls of a block, and calls before; chosen: the figures are medians."""
+"""Starts, blocks of calls of each kind, calls of a block, and calls before; chosen: the figures are medians."""
 _TOKEN = "latency-" + "t" * 32
 _BARE = "from mcp.server import MCPServer; MCPServer('bare').run()"
 _BARE_HTTP = """
@@ -66,15 +69,34 @@ async def _measure(folder: Path) -> Figures:
                 "bare_http_ms": http_client(bare.url),
             }
             opened = {name: await stack.enter_async_context(client) for name, client in clients.items()}
-            times = {name: list[float]() for name in opened}
-            for client in opened.values():
-                for _ in range(_WARM_UP):
-                    await call_ms(client, "list_artifacts")
-            for _ in range(_BLOCKS):
-                for name, client in opened.items():
-                    times[name] += [await call_ms(client, "list_artifacts") for _ in range(_CALLS)]
+            for name, client in opened.items():
+                if name != "bare_http_ms":
+                    await call_ms(client, "describe_catalog")  # the first of its kind brings the starter scenarios
+            memory = opened["memory_ms"]
+            found = await ask(memory, "find_scenarios")
+            scenario_id = found["matches"][0]["scenario_id"]
+            times = await _times_ms(
+                {
+                    **{name: partial(call_ms, client, "list_artifacts") for name, client in opened.items()},
+                    "find_scenarios_ms": partial(call_ms, memory, "find_scenarios"),
+                    "describe_catalog_ms": partial(call_ms, memory, "describe_catalog"),
+                    "describe_scenario_ms": partial(call_ms, memory, "describe_scenario", scenario_id=scenario_id),
+                }
+            )
     medians = {name: round(statistics.median(values), 3) for name, values in times.items()}
     return {**medians, "start_ratio": round(statistics.median(ratios), 3)}
+
+
+async def _times_ms(calls: Mapping[str, Callable[[], Awaitable[float]]]) -> dict[str, list[float]]:
+    """The times of calls by their keys; they take turns block by block."""
+    times = {name: list[float]() for name in calls}
+    for call in calls.values():
+        for _ in range(_WARM_UP):
+            await call()
+    for _ in range(_BLOCKS):
+        for name, call in calls.items():
+            times[name] += [await call() for _ in range(_CALLS)]
+    return times
 
 
 def _stdio(workspace: Path, settings: Mapping[str, str] | None = None) -> StdioServerParameters:

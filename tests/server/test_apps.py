@@ -33,6 +33,7 @@ async def host(settings: Settings, era: str, folder: Path, **extension: Any) -> 
 
 def test_uri_of_a_view_is_read_back() -> None:
     assert viewed_ids(str(view_uri([SCENARIO, "run_1"]))) == [SCENARIO, "run_1"]
+    assert viewed_ids(f"plannerforge://view/{SCENARIO}%2Brun_1") == [SCENARIO, "run_1"]
     assert view_uri([]) is None
     assert view_uri(["run_1"] * 21) is None
     for wrong in (

@@ -21,6 +21,7 @@ from plannerforge.schemas.base import Model
 from plannerforge.schemas.errors import InvalidRequest, UnknownName
 from plannerforge.server.reading import page_of
 from plannerforge.server.settings import Settings
+from plannerforge.tools.registry import TOOLS
 
 SCENARIO = "DEU_A-1_1_T-1"
 RECIPE = Recipe(tool="test", arguments={"of": "resources"})
@@ -33,7 +34,6 @@ URIS = {
     f"{SCHEME}run/run_1/steps": ("[]", "application/json"),
     f"{SCHEME}picture/p.png": (b"\x89PNG", "image/png"),
     f"{SCHEME}picture/p.gif": (b"GIF89a", "image/gif"),
-    f"{SCHEME}report/r.html": ("<html/>", "text/html"),
 }
 COMPUTED = {
     f"{SCHEME}job/{JOB.job_id}": (JOB.job_id, "application/json"),
@@ -52,6 +52,7 @@ NOTHING = [
     "job/job_1/record",
     "picture/missing.png",
     "picture/secret.txt",
+    "report/r.html",
     "vocabulary/nothing",
     "vocabulary/tags/record",
     "preset/frenetix",
@@ -92,7 +93,7 @@ def workspace(settings: Settings) -> Iterator[Workspace]:
                 (folder / name).write_text(content)
             paths = {name: folder / name for name in files}
             opened.put(kind, artifact_id, recipe=Recipe(tool="test"), record=Note(), files=paths)
-    made = {"pictures/p.png": b"\x89PNG", "pictures/p.gif": b"GIF89a", "reports/r.html": b"<html/>"}
+    made = {"pictures/p.png": b"\x89PNG", "pictures/p.gif": b"GIF89a"}
     for name, content in {**made, "pictures/secret.txt": b"x", "pictures/.hidden.png": b"x"}.items():
         path = opened.root / name
         path.parent.mkdir(exist_ok=True)
@@ -153,7 +154,8 @@ async def test_client_lists_templates_and_reads_text_and_pictures(connect: Any) 
         (text,) = (await client.read_resource(f"{SCHEME}scenario/{SCENARIO}/xml")).contents
         (picture,) = (await client.read_resource(f"{SCHEME}picture/p.png")).contents
     known = [template.uri_template for template in TEMPLATES]
-    assert [template.uri_template for template in templates] == [*known, f"{SCHEME}schema/{{tool}}"]
+    by_tools = [f"{SCHEME}schema/{{tool}}", f"{SCHEME}view/{{ids}}"]
+    assert [template.uri_template for template in templates] == [*known, *by_tools]
     assert (text.text, text.mime_type) == ("<scenario/>", "application/xml")
     assert (picture.blob, picture.mime_type) == ("iVBORw==", "image/png")
 
@@ -170,18 +172,30 @@ async def test_client_is_refused_with_invalid_params(connect: Any, rest: str) ->
 
 def test_what_is_listed_can_be_read_with_the_stated_type_and_size(workspace: Workspace) -> None:
     listed = listed_resources(workspace)
-    assert {f"{SCHEME}scenario/{SCENARIO}/xml", f"{SCHEME}config/cfg_1/yaml"} <= {one.uri for one in listed}
+    made = {f"{SCHEME}scenario/{SCENARIO}/xml", f"{SCHEME}config/cfg_1/yaml", f"{SCHEME}preset/idm/Default"}
+    assert made <= {one.uri for one in listed}
+    assert [one.uri for one in listed if not one.title] == []
     for resource in listed:
         content, mime_type = read_resource(resource.uri, workspace)
         size = len(content.encode() if isinstance(content, str) else content)
-        assert (resource.mime_type, resource.size) == (mime_type, size), resource
+        told = None if "/preset/" in resource.uri else size
+        assert (resource.mime_type, resource.size) == (mime_type, told), resource
 
 
-def test_only_the_newest_twenty_artifacts_are_listed(workspace: Workspace) -> None:
+def test_newest_twenty_artifacts_are_listed_with_searches_and_starters_last(workspace: Workspace) -> None:
     for number in range(30):
         workspace.put("search", f"search_{number}", recipe=Recipe(tool="test"), record=Note())
-    listed = [one.name for one in listed_resources(workspace) if "vocabulary" not in one.uri]
-    assert listed == [f"search_{number}" for number in range(29, 9, -1)]
+    with workspace.scratch() as folder:
+        (folder / "scenario.xml").write_text("<scenario/>")
+        files = {"scenario.xml": folder / "scenario.xml"}
+        workspace.put("scenario", "ZAM_S-1_1_T-1", recipe=Recipe(tool="starter"), record=Note(), files=files)
+    listed = [one.name for one in listed_resources(workspace) if re.search("/(record|xml|yaml)$", one.uri)]
+    searches = [f"search_{number}" for number in range(29, 13, -1)]
+    assert listed == ["run_1", "cfg_1", SCENARIO, "ZAM_S-1_1_T-1", *searches]
+    for number in range(30):
+        workspace.put("batch", f"batch_{number}", recipe=Recipe(tool="test"), record=Note())
+    listed = [one.name for one in listed_resources(workspace) if one.uri.endswith("/record")]
+    assert listed == [f"batch_{number}" for number in range(29, 9, -1)]
 
 
 def test_pages_follow_each_other_and_no_other_cursor_is_taken() -> None:
@@ -207,9 +221,13 @@ async def test_client_lists_a_handful_and_is_refused_a_wrong_cursor(connect: Any
             with pytest.raises(MCPError, match="is no cursor") as caught:
                 await ask(cursor="nonsense")
             assert caught.value.error.code == INVALID_PARAMS
+        following = await client.list_resources(cursor=listed.next_cursor) if listed.next_cursor else None
+        entries = [*listed.resources, *(following.resources if following else [])]
     uris = [resource.uri for resource in listed.resources]
     assert uris[:3] == [SCHEME + name for name in ("catalog", "maps", "planners")]
     assert len(uris) <= 50
+    assert {f"{SCHEME}schema/{spec.name}" for spec in TOOLS} <= {one.uri for one in entries}
+    assert [one.uri for one in entries if not one.title] == []
 
 
 @pytest.mark.anyio
@@ -243,6 +261,8 @@ async def test_resource_says_what_its_tool_says(connect: Any) -> None:
         ("preset/{planner}/{name}", "planner", "fren", {}, ["frenetix"]),
         ("preset/{planner}/{name}", "name", "comf", {"planner": "frenetix"}, ["Comfort"]),
         ("schema/{tool}", "tool", "modify", {}, ["modify_scenario"]),
+        ("view/{ids}", "ids", "", {}, ["run_1", SCENARIO]),
+        ("view/{ids}", "ids", "run_1+DEU", {}, [f"run_1+{SCENARIO}"]),
     ],
 )
 async def test_arguments_of_templates_are_completed(

@@ -172,6 +172,9 @@ async def test_control_and_invisible_characters_are_removed_from_both_channels(c
     smuggled = "a\x00b\x1b[31mc\u200bd\u202ee\ufeff\U000e0041f\r\n\tg"
     async with connect() as client:
         result = await client.call_tool("echo", {"text": smuggled, "tags": [smuggled]})
+        for character in "\x00\x08\x1b\r\x7f\u200b\u202e\ufeff":
+            alone = await client.call_tool("echo", {"text": f"a{character}b"})
+            assert alone.structured_content["said"]["text"] == "ab", repr(character)
     assert result.structured_content["said"]["text"] == "ab[31mcdef\n\tg"
     assert result.structured_content["said"]["tags"] == ["ab[31mcdef\n\tg"]
     async with connect() as client:

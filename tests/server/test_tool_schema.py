@@ -9,7 +9,7 @@ import pytest
 from pydantic import Field
 
 from plannerforge.schemas.base import Answer, Arguments, Model, Result
-from plannerforge.server.tool_schema import input_schema, output_schema, tool_description
+from plannerforge.server.tool_schema import folded, input_schema, output_schema, tool_description
 from plannerforge.tools.registry import TOOLS, ToolSpec
 
 
@@ -23,6 +23,12 @@ class Target(Model):
 
     title: str
     speed_mps: float | None = Field(None, ge=0, description="where it differs")
+
+
+class Told(Model):
+    """An object that one field holds."""
+
+    words: str
 
 
 class Request(Arguments):
@@ -108,6 +114,30 @@ def test_output_keeps_null_arms_so_that_real_answers_validate() -> None:
     assert "title" in schema["$defs"]["Target"]["properties"]
     assert "title" not in schema
     jsonschema.validate(SchemaResult(targets=(Target(title="x"),)).model_dump(mode="json"), schema)
+
+
+class Pair(Result):
+    """Two of a kind that is named twice, and one of a kind that is named once."""
+
+    first: Target
+    second: Target | None
+    told: Told | None = None
+    anyOf: int = 3  # noqa: N815 - a name that means something in a schema
+
+    def answer(self) -> Answer:
+        """Nothing that matters here."""
+        return Answer("a pair")
+
+
+def test_folded_output_names_only_what_stands_in_it_twice_and_has_null_first() -> None:
+    schema = folded(output_schema(Pair))
+    assert list(schema["$defs"]) == ["Target"]
+    assert schema["properties"]["second"]["anyOf"][0] == {"type": "null"}
+    assert schema["properties"]["told"]["anyOf"][1]["properties"] == {"words": {"type": "string"}}
+    answer = Pair(first=Target(title="a"), second=None, told=Told(words="b")).model_dump(mode="json")
+    jsonschema.validate(answer, schema)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({**answer, "told": {"words": 1}}, schema)
 
 
 @pytest.mark.parametrize("spec", TOOLS, ids=lambda spec: spec.name)

@@ -124,3 +124,4 @@ async def test_other_lists_hold_no_rates(connect: Connect, settings: Settings) -
         listed = ListArtifactsResult.model_validate(answer.structured_content)
         assert {item.kind for item in listed.artifacts} >= {"batch", "run"}
         assert all(item.batch is None for item in listed.artifacts)
+        assert [item for item in answer.structured_content["artifacts"] if "batch" in item] == []

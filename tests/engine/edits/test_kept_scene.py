@@ -12,7 +12,8 @@ from plannerforge.engine.edits.ego_risk import EgoDrive, base_drive
 from plannerforge.engine.edits.scene_cache import scene_of
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.scenarios.description import describe
-from plannerforge.engine.scene.scene import Scene
+from plannerforge.engine.scene.ego_relations import leader_and_follower
+from plannerforge.engine.scene.scene import Ego, Scene
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.scenarios import DescribeRequest
 
@@ -34,6 +35,19 @@ def test_a_scenario_that_was_described_is_not_read_for_an_edit(tmp_path: Path, m
 
     monkeypatch.setattr("plannerforge.engine.commonroad.reader.read_recorded", read_again)
     assert apply_to(path, tmp_path / "out", EDIT).outcome.touched
+
+
+def test_lead_and_follower_of_a_scenario_are_looked_for_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    request = DescribeRequest(path=town_road().write(tmp_path / "base.xml"), detail="brief", focus=None, radius_m=50.0)
+    looked: list[Ego] = []
+
+    def look(scene: Scene, ego: Ego) -> tuple[int | None, int | None]:
+        looked.append(ego)
+        return leader_and_follower(scene, ego)
+
+    monkeypatch.setattr("plannerforge.engine.edits.scene_cache.leader_and_follower", look)
+    assert describe(request, silent) == describe(request, silent)
+    assert len(looked) == 1
 
 
 def test_a_recording_is_read_once_for_runs_pictures_and_edits(tmp_path: Path) -> None:

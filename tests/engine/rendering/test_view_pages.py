@@ -264,3 +264,27 @@ def test_plan_of_the_moment_is_drawn_unless_it_is_switched_off(
     page.wait_for(f"!{PLAYER}.stale")
     assert page.value(picture) != with_plans
     assert page.errors == []
+
+
+def test_predictions_are_drawn_in_their_colour_with_the_plans(
+    browser: Browser, folder: Path, town: ScenarioSource
+) -> None:
+    plans = (ShownPlan(step=0, plan=(0.0, 0.0, 9.0, 0.0), predictions=((20.0, 8.0, 60.0, 8.0),)),)
+    (folder / "predictions.json").write_text(RunPlans(plans=plans).model_dump_json())
+    pane = ViewPane(scenario=town, run=hit(folder), plans_path=str(folder / "predictions.json"))
+    page = opened(browser, folder, "predictions", pane)
+    assert "where the planner expected others" in shown(page, ".side")
+    of_their_colour = f"""(() => {{
+        const canvas = document.querySelector('.stage canvas');
+        const wanted = {PLAYER}.colours['series-0'].match(/\\d+/g).map(Number);
+        const seen = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+        let count = 0;
+        for (let i = 0; i < seen.length; i += 4)
+            count += wanted.every((value, j) => Math.abs(seen[i + j] - value) <= 2);
+        return count; }})()"""
+    page.press("Home")
+    page.wait_for(f"!{PLAYER}.stale")
+    assert page.value(of_their_colour) > 20
+    page.press("o")
+    page.wait_for(f"!{PLAYER}.stale")
+    assert page.value(of_their_colour) == 0

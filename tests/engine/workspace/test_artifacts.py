@@ -73,6 +73,25 @@ def test_stored_artifact_is_read_back_whole(workspace: Workspace) -> None:
     ]
 
 
+def test_what_another_server_amends_or_removes_is_seen_though_it_was_read_before(workspace: Workspace) -> None:
+    put(workspace, "DEU_A-1_1_T-1", "first")
+    assert workspace.get("DEU_A-1_1_T-1", "scenario").read(Note) == Note(text="first")
+    other = Workspace(workspace.root)
+    other.amend("scenario", "DEU_A-1_1_T-1", Note(text="second"))
+    assert workspace.get("DEU_A-1_1_T-1", "scenario").read(Note) == Note(text="second")
+    with other.database.writing() as connection:
+        connection.execute("DELETE FROM artifacts")
+    assert workspace.find("scenario", "DEU_A-1_1_T-1") is None
+    assert workspace.newest() == []
+    other.close()
+
+
+def test_json_of_an_artifact_is_read_once(workspace: Workspace) -> None:
+    put(workspace, "DEU_A-1_1_T-1", "first")
+    (listed,) = workspace.newest()
+    assert listed is workspace.get("DEU_A-1_1_T-1", "scenario") is workspace.newest_made(1)[0]
+
+
 def test_same_id_again_gives_the_stored_one_untouched(workspace: Workspace) -> None:
     first = put(workspace, "DEU_A-1_1_T-1", "first", {"scenario.xml": "first"})
     again = put(workspace, "DEU_A-1_1_T-1", "second", {"scenario.xml": "second"})
