@@ -28,12 +28,12 @@ find_python() {
 }
 
 install_package() {
-    local python
+    local python lacking
     python=$(find_python)
     say "Making the environment in $venv with $("$python" --version)"
     install_pinned "$python" && return
     say "Some of these versions cannot be had here: pip chooses others"
-    check_compiler "$python"
+    lacking=$(lacks_compiler "$python") && fail "one dependency (Polygon3) needs $lacking"
     install_torch
     say "Installing PlannerForge and its dependencies (two to three minutes)"
     install -e .
@@ -54,14 +54,16 @@ install_pinned() {
     install "${pinned[@]}"
 }
 
-check_compiler() {
-    # commonroad-drivability-checker asks for Polygon3, which is built from source.
-    command -v cc >/dev/null 2>&1 || command -v gcc >/dev/null 2>&1 || command -v clang >/dev/null 2>&1 ||
-        fail "needs a C compiler for one dependency (Polygon3). Get it with: sudo apt-get install gcc (or your system's equivalent)"
+lacks_compiler() {
+    # Says what is missing to build Polygon3, which commonroad-drivability-checker asks for; fails where nothing is.
     local header
+    if ! command -v cc >/dev/null 2>&1 && ! command -v gcc >/dev/null 2>&1 && ! command -v clang >/dev/null 2>&1; then
+        echo "a C compiler (sudo apt-get install gcc, or your system's equivalent)"
+        return
+    fi
     header=$("$1" -c 'import sysconfig; print(sysconfig.get_paths()["include"])')/Python.h
-    [ -f "$header" ] ||
-        fail "needs Python's headers for one dependency (Polygon3); $header is missing. Get them with: sudo apt-get install python3-dev"
+    [ -f "$header" ] && return 1
+    echo "Python's headers, as $header is missing (sudo apt-get install python3-dev)"
 }
 
 install_torch() {
@@ -100,11 +102,24 @@ with open("pyproject.toml", "rb") as stream:
 PYTHON
 }
 
+install_polygon() {
+    # CommonRoad's own checker, which solutions are held against in the tests, draws the road's edge by Polygon3.
+    local lacking
+    has Polygon && return
+    if lacking=$(lacks_compiler "$venv/bin/python"); then
+        say "Tests of solutions are skipped: the checker that they are held against (Polygon3) needs $lacking"
+    else
+        say "Building Polygon3, which tests of solutions need"
+        install polygon3==3.0.9.1
+    fi
+}
+
 install_development() {
     if ! has torch || ! has sentence_transformers; then
         install_torch
         install "sentence-transformers==$(pinned sentence-transformers)"
     fi
+    install_polygon
     say "Installing the developers' tools"
     install_group
 }

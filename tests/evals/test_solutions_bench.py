@@ -7,6 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
+pytest.importorskip("Polygon", reason="CommonRoad's checker needs Polygon3, which is built where there is a compiler")
+
 from commonroad.common.solution import CommonRoadSolutionReader
 from support.builders import Problem, town_road
 from support.planning import configuration

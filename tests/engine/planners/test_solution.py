@@ -15,6 +15,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+
+pytest.importorskip("Polygon", reason="CommonRoad's checker needs Polygon3, which is built where there is a compiler")
+
 from commonroad.common.solution import CommonRoadSolutionReader, Solution
 from commonroad_dc import pycrcc
 from commonroad_dc.boundary.boundary import create_road_boundary_obstacle
