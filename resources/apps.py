@@ -14,8 +14,9 @@ from typing import Literal
 
 from mcp.server.apps import Apps
 from mcp.server.mcpserver.resources import FunctionResource
+from mcp.types import ResourceTemplate
 
-from ..engine.workspace import ArtifactKind, Workspace
+from ..engine.workspace import VIEWED_KINDS, Workspace
 from .templates import SCHEME
 
 VIEW_KEY = "plannerforge/view"
@@ -25,10 +26,15 @@ PageKind = Literal["player", "board"]
 _TITLES: dict[PageKind, str] = {"player": "Scenario and run player", "board": "Board of runs"}
 _MOST_NAMED = 20
 """Ids in the URI of a view (chosen): more are runs without a batch that nobody looks at one by one."""
-
-_VIEWED: tuple[ArtifactKind, ...] = ("scenario", "run", "batch")
 _MOST_COMPLETED = 300
 """Newest artifacts of each kind among which the ids of a view are completed; chosen."""
+VIEW_TEMPLATE = ResourceTemplate(
+    uri_template=f"{SCHEME}view/{{ids}}",
+    name="view",
+    title="View",
+    description="What the pages of MCP Apps show of a scenario or run, of two joined by +, or of a batch",
+    mime_type="application/json",
+)
 
 
 def page_uri(kind: PageKind) -> str:
@@ -51,7 +57,7 @@ def viewed_ids(uri: str) -> list[str]:
 def completed_views(typed: str, workspace: Workspace) -> list[str]:
     """What a view can show whose last id begins as the last one typed, in any case; newest first."""
     before, plus, last = typed.rpartition("+")
-    stored = [artifact for kind in _VIEWED for artifact in workspace.newest(kind=kind, limit=_MOST_COMPLETED)]
+    stored = [artifact for kind in VIEWED_KINDS for artifact in workspace.newest(kind=kind, limit=_MOST_COMPLETED)]
     newest = sorted(stored, key=lambda artifact: -artifact.sequence)
     begun = [artifact.artifact_id for artifact in newest if artifact.artifact_id.casefold().startswith(last.casefold())]
     return [f"{before}{plus}{artifact_id}" for artifact_id in begun]

@@ -32,7 +32,7 @@ from mcp.types import (
 from ..engine.execution import CallThreads
 from ..engine.workspace import Workspace
 from ..prompts.catalog import completions
-from ..resources.apps import completed_views, viewed_ids
+from ..resources.apps import VIEW_TEMPLATE, completed_views, viewed_ids
 from ..resources.templates import (
     SCHEME,
     TEMPLATES,
@@ -76,15 +76,6 @@ _SCHEMA_TEMPLATE = ResourceTemplate(
 )
 
 
-_VIEW_TEMPLATE = ResourceTemplate(
-    uri_template=f"{SCHEME}view/{{ids}}",
-    name="view",
-    title="View",
-    description="What the pages of MCP Apps show of a scenario or run, of two joined by +, or of a batch",
-    mime_type=_JSON,
-)
-
-
 class ResourceReading:
     """Answers the protocol's requests about resources, in the threads of calls.
 
@@ -108,7 +99,7 @@ class ResourceReading:
 
     def templates(self) -> list[ResourceTemplate]:
         """Where everything can be read that tools link to."""
-        return [*TEMPLATES, _SCHEMA_TEMPLATE, _VIEW_TEMPLATE]
+        return [*TEMPLATES, _SCHEMA_TEMPLATE, VIEW_TEMPLATE]
 
     async def read(self, uri: str, services: Services) -> tuple[str | bytes, str]:
         """Content and media type behind a URI.
@@ -189,7 +180,7 @@ class ResourceReading:
     ) -> list[str]:
         if (template, argument) == (_SCHEMA_TEMPLATE.uri_template, "tool"):
             return [name for name in self._tools if name.startswith(typed.casefold())]
-        if (template, argument) == (_VIEW_TEMPLATE.uri_template, "ids"):
+        if (template, argument) == (VIEW_TEMPLATE.uri_template, "ids"):
             return completed_views(typed, workspace)
         return resource_completions(template, argument, typed, given, workspace)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..engine.planners import planner_version
 from ..engine.rendering import filled_page
-from ..engine.workspace import Artifact, versions_of, write_whole
+from ..engine.workspace import VIEWED_KINDS, Artifact, versions_of, write_whole
 from ..resources.templates import picture_link
 from ..schemas.analysis.optimization import StudyRecord
 from ..schemas.errors import Faults, InvalidRequest, PlannerForgeError, UnknownName
@@ -209,10 +209,10 @@ async def _view_data(request: ViewRequest, kept: Path, call: ToolCall) -> str:
 
 def _view_request(artifacts: Sequence[Artifact], call: ToolCall, *, whole: bool) -> ViewRequest:
     title = " | ".join(artifact.artifact_id for artifact in artifacts)
-    unseen = [artifact for artifact in artifacts if artifact.kind not in ("scenario", "run", "batch")]
+    unseen = [artifact for artifact in artifacts if artifact.kind not in VIEWED_KINDS]
     if unseen:
         raise InvalidRequest(
-            f"'{unseen[0].artifact_id}' is a {unseen[0].kind}, which no view shows", valid=["scenario", "run", "batch"]
+            f"'{unseen[0].artifact_id}' is a {unseen[0].kind}, which no view shows", valid=VIEWED_KINDS
         )
     kind = _view_kind(artifacts)
     if kind == "player":

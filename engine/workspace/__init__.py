@@ -2,6 +2,7 @@
 
 ``ARTIFACT_KINDS``: The names of all kinds of artifacts.
 ``STARTER_TOOL``: Stands in recipes in the place of a tool where a scenario came with the package.
+``VIEWED_KINDS``: The kinds of artifacts that have a view.
 ``Artifact``: What was made: id, kind, recipe and record; its files lie in the workspace.
 ``NewArtifact``: An artifact that is to be stored, with the files to copy.
 ``ArtifactKind``: The kinds of artifacts.
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from .artifacts import (
         ARTIFACT_KINDS,
         STARTER_TOOL,
+        VIEWED_KINDS,
         Artifact,
         ArtifactKind,
         NewArtifact,

@@ -27,6 +27,8 @@ from .recipe import Recipe
 
 ArtifactKind = Literal["scenario", "search", "config", "run", "batch", "map", "plan", "study"]
 ARTIFACT_KINDS: tuple[str, ...] = get_args(ArtifactKind)
+VIEWED_KINDS: tuple[ArtifactKind, ...] = ("scenario", "run", "batch")
+"""Those that have a view: player or board."""
 Record = TypeVar("Record", bound=Model)
 ABANDONED_S = 3600.0
 """A scratch folder is left alone for this time: its process may run in another container, unseen. Chosen."""

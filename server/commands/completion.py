@@ -4,20 +4,14 @@ Each function gives all there is with a word on it; typer keeps what begins as w
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import typer
 
 from ...schemas.errors import PlannerForgeError
 from .flags import settings_from
 
-if TYPE_CHECKING:
-    from ...engine.workspace import ArtifactKind
-
 _MOST_IDS = 50
 """The newest of each kind that are offered; chosen: more than a screen shows help nobody."""
-_VIEWED: "tuple[ArtifactKind, ...]" = ("scenario", "run", "batch")
-"""The kinds that a view shows."""
 
 
 def hosts() -> list[tuple[str, str]]:
@@ -36,7 +30,7 @@ def tools() -> list[tuple[str, str]]:
 
 def viewed(context: typer.Context) -> list[tuple[str, str]]:
     """What ``view`` shows of the workspace that is meant, newest first of each kind; a workspace is not made."""
-    from ...engine.workspace import Workspace
+    from ...engine.workspace import VIEWED_KINDS, Workspace
 
     named = context.params.get("workspace")
     root = settings_from(workspace=Path(named) if named else None).workspace.expanduser().resolve()
@@ -47,7 +41,7 @@ def viewed(context: typer.Context) -> list[tuple[str, str]]:
     except PlannerForgeError:  # a TAB has no place for the reason; the command itself gives it
         return []
     try:
-        found = [each for kind in _VIEWED for each in workspace.newest(kind=kind, limit=_MOST_IDS)]
+        found = [each for kind in VIEWED_KINDS for each in workspace.newest(kind=kind, limit=_MOST_IDS)]
     finally:
         workspace.close()
     return [(each.artifact_id, each.name or each.kind) for each in found]
