@@ -11,6 +11,7 @@ import httpx2
 import psutil
 from mcp import Client
 from mcp.client.streamable_http import streamable_http_client
+from mcp.types import CONNECTION_CLOSED, ErrorData, JSONRPCError
 
 _TIMEOUT_S = 120.0
 _STOP_S = 60.0
@@ -81,13 +82,18 @@ def _address(started: psutil.Popen, log: Path) -> str:
 
 
 class _Outliving(httpx2.AsyncHTTPTransport):
-    """Requests that reach no server, or one that dies, are answered with 502: the SDK's client would end at once."""
+    """Requests that reach no server, or one that dies, are answered with 502: the SDK's client would end at once.
+
+    The body gives them the code that the SDK gives to streams which break off: the connection was closed.
+    """
 
     async def handle_async_request(self, request: httpx2.Request) -> httpx2.Response:
         try:
             return await super().handle_async_request(request)
         except httpx2.TransportError as error:
-            return httpx2.Response(502, text=f"{type(error).__name__}: {error}", request=request)
+            told = ErrorData(code=CONNECTION_CLOSED, message=f"{type(error).__name__}: {error}")
+            answer = JSONRPCError(jsonrpc="2.0", id=None, error=told)
+            return httpx2.Response(502, json=answer.model_dump(mode="json"), request=request)
 
 
 @asynccontextmanager

@@ -41,6 +41,10 @@ async def wait(seconds: float) -> str:
 
 @server.tool()
 async def die() -> str:
+    """Close every connection, and end a moment later: clients know it before the system does."""
+    os.close(1)
+    os.closerange(3, 1024)
+    time.sleep(0.5)
     os._exit(1)
 
 
