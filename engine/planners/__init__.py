@@ -11,6 +11,8 @@
 ``driven_poses``: The poses of a rear axle that drives scaled curvatures and speeds.
 ``motion_primitives``: The primitives to n ends at m times, and whether the network knows each.
 ``straight_lines``: Straight lines over the nodes between first and last values.
+``Goal``: The goal region of a planning problem: whether an ego is in it, in its time, at its speeds.
+``DesiredSpeed``: How fast to drive to a goal, in m/s.
 ``progress_to_goal``: The share of the reference path to the goal that positions came along; None without one.
 ``EgoState``: The ego at one time step: centre in m, heading in rad, speed, acceleration and yaw rate.
 ``Observation``: What a planner sees before it plans: the ego and the predicted obstacles.
@@ -19,6 +21,7 @@
 ``Planner``: The protocol that every planner satisfies.
 ``PlanningTask``: Everything that stays the same during a run.
 ``BEYOND_GOAL_M``: How far a reference path goes on beyond its goal at least, in m.
+``ReferencePath``: The line that a planner follows to the goal.
 ``build_reference_path``: The path of a route for an ego at a position and speed.
 ``PLANNERS``: For each planner by its name the function that makes it.
 ``planner_names``: The names of all planners, those of others included.
@@ -34,12 +37,14 @@
 ``known_planner``: A planner's name as registered; ``UnknownName`` where there is none.
 ``make_planner``: A new planner by its name.
 ``run_planner``: An operation: runs a planner on one planning problem of a CommonRoad file.
+``run_steps``: The driven states of a run, with costs and rejections of its plans.
 ``DrivenRun``: States, plans and verdict of a run.
 ``simulate``: The run of a planner on a planning problem, until the judge ends it.
 ``steering_of``: The steering angle in rad at every state that the turns before and after it need on average.
 ``write_solution``: An operation: writes a run's trajectory as a CommonRoad solution file.
 ``Predictor``: A function that predicts one track.
 ``predictor``: The function that predicts one track on a network, by the name of a prediction.
+``follows``: Whether a place is straight behind the ego, in the cone that guessed futures leave out.
 ``check_modes``: Raises ``InvalidRequest`` where a prediction does not go with the traffic.
 ``open_traffic``: The others of a scenario, recorded or reactive, at the ego's first step.
 ``RecordedTraffic``: The obstacles of a scenario, following their recordings.
@@ -56,9 +61,9 @@ if TYPE_CHECKING:
     from .external.found import Found, OwnPlanner, programs_named
     from .frenetix.costs import CandidateBatch, responsibility
     from .frenetix.planner import Frenetix
-    from .goal import progress_to_goal
+    from .goal import DesiredSpeed, Goal, progress_to_goal
     from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
-    from .prediction import Predictor, predictor
+    from .prediction import Predictor, follows, predictor
     from .rbfn.network import (
         PRIMITIVE_INPUTS,
         PRIMITIVE_NODES,
@@ -68,7 +73,7 @@ if TYPE_CHECKING:
         motion_primitives,
         straight_lines,
     )
-    from .reference_path import BEYOND_GOAL_M, build_reference_path
+    from .reference_path import BEYOND_GOAL_M, ReferencePath, build_reference_path
     from .registry import (
         PLANNERS,
         check_modes,
@@ -80,7 +85,7 @@ if TYPE_CHECKING:
         planner_version,
         refused_planners,
     )
-    from .runs import run_planner
+    from .runs import run_planner, run_steps
     from .simulation import DrivenRun, simulate
     from .solution import steering_of, write_solution
     from .traffic.recorded import RecordedTraffic

@@ -213,8 +213,12 @@ def ground_truth(track: Track, index: int, steps: int, step_s: float) -> Predict
 
 
 def _visible(position: Points, ego: EgoState, *, blind_behind: bool) -> bool:
+    distance = float(np.hypot(*(position - ego.position)))
+    return distance <= _SENSOR_RADIUS_M and not (blind_behind and follows(position, ego))
+
+
+def follows(position: Points, ego: EgoState) -> bool:
+    """Whether a place is straight behind the ego, where :func:`observe` leaves others out of a guessed future."""
     offset = position - ego.position
-    distance = float(np.hypot(*offset))
     bearing = wrap_angle(math.atan2(offset[1], offset[0]) - ego.heading_rad)
-    follows = blind_behind and distance > _REAR_CONE_FROM_M and math.pi - abs(bearing) < _REAR_CONE_RAD / 2
-    return distance <= _SENSOR_RADIUS_M and not follows
+    return float(np.hypot(*offset)) > _REAR_CONE_FROM_M and math.pi - abs(bearing) < _REAR_CONE_RAD / 2

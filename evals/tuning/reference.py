@@ -7,17 +7,19 @@ Scenarios are drawn from the public ones by the seed; weights are those of our p
 Both know the recording as prediction (``ground_truth``), the one that both loops have; the scenarios are driven by
 turns, each on every other one first. As it is configured, the reference leaves out followers behind the ego whatever
 the prediction, ours only where it guesses; so the reference drives once more with its cone for that set to 0
-(``seeing``). How a run ends is told in the same five classes, and a pair that ends otherwise is
-classed from the logs by :func:`cause_of`: what the two did is asked apart from who judged it, by driving what the
-reference drove once more through our loop.
+(``seeing``). The other way round, our loop drives once more by two rules of the reference: it leaves followers out, and
+keeps its speed in a goal that asks for none (``alike``). How a run ends is told in the same five classes, and a pair
+that ends otherwise is classed from the logs by :func:`cause_of`: what the two did is asked apart from who judged it, by
+driving what the reference drove once more through our loop.
 
 Keys: ``reference_scenarios``: which both attempt (no other count); ``reference_agree``: share that end in the same
 class; ``reference_trap``, ``reference_prediction``, ``reference_goal_rule``, ``reference_road_check``,
 ``reference_sampling``: how many end otherwise, by cause; ``reference_from_behind``: of these, those in which another
-hit the reference's ego from behind; ``reference_success``, ``own_success``: shares that reach the goal;
-``reference_seeing_agree`` and so on: the same where the reference sees followers; ``reference_time_ratio``: processor
-time, theirs over ours, of all runs together (as configured); ``reference_time_ratio_clock``: the same by the clock;
-``reference_run_s``, ``own_run_s``: medians of processor time.
+hit the reference's ego from behind; ``reference_success``, ``own_success``, ``own_alike_success``: shares that reach the
+goal; ``reference_seeing_agree`` and so on: the same where the reference sees followers; ``reference_alike_agree`` and so
+on: where our loop has its two rules; ``reference_time_ratio``: processor time, theirs over ours, of all runs together
+(as configured); ``reference_time_ratio_clock``: the same by the clock; ``reference_run_s``, ``own_run_s``: medians of
+processor time.
 """
 
 import math
@@ -38,17 +40,24 @@ from ...engine.commonroad import read_scenario
 from ...engine.execution import silent
 from ...engine.geometry import Points
 from ...engine.planners import (
+    DesiredSpeed,
+    EgoState,
+    Frenetix,
+    Goal,
     Observation,
     Plan,
     PlannedTrajectory,
     PlanningTask,
     RecordedTraffic,
+    ReferencePath,
+    follows,
     run_planner,
+    run_steps,
     simulate,
 )
 from ...engine.vehicles import vehicle_of
 from ...schemas.planning import RunRequest
-from ...schemas.runs import CollisionRecord, Outcome, Prediction, RunRecord, RunSteps
+from ...schemas.runs import CollisionRecord, Outcome, Prediction, RunSteps
 from ..analysis.bench import AnalysisBench
 from ..harness import Figures, LeftOut, LineProcess, NoAnswer, Spent, built_in, process_pool, scenario_files, share
 from ..planners.failure_causes import is_wrap
@@ -162,14 +171,15 @@ class ReferenceRun:
 class OwnRun:
     """A run in our loop."""
 
-    record: RunRecord
+    outcome: Outcome
+    reason: str
     steps: RunSteps
     spent: Spent
 
     @property
     def ending(self) -> Ending:
         """How it ended."""
-        return OUR_ENDINGS[self.record.outcome]
+        return OUR_ENDINGS[self.outcome]
 
 
 @dataclass(frozen=True)
@@ -232,10 +242,10 @@ def cause_of(pair: Pair) -> tuple[Cause, str]:
     if failing == "infeasible":
         return _infeasible_cause(last)
     if ours.ending == "collision":
-        return ("sampling" if ours.record.outcome == "collision" else "road_check"), f"ours {ours.record.reason}"
+        return ("sampling" if ours.outcome == "collision" else "road_check"), f"ours {ours.reason}"
     if ours.ending == "infeasible":
         return _infeasible_cause(_last_rejected(ours.steps))
-    return "goal_rule", f"theirs is {theirs.reason}, ours {ours.record.reason}"
+    return "goal_rule", f"theirs is {theirs.reason}, ours {ours.reason}"
 
 
 def _rule(pair: Pair) -> Cause:
@@ -284,10 +294,11 @@ def measure(bench: TuningBench) -> Figures:
         loops.warm_up(bench)
         pairs = [loops.pair(path, theirs_first=bool(at % 2)) for at, path in enumerate(drawn_scenarios(bench))]
         pairs = [pair for pair in pairs if pair.ours.ending != "not attempted"]
+        alike = [loops.alike(pair) for pair in pairs]
         seeing = [loops.seeing(pair) for pair in pairs]
-    for what, group in (("as it is configured", pairs), ("seeing all", seeing)):
+    for what, group in (("as it is configured", pairs), ("seeing all", seeing), ("by its rules", alike)):
         sys.stderr.writelines(f"{what}: {line}\n" for line in _differences(group))
-    return figures(pairs, seeing)
+    return figures(pairs, seeing, alike)
 
 
 def _differences(pairs: Iterable[Pair]) -> Iterator[str]:
@@ -297,15 +308,17 @@ def _differences(pairs: Iterable[Pair]) -> Iterator[str]:
             yield f"{pair.scenario.stem}: theirs {pair.theirs.ending}, ours {pair.ours.ending}: {cause} ({why})"
 
 
-def figures(pairs: Sequence[Pair], seeing: Sequence[Pair]) -> dict[str, float | int | str]:
-    """The keys of the module, of pairs that both attempted, and of the same where the reference sees all."""
+def figures(pairs: Sequence[Pair], seeing: Sequence[Pair], alike: Sequence[Pair]) -> dict[str, float | int | str]:
+    """The keys of the module, of pairs that both attempted, where the reference sees all, and where ours is alike."""
     theirs = sum((pair.theirs.spent for pair in pairs), Spent())
     ours = sum((pair.ours.spent for pair in pairs), Spent())
     return {
         "reference_scenarios": len(pairs),
         **_agreement("reference", pairs),
         **_agreement("reference_seeing", seeing),
+        **_agreement("reference_alike", alike),
         "own_success": share(pair.ours.ending == "goal reached" for pair in pairs),
+        "own_alike_success": share(pair.ours.ending == "goal reached" for pair in alike),
         "reference_time_ratio": round(theirs.processor_s / ours.processor_s, 2),
         "reference_time_ratio_clock": round(theirs.wall_s / ours.wall_s, 2),
         "reference_run_s": round(statistics.median(pair.theirs.spent.processor_s for pair in pairs), 3),
@@ -382,6 +395,11 @@ class Loops:
         theirs = self.theirs(pair.scenario, DEFAULT, "ground_truth", sees_behind=True)
         return self._judged(Pair(pair.scenario, pair.ours, theirs))
 
+    def alike(self, pair: Pair) -> Pair:
+        """The pair as it is where our loop has the reference's two rules."""
+        ours = self.own.submit(drive_alike_here, pair.scenario).result()
+        return self._judged(replace(pair, ours=ours, judged=Judged()))
+
     def _judged(self, pair: Pair) -> Pair:
         if pair.agrees or pair.ours.ending == "not attempted":
             return pair
@@ -421,7 +439,43 @@ def drive_here(path: Path, config: str, prediction: Prediction) -> OwnRun:
     )
     began = Spent.now()
     response = run_planner(request, silent)
-    return OwnRun(response.record, response.steps, Spent.now() - began)
+    return OwnRun(response.record.outcome, response.record.reason, response.steps, Spent.now() - began)
+
+
+def drive_alike_here(path: Path) -> OwnRun:
+    """A run of our loop by the reference's two rules, the future known."""
+    began, loaded = Spent.now(), read_scenario(path)
+    planner, configuration = AsTheReference(), built_in(DEFAULT)
+    driven = simulate(loaded.scenario, loaded.problem(None), configuration, planner, "ground_truth", silent)
+    return OwnRun(driven.final.outcome, driven.final.reason, run_steps(driven), Spent.now() - began)
+
+
+class AsTheReference(Frenetix):
+    """Our planner where it is known to plan by other rules than the reference as it is configured.
+
+    It leaves followers behind the ego out of a known future too, and keeps its speed in a goal that asks for none.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(desired_speed=_KeptInTheGoal)
+
+    def plan(self, observation: Observation) -> Plan:
+        """The plan of Frenetix without the followers."""
+        seen = [one for one in observation.obstacles if not follows(one.positions[0], observation.ego)]
+        return super().plan(replace(observation, obstacles=tuple(seen)))
+
+
+class _KeptInTheGoal(DesiredSpeed):
+    """The desired speed as the reference has it: in a goal without a speed it is the present one."""
+
+    def __init__(self, goal: Goal, reference: ReferencePath, step_s: float) -> None:
+        super().__init__(goal, reference, step_s)
+        self._of_goal = goal
+
+    def at(self, ego: EgoState) -> float:
+        """The desired speed in m/s."""
+        kept = self._of_goal.speed_mps is None and self._of_goal.has_position and self._of_goal.holds(ego.position)
+        return ego.speed_mps if kept else super().at(ego)
 
 
 def judge_here(path: Path, theirs: ReferenceRun) -> Judged:

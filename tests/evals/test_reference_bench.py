@@ -29,7 +29,7 @@ from plannerforge.evals.tuning.reference import (
     judge_here,
     measure,
 )
-from plannerforge.schemas.runs import CollisionRecord, Outcome, RunRecord, RunSteps
+from plannerforge.schemas.runs import CollisionRecord, Outcome, RunSteps
 
 CAR = CollisionRecord(obstacle_id=7, kind="car", step=12, time_s=1.2)
 EDGE = CollisionRecord(obstacle_id=None, kind="road_boundary", step=12, time_s=1.2)
@@ -38,9 +38,8 @@ CURVE = {"yaw_rate": 10, "curvature_rate": 800, "collision": 0, "road_edge": 0}
 
 
 def own(outcome: Outcome, **rejected: int) -> OwnRun:
-    record = RunRecord.model_construct(outcome=outcome, reason=outcome)
     steps = RunSteps.model_construct(rejected={name: (0, count) for name, count in rejected.items()})
-    return OwnRun(record, steps, Spent(3.0, 1.0))
+    return OwnRun(outcome, outcome, steps, Spent(3.0, 1.0))
 
 
 def plan(step: int, kind: str = "regular", **rejected: int) -> PlanLog:
@@ -89,9 +88,10 @@ def test_every_pair_that_ends_otherwise_has_its_cause(cause: str, case: Pair) ->
 
 def test_agreement_causes_and_times_are_counted_over_all_pairs() -> None:
     same = pair(own("off_road"), theirs("COLLISION"))
-    found = figures([same, same, same, met(None, plan(9))], [same] * 4)
+    found = figures([same, same, same, met(None, plan(9))], [same] * 4, [same, same, *[met(None, plan(9))] * 2])
     assert (found["reference_scenarios"], found["reference_agree"], found["reference_prediction"]) == (4, 0.75, 1)
     assert (found["reference_seeing_agree"], found["reference_seeing_prediction"]) == (1.0, 0)
+    assert (found["reference_alike_agree"], found["reference_alike_prediction"]) == (0.5, 2)
     assert (found["reference_time_ratio"], found["reference_time_ratio_clock"]) == (3.0, 1.33)
     assert (found["reference_success"], found["own_success"]) == (0.0, 0.25)
 

@@ -21,6 +21,7 @@ from ..drivability import Limit, violated_limit
 from ..goal import DesiredSpeed, Goal
 from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
 from ..lanes import LaneCenters, LaneCorridors
+from ..reference_path import ReferencePath
 from ..safety import SafetyCheck
 from .core import (
     CONSTRAINTS,
@@ -53,8 +54,12 @@ _COPIED_AT_ONCE = 48
 class Frenetix:
     """The planner; see :class:`plannerforge.engine.planners.interface.Planner`."""
 
-    def __init__(self, settings: SamplingSettings | None = None) -> None:
-        self._given_settings = settings
+    def __init__(
+        self,
+        settings: SamplingSettings | None = None,
+        desired_speed: Callable[[Goal, ReferencePath, float], DesiredSpeed] = DesiredSpeed,
+    ) -> None:
+        self._given_settings, self._desired_speed_of = settings, desired_speed
 
     def reset(self, task: PlanningTask) -> None:
         """Prepare for a new run."""
@@ -66,7 +71,7 @@ class Frenetix:
         self._lanes = LaneCenters(network) if self._own_terms else None
         self._corridors = LaneCorridors(network) if self._own_terms else None
         self._frames = FrameKeeper(task.reference.points)
-        self._desired_speed = DesiredSpeed(Goal(task.goal_ahead), task.reference, task.step_s)
+        self._desired_speed = self._desired_speed_of(Goal(task.goal_ahead), task.reference, task.step_s)
         self._handler = frenetix.TrajectoryHandler(task.step_s)
         add_feasibility(self._handler, task.vehicle)
         self._driven: DrivenPlan | None = None
