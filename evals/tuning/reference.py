@@ -15,11 +15,11 @@ driving what the reference drove once more through our loop.
 Keys: ``reference_scenarios``: which both attempt (no other count); ``reference_agree``: share that end in the same
 class; ``reference_trap``, ``reference_prediction``, ``reference_goal_rule``, ``reference_road_check``,
 ``reference_sampling``: how many end otherwise, by cause; ``reference_from_behind``: of these, those in which another
-hit the reference's ego from behind; ``reference_success``, ``own_success``, ``own_alike_success``: shares that reach the
-goal; ``reference_seeing_agree`` and so on: the same where the reference sees followers; ``reference_alike_agree`` and so
-on: where our loop has its two rules; ``reference_time_ratio``: processor time, theirs over ours, of all runs together
-(as configured); ``reference_time_ratio_clock``: the same by the clock; ``reference_run_s``, ``own_run_s``: medians of
-processor time.
+hit the reference's ego from behind; ``reference_success``, ``own_success``, ``own_alike_success``: shares that reach
+the goal; ``reference_seeing_agree`` and so on: the same where the reference sees followers; ``reference_alike_agree``
+and so on: where our loop has its two rules; ``reference_time_ratio``: processor time, theirs over ours, of all runs
+together (as configured); ``reference_time_ratio_clock``: the same by the clock; ``reference_run_s``, ``own_run_s``:
+medians of processor time.
 """
 
 import math

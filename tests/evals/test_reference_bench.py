@@ -10,7 +10,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
-from support.builders import Problem, Vehicle, town_road
+from support.builders import Problem, Vehicle, driving, town_road
 
 from plannerforge.evals.harness import LeftOut, LineProcess, Spent
 from plannerforge.evals.tuning import reference_driver, reference_presets
@@ -24,6 +24,7 @@ from plannerforge.evals.tuning.reference import (
     ReferenceRun,
     TuningBench,
     cause_of,
+    drive_alike_here,
     drive_here,
     figures,
     judge_here,
@@ -112,6 +113,23 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, OwnRun]:
     problem = Problem(goal=(90.0, 0.0, 20.0, 3.0), steps=(20, 80))
     path = replace(town_road(), problems=(problem,)).write(tmp_path_factory.mktemp("reference") / "a.xml")
     return path, drive_here(path, DEFAULT, "ground_truth")
+
+
+def alone(tmp_path: Path, problem: Problem, *others: Vehicle) -> Path:
+    return replace(town_road(), problems=(problem,), vehicles=others).write(tmp_path / "a.xml")
+
+
+def test_by_the_rules_of_the_reference_our_loop_does_not_wait_in_a_goal(tmp_path: Path) -> None:
+    path = alone(tmp_path, Problem(goal=(50.0, 0.0, 30.0, 3.0), steps=(60, 70)))
+    assert drive_here(path, DEFAULT, "ground_truth").ending == "goal reached"
+    assert drive_alike_here(path).ending == "goal passed"
+
+
+def test_by_the_rules_of_the_reference_our_loop_does_not_see_followers(tmp_path: Path) -> None:
+    follower = driving(7, (25.0, 0.0), 20.0, 90)
+    path = alone(tmp_path, Problem(goal=(120.0, 0.0, 20.0, 3.0), steps=(80, 90)), follower)
+    assert drive_here(path, DEFAULT, "ground_truth").ending == "goal reached"
+    assert drive_alike_here(path).ending == "collision"
 
 
 def logged(steps: RunSteps, count: int) -> ReferenceRun:
