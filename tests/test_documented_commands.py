@@ -4,12 +4,13 @@ import json
 import re
 import shlex
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 import typer
+from support.pages import BLOCK, PAGES, inline_commands, shown_calls, shown_commands, words_of
 from support.tree import CHECKOUT
 
 from plannerforge.evals.command_line import application
@@ -18,66 +19,6 @@ from plannerforge.schemas.planning import CommandPlanner
 from plannerforge.server.commands.suite import read_suite
 from plannerforge.tools.analysis.suite import limits_of
 from plannerforge.tools.registry import TOOLS
-
-PAGES = [CHECKOUT / "README.md", CHECKOUT / "CONTRIBUTING.md", *sorted((CHECKOUT / "docs").rglob("*.md"))]
-BLOCK = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
-SHELLS = {"", "bash", "sh", "console"}
-PROGRAM = re.compile(r"^(?:\$ )?(?:[A-Z_]+=\S+ +)*(?:\.venv/bin/|exec )?(plannerforge (?!\[).*)$")
-"""A line that begins with the program, behind a prompt and variables."""
-Shown = tuple[str, str]
-"""The name of a page and a command that stands there."""
-
-
-def shown_commands() -> list[Shown]:
-    """Every command of the program in a block of a page, a line each, without what a shell makes of its output."""
-    found: list[Shown] = []
-    for page in PAGES:
-        name = page.relative_to(CHECKOUT).as_posix()
-        for language, text in BLOCK.findall(page.read_text(encoding="utf-8")):
-            if language in SHELLS:
-                parts = [part.strip() for line in _whole_lines(text) for part in re.split(r" && | \| ", line)]
-                found += [(name, match[1]) for part in parts if (match := PROGRAM.match(part))]
-    return found
-
-
-def _whole_lines(text: str) -> Iterator[str]:
-    """The lines of a shell, each with those that a backslash or an open quotation mark continues it on."""
-    lines = iter(re.sub(r"\\\n\s*", " ", text).splitlines())
-    for line in lines:
-        while (
-            PROGRAM.match(line) and line.partition(" #")[0].count("'") % 2 and (more := next(lines, None)) is not None
-        ):
-            line += f" {more.strip()}"
-        yield line
-
-
-def inline_commands() -> list[Shown]:
-    """Every command of the program that is named in running text."""
-    return [
-        (page.relative_to(CHECKOUT).as_posix(), text)
-        for page in PAGES
-        for text in re.findall(r"`(plannerforge [a-z][^`\n]*)`", BLOCK.sub("", page.read_text(encoding="utf-8")))
-    ]
-
-
-def shown_calls() -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """Every call of a tool: page, tool, arguments."""
-    for page, command in shown_commands():
-        words = _words(command)
-        if words[1] == "call":
-            positional = [word for word in words[2:] if not word.startswith("--")]
-            yield page, positional[0], json.loads(positional[1]) if len(positional) > 1 else {}
-    for page in PAGES:
-        for language, text in BLOCK.findall(page.read_text(encoding="utf-8")):
-            for line in text.splitlines() if language == "json" else ():
-                if line.startswith('{"tool"'):
-                    call = json.loads(line)
-                    yield page.relative_to(CHECKOUT).as_posix(), call["tool"], call["arguments"]
-
-
-def _words(command: str) -> list[str]:
-    words = shlex.split(re.sub(r"\s+(>>?|2>)\s.*$", "", command), comments=True)
-    return words[: words.index(">")] if ">" in words else words
 
 
 def fault(words: Sequence[str]) -> str:
@@ -99,7 +40,7 @@ def fault(words: Sequence[str]) -> str:
 
 @pytest.mark.parametrize(("page", "command"), dict.fromkeys(shown_commands()), ids=lambda text: text[:60])
 def test_a_shown_command_is_one_that_the_program_takes(page: str, command: str) -> None:
-    assert fault(_words(command)) == ""
+    assert fault(words_of(command)) == ""
 
 
 @pytest.mark.parametrize(("page", "command"), dict.fromkeys(inline_commands()), ids=lambda text: text[:60])
@@ -129,7 +70,7 @@ def test_a_shown_call_has_arguments_that_the_tool_takes(page: str, tool: str, ar
     ],
 )
 def test_a_command_that_the_program_does_not_take_is_seen(command: str) -> None:
-    assert re.search(r"No such option|no command|not a valid|valid integer|unexpected extra", fault(_words(command)))
+    assert re.search(r"No such option|no command|not a valid|valid integer|unexpected extra", fault(words_of(command)))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(CHECKOUT).as_posix())

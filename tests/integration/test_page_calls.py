@@ -1,0 +1,67 @@
+"""The calls that pages show are answered, one after the other as a page shows them."""
+
+import json
+import re
+import shutil
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import anyio
+import pytest
+from mcp import Client
+from support.pages import PAGES, shown_calls
+from support.server import Connect
+from support.tree import CHECKOUT
+
+from plannerforge.server.commands.map_library import add_maps
+from plannerforge.server.settings import Settings
+
+ELSEWHERE = {
+    "docs/tutorial.md": "tests/test_tutorial.py",
+    "docs/criticality.md": "tests/integration/test_criticality_page.py",
+    "docs/maps.md": "asks for a town that has to be fetched",
+    "docs/own_planner.md": "asks for a planner that the page lets its reader write",
+    "docs/how-to/own_planner.md": "the same",
+}
+"""Pages whose calls are made by other tests, or by none, and why."""
+FEWER = {
+    r"preset:\d+": "preset:2",
+    r'"max_trials": \d+': '"max_trials": 6',
+    r'"method": "morris"': '"method": "morris", "vary": ["prediction", "jerk"]',
+}
+"""What is done on fewer scenarios, tries and weights than a page says: it would take minutes."""
+HERE = [name for name in dict.fromkeys(page for page, _, _ in shown_calls()) if name not in ELSEWHERE]
+
+
+async def answered(client: Client, tool: str, arguments: dict[str, Any]) -> None:
+    """Make a call, and wait for its job where it began one."""
+    result = await client.call_tool(tool, arguments)
+    while (result.structured_content or {}).get("state") == "running":
+        result = await client.call_tool("get_job", {"wait_s": 50})
+    assert not result.is_error, (tool, arguments, result.content)
+
+
+@pytest.mark.anyio
+@pytest.mark.usefixtures("starter_ready")
+@pytest.mark.parametrize("era", ["auto"], indirect=True)
+@pytest.mark.parametrize("page", HERE)
+async def test_every_call_of_a_page_is_answered(
+    page: str, connect: Connect, settings: Settings, tmp_path: Path
+) -> None:
+    if "My Town" in (CHECKOUT / page).read_text(encoding="utf-8"):  # the map that it tells its reader to bring
+        town = Path(shutil.copyfile(CHECKOUT / "engine/maps/library/musterstadt.osm", tmp_path / "my_town.osm"))
+        take_in = partial(add_maps, settings, [town], place="My Town", country="DEU")
+        assert await anyio.to_thread.run_sync(take_in) == 0
+    async with connect() as client:
+        for shown, tool, arguments in shown_calls():
+            if shown == page:
+                text = json.dumps(arguments).replace("~/scenarios", str(tmp_path))
+                for pattern, fewer in FEWER.items():
+                    text = re.sub(pattern, fewer, text)
+                await answered(client, tool, json.loads(text))
+
+
+def test_pages_whose_calls_are_not_made_here_show_some() -> None:
+    pages = {page.relative_to(CHECKOUT).as_posix() for page in PAGES}
+    assert ELSEWHERE.keys() <= {page for page, _, _ in shown_calls()} <= pages
