@@ -3,19 +3,14 @@
 import json
 import re
 import shutil
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-import anyio
 import pytest
 from mcp import Client
 from support.pages import PAGES, shown_calls
 from support.server import Connect
 from support.tree import CHECKOUT
-
-from plannerforge.server.commands.map_library import add_maps
-from plannerforge.server.settings import Settings
 
 ELSEWHERE = {
     "docs/tutorial.md": "tests/test_tutorial.py",
@@ -46,14 +41,12 @@ async def answered(client: Client, tool: str, arguments: dict[str, Any]) -> None
 @pytest.mark.usefixtures("starter_ready")
 @pytest.mark.parametrize("era", ["auto"], indirect=True)
 @pytest.mark.parametrize("page", HERE)
-async def test_every_call_of_a_page_is_answered(
-    page: str, connect: Connect, settings: Settings, tmp_path: Path
-) -> None:
-    if "My Town" in (CHECKOUT / page).read_text(encoding="utf-8"):  # the map that it tells its reader to bring
-        town = Path(shutil.copyfile(CHECKOUT / "engine/maps/library/musterstadt.osm", tmp_path / "my_town.osm"))
-        take_in = partial(add_maps, settings, [town], place="My Town", country="DEU")
-        assert await anyio.to_thread.run_sync(take_in) == 0
+async def test_every_call_of_a_page_is_answered(page: str, connect: Connect, tmp_path: Path) -> None:
+    town = tmp_path / "my_town.osm"
+    shutil.copyfile(CHECKOUT / "engine/maps/library/musterstadt.osm", town)
     async with connect() as client:
+        if "My Town" in (CHECKOUT / page).read_text(encoding="utf-8"):  # the map that it tells its reader to bring
+            await answered(client, "import_files", {"path": str(town), "name": "My Town", "country": "DEU"})
         for shown, tool, arguments in shown_calls():
             if shown == page:
                 text = json.dumps(arguments).replace("~/scenarios", str(tmp_path))
