@@ -86,10 +86,10 @@ class _Answers:
 
 
 class Campaign:
-    """Sends inputs to servers on copies of a prepared workspace."""
+    """Sends inputs to servers on copies of a prepared workspace; a refusal is late after ``slow_s``."""
 
-    def __init__(self, template: Folders, base: Path, program: Program) -> None:
-        self._template, self._base, self._program = template, base, program
+    def __init__(self, template: Folders, base: Path, program: Program, slow_s: float = SLOW_S) -> None:
+        self._template, self._base, self._program, self._slow_s = template, base, program, slow_s
         self._servers = 0
         self._suspects: dict[tuple[str, str], list[HostileInput]] = {}
         self.tally = Tally()
@@ -157,7 +157,7 @@ class Campaign:
 
     def _note(self, hostile: HostileInput, answers: _Answers) -> None:
         self.tally.findings += [Finding(hostile, fault) for fault in answers.faults]
-        if answers.refused_s > SLOW_S:
+        if answers.refused_s > self._slow_s:
             self._suspect([hostile], "late")
         else:
             self.tally.slowest_s = max(self.tally.slowest_s, answers.refused_s)
@@ -295,7 +295,7 @@ class Campaign:
             faults.append(Fault("death", running.death or "the process ended"))
         if blocked > BLOCKED_MS:
             faults.append(Fault("blocked", f"{blocked:,.0f} ms", blocked))
-        if answers.refused_s > SLOW_S:
+        if answers.refused_s > self._slow_s:
             faults.append(Fault("late", f"{answers.refused_s:.1f} s", answers.refused_s))
         if running.peak_mb > MEMORY_MB:
             faults.append(Fault("memory", f"{running.peak_mb:,.0f} MB", running.peak_mb))

@@ -22,8 +22,8 @@ ELSEWHERE = {
 """Pages whose calls are made by other tests, or by none, and why."""
 FEWER = {
     r"preset:\d+": "preset:2",
-    r'"max_trials": \d+': '"max_trials": 6',
-    r'"method": "morris"': '"method": "morris", "vary": ["prediction", "jerk"]',
+    r'"max_trials": \d+': '"max_trials": 3',
+    r'"method": "morris"': '"method": "morris", "vary": ["jerk"]',
 }
 """What is done on fewer scenarios, tries and weights than a page says: it would take minutes."""
 HERE = [name for name in dict.fromkeys(page for page, _, _ in shown_calls()) if name not in ELSEWHERE]
