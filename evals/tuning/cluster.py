@@ -1,7 +1,7 @@
 """Batches on two real Dask workers beside the same batch on one process of this machine.
 
-The scheduler and its workers are processes of Dask's own command line, one thread each, without nannies: what is killed
-stays dead. The same runs are made five times, each in a workspace of its own: by one worker process of the server; by
+The scheduler and its workers are processes of Dask's own command line, one thread each, with the settings that
+docs/cluster.md names, and without nannies: what is killed stays dead. The same runs are made five times, each in a workspace of its own: by one worker process of the server; by
 one Dask worker; by two; by two of which one is killed when a third of the runs is there; and by two whose scheduler is
 killed then.
 
@@ -39,6 +39,12 @@ _WARMING = 8
 _KILL_AT = 3
 """What is killed is killed when one in so many of the runs is there."""
 _LOOK_S = 0.05
+UNOBSERVED = {
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
+    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",
+    "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "5s",
+}
+"""Settings by which Dask's processes watch themselves less; see docs/cluster.md."""
 Rows = dict[str, tuple[bytes, bytes]]
 """By run id: the record and the steps, as they are stored."""
 
@@ -62,7 +68,7 @@ def _cluster(folder: Path, workers: int) -> Iterator[_Cluster]:
     def started(name: str, *arguments: str) -> "subprocess.Popen[bytes]":
         command = [sys.executable, "-P", "-m", "distributed.cli." + arguments[0], *arguments[1:]]
         with (folder / f"{name}.log").open("wb") as log:
-            return subprocess.Popen(command, cwd=folder, stdout=log, stderr=log)
+            return subprocess.Popen(command, cwd=folder, env={**os.environ, **UNOBSERVED}, stdout=log, stderr=log)
 
     host = ("--host", "127.0.0.1", "--no-dashboard")
     cluster = _Cluster(address, started("scheduler", "dask_scheduler", *host, "--port", str(port)))
