@@ -1,9 +1,9 @@
 """Batches on two real Dask workers beside the same batch on one process of this machine.
 
 The scheduler and its workers are processes of Dask's own command line, one thread each, with the settings that
-docs/cluster.md names, and without nannies: what is killed stays dead. The same runs are made five times, each in a workspace of its own: by one worker process of the server; by
-one Dask worker; by two; by two of which one is killed when a third of the runs is there; and by two whose scheduler is
-killed then.
+docs/cluster.md names, and without nannies: what is killed stays dead. The same runs are made five times, each in a
+workspace of its own: by one worker process of the server; by one Dask worker; by two; by two of which one is killed
+when a third of the runs is there; and by two whose scheduler is killed then.
 
 Keys: ``dask_same_rows``: share of the runs, over all four batches on the cluster, whose record and steps have the bytes
 that one process gave them; ``dask_lost``: runs of those batches that are not there; ``dask_speedup``: time of the batch
