@@ -10,6 +10,7 @@ import pytest
 import yaml
 from distributed.cli import dask_scheduler, dask_worker
 
+from plannerforge.evals.tuning.cluster import UNOBSERVED
 from plannerforge.server.settings import Settings
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -47,3 +48,10 @@ def test_the_slurm_script_is_python_and_names_the_scheduler_file() -> None:
         node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func) == "SLURMCluster"
     )
     assert {"cores", "memory", "walltime", "scheduler_options"} <= {keyword.arg for keyword in call.keywords}
+
+
+def test_the_settings_of_workers_are_those_that_the_bench_starts_them_with() -> None:
+    shown = (DOCS / "cluster.md").read_text(encoding="utf-8")
+    assert {line for line in shown.splitlines() if line.startswith("DASK_")} == {
+        f"{name}={value}" for name, value in UNOBSERVED.items()
+    }

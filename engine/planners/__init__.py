@@ -11,7 +11,6 @@
 ``driven_poses``: The poses of a rear axle that drives scaled curvatures and speeds.
 ``motion_primitives``: The primitives to n ends at m times, and whether the network knows each.
 ``straight_lines``: Straight lines over the nodes between first and last values.
-``Goal``: The goal region of a planning problem: whether an ego is in it, in its time, at its speeds.
 ``DesiredSpeed``: How fast to drive to a goal, in m/s.
 ``progress_to_goal``: The share of the reference path to the goal that positions came along; None without one.
 ``EgoState``: The ego at one time step: centre in m, heading in rad, speed, acceleration and yaw rate.
@@ -21,7 +20,6 @@
 ``Planner``: The protocol that every planner satisfies.
 ``PlanningTask``: Everything that stays the same during a run.
 ``BEYOND_GOAL_M``: How far a reference path goes on beyond its goal at least, in m.
-``ReferencePath``: The line that a planner follows to the goal.
 ``build_reference_path``: The path of a route for an ego at a position and speed.
 ``PLANNERS``: For each planner by its name the function that makes it.
 ``planner_names``: The names of all planners, those of others included.
@@ -61,7 +59,7 @@ if TYPE_CHECKING:
     from .external.found import Found, OwnPlanner, programs_named
     from .frenetix.costs import CandidateBatch, responsibility
     from .frenetix.planner import Frenetix
-    from .goal import DesiredSpeed, Goal, progress_to_goal
+    from .goal import DesiredSpeed, progress_to_goal
     from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
     from .prediction import Predictor, follows, predictor
     from .rbfn.network import (
@@ -73,7 +71,7 @@ if TYPE_CHECKING:
         motion_primitives,
         straight_lines,
     )
-    from .reference_path import BEYOND_GOAL_M, ReferencePath, build_reference_path
+    from .reference_path import BEYOND_GOAL_M, build_reference_path
     from .registry import (
         PLANNERS,
         check_modes,

@@ -43,13 +43,11 @@ from ...engine.planners import (
     DesiredSpeed,
     EgoState,
     Frenetix,
-    Goal,
     Observation,
     Plan,
     PlannedTrajectory,
     PlanningTask,
     RecordedTraffic,
-    ReferencePath,
     follows,
     run_planner,
     run_steps,
@@ -468,13 +466,9 @@ class AsTheReference(Frenetix):
 class _KeptInTheGoal(DesiredSpeed):
     """The desired speed as the reference has it: in a goal without a speed it is the present one."""
 
-    def __init__(self, goal: Goal, reference: ReferencePath, step_s: float) -> None:
-        super().__init__(goal, reference, step_s)
-        self._of_goal = goal
-
     def at(self, ego: EgoState) -> float:
         """The desired speed in m/s."""
-        kept = self._of_goal.speed_mps is None and self._of_goal.has_position and self._of_goal.holds(ego.position)
+        kept = self._goal.speed_mps is None and self._goal.holds(ego.position)
         return ego.speed_mps if kept else super().at(ego)
 
 

@@ -187,7 +187,7 @@ def _misbehaving(folders: Folders) -> Sequence[str]:
 
 
 SLOW_S = 1.5
-"""After which a refusal is late here; no answer but the slow one takes a tenth of it."""
+"""After which a refusal is late here (chosen: tests wait for it)."""
 BY_BOTH = pytest.mark.parametrize("by_http", [False, True], ids=["stdio", "http"])
 
 
@@ -233,7 +233,7 @@ async def test_a_server_that_misbehaves_is_caught(tmp_path: Path, by_http: bool)
     expected |= {("write", "outside_write")}
     assert _found(tally) - {("eat", "blocked")} == expected  # to take so much memory may take more than 100 ms
     assert 400 < tally.blocked_ms < 900
-    assert SLOW_S < tally.slowest_s < 15
+    assert SLOW_S + 0.2 < tally.slowest_s < 15
     assert tally.memory_mb > 450
     assert [text.rpartition("/")[2] for text in tally.outside_writes] == ["new"]
     unexpected = next(finding.fault for finding in tally.findings if finding.fault.law == "unexpected")

@@ -42,10 +42,9 @@ async def answered(client: Client, tool: str, arguments: dict[str, Any]) -> None
 @pytest.mark.parametrize("era", ["auto"], indirect=True)
 @pytest.mark.parametrize("page", HERE)
 async def test_every_call_of_a_page_is_answered(page: str, connect: Connect, tmp_path: Path) -> None:
-    town = tmp_path / "my_town.osm"
-    shutil.copyfile(CHECKOUT / "engine/maps/library/musterstadt.osm", town)
     async with connect() as client:
         if "My Town" in (CHECKOUT / page).read_text(encoding="utf-8"):  # the map that it tells its reader to bring
+            town = shutil.copyfile(CHECKOUT / "engine/maps/library/musterstadt.osm", tmp_path / "my_town.osm")
             await answered(client, "import_files", {"path": str(town), "name": "My Town", "country": "DEU"})
         for shown, tool, arguments in shown_calls():
             if shown == page:
