@@ -13,7 +13,7 @@ SEED ?= 1
 
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
-	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning bench-serve \
+	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning bench-serve bench-loop bench-database \
 	dist requirements bundle starter house chat-page tutorial-page reference docs train-rbfn format clean
 
 help:
@@ -24,6 +24,9 @@ help:
 	@echo "make bench   measure what docs/measured.md states, one bench after the other; takes long (developers)"
 	@echo "make bench-same-bytes RECORD=after.json BEFORE=before.json"
 	@echo "             record digests of what a fixed list of requests makes; with BEFORE, name what differs (developers)"
+	@echo "make bench-loop  measure whether verdicts on planners can be relied on (developers)"
+	@echo "make bench-database FOLDER=FOLDER"
+	@echo "             run every scenario of a folder, such as the public CommonRoad database, under every planner (developers)"
 	@echo "make dist    build sdist and wheel into dist/ (developers)"
 	@echo "make requirements choose the versions of packaging/requirements.txt anew; needs uv (developers)"
 	@echo "make bundle  build the bundle that hosts install by a click (.mcpb) into dist/; needs Node (developers)"
@@ -75,7 +78,7 @@ layers: $(DEV_STAMP)
 	@$(VENV)/bin/lint-imports
 
 bench: bench-server bench-planners bench-faults bench-reactive bench-responsibility bench-weights bench-modification bench-generation \
-	bench-selection bench-drivable bench-import-crashes bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning bench-serve
+	bench-selection bench-drivable bench-import-crashes bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning bench-serve bench-loop
 
 bench-server: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.serve.workers
@@ -151,6 +154,12 @@ bench-tuning: $(DEV_STAMP)
 
 bench-serve: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.serve
+
+bench-loop: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.loop
+
+bench-database: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.database $(addprefix --folder ,$(FOLDER)) --workers $(WORKERS)
 
 dist: $(DEV_STAMP)
 	@echo "==> Building sdist and wheel"

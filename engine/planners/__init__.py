@@ -53,9 +53,10 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .check import PlannerCheck, check_on
-    from .conformance import check_planner
+    from .driving.solution import steering_of, write_solution
+    from .external.check import PlannerCheck, check_on
     from .external.command import ScenarioFile
+    from .external.conformance import check_planner
     from .external.found import Found, OwnPlanner, programs_named
     from .frenetix.costs import CandidateBatch, responsibility
     from .frenetix.planner import Frenetix
@@ -85,7 +86,6 @@ if TYPE_CHECKING:
     )
     from .runs import run_planner, run_steps
     from .simulation import DrivenRun, simulate
-    from .solution import steering_of, write_solution
     from .traffic.recorded import RecordedTraffic
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from ..geometry import Points, Values, arc_length, gaussian, project, wrap_angle, wrap_angles
 from ..vehicles import HARDEST_BRAKING_MPS2, centers, rear_axle, tractrix
-from .drivability import violated_limit
+from .driving.drivability import violated_limit
 from .goal import DesiredSpeed, Goal
 from .interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, PredictedObstacle
 

@@ -1,6 +1,6 @@
 """What a planner is: it is reset for one planning problem, then asked for a plan again and again.
 
-Planners that satisfy :class:`Planner` run in the loop of ``simulation.py``; ``conformance.py`` checks one.
+Planners that satisfy :class:`Planner` run in the loop of ``simulation.py``; ``external/conformance.py`` checks one.
 """
 
 import math

@@ -21,12 +21,12 @@ from ..criticality import drive_criticality
 from ..execution import ProgressReporter
 from ..geometry import Points, Values, wrap_angles
 from ..vehicles import VehicleParameters, vehicle_of
-from .drivability import exceeded_limits
+from .driving.drivability import exceeded_limits
+from .driving.solution import steering_of
 from .external.command import CommandDriver, ScenarioFile
 from .interface import EgoState, Observation, Plan, Planner, PlanningTask, ShowsCandidates
 from .registry import check_modes, make_planner, open_traffic, planner_version
 from .simulation import DrivenRun, simulate
-from .solution import steering_of
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem

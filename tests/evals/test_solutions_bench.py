@@ -17,8 +17,8 @@ from support.runs import record
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.planners.driving.solution import solution_xml
 from plannerforge.engine.planners.runs import run_planner
-from plannerforge.engine.planners.solution import solution_xml
 from plannerforge.evals.analysis.recorded import Hit, corners, is_preventable, kind_of, overlap
 from plannerforge.evals.analysis.solutions import judged, steering_share
 from plannerforge.schemas.planning import RunRequest

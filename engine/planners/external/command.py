@@ -14,9 +14,9 @@ from ....schemas.planning import CommandAnswer, CommandPlanner, CommandRequest, 
 from ....schemas.text import one_line, quoted
 from ...geometry import Values
 from ...vehicles import VehicleParameters
-from ..conformance import trajectory_breaches
 from ..goal import Goal
 from ..interface import EgoState, Observation, Plan, PlannedTrajectory, PlanningTask
+from .conformance import trajectory_breaches
 from .guarded import drivable
 from .process import PlannerProcess
 

@@ -10,9 +10,9 @@ from typing import cast
 
 from ....schemas.errors import PlannerFailure, PlannerForgeError
 from ....schemas.text import one_line
-from ..conformance import plan_breaches
-from ..drivability import violated_limit
+from ..driving.drivability import violated_limit
 from ..interface import Observation, Plan, Planner, PlanningTask
+from .conformance import plan_breaches
 
 _CALLS = (("reset", "task"), ("plan", "observation"))
 

@@ -15,7 +15,7 @@ Traps (``test_frenetix_traps.py`` holds them):
 - It evaluates its polynomials by Horner's scheme and leaves out the factor 2 of the second derivative: the
   accelerations of its samples, along and across the path, are half of the true ones. A plan that went on from them
   would begin with a jump in acceleration, so they are doubled here, and the acceleration of a trajectory is taken
-  from its speeds. What the vehicle can drive is judged anew (``drivability.py``). The core's cost terms
+  from its speeds. What the vehicle can drive is judged anew (``driving/drivability.py``). The core's cost terms
   ``acceleration`` and ``jerk`` stay a quarter of the true integrals, because the weights of the presets were found
   with them.
 - Array properties of its samples are views into its memory: they dangle once candidates are generated anew.

@@ -17,7 +17,7 @@ import frenetix
 import numpy as np
 
 from ...geometry import Points, project
-from ..drivability import Limit, violated_limit
+from ..driving.drivability import Limit, violated_limit
 from ..goal import DesiredSpeed, Goal
 from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
 from ..lanes import LaneCenters, LaneCorridors

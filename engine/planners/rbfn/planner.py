@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...geometry import Points, Values, wrap_angles
 from ...vehicles import centers, rear_axle
-from ..drivability import broken_limits
+from ..driving.drivability import broken_limits
 from ..goal import DesiredSpeed, Goal
 from ..interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
 from ..safety import SafetyCheck

@@ -13,7 +13,7 @@ from support.planning import configuration, drive, goal_state, lanelet_along, ne
 
 from plannerforge.engine.commonroad import Track
 from plannerforge.engine.geometry.polyline import Points
-from plannerforge.engine.planners.drivability import exceeded_limits, violated_limit
+from plannerforge.engine.planners.driving.drivability import exceeded_limits, violated_limit
 from plannerforge.engine.planners.frenetix import core as frenet_frame
 from plannerforge.engine.planners.frenetix import planner as planner_module
 from plannerforge.engine.planners.frenetix.core import (

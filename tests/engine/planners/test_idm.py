@@ -17,7 +17,7 @@ from support.planning import (
 )
 
 from plannerforge.engine.geometry.polyline import project
-from plannerforge.engine.planners.conformance import check_planner
+from plannerforge.engine.planners.external.conformance import check_planner
 from plannerforge.engine.planners.idm import IntelligentDriver
 from plannerforge.engine.planners.interface import EgoState, Observation, PlanningTask
 from plannerforge.engine.planners.lanes import build_road

@@ -16,8 +16,8 @@ from support.planning import (
     straight_road,
 )
 
-from plannerforge.engine.planners.conformance import check_planner
-from plannerforge.engine.planners.drivability import violated_limit
+from plannerforge.engine.planners.driving.drivability import violated_limit
+from plannerforge.engine.planners.external.conformance import check_planner
 from plannerforge.engine.planners.interface import EgoState, Observation, Plan, PlanningTask
 from plannerforge.engine.planners.lanes import build_road
 from plannerforge.engine.planners.prediction import constant_velocity, observe

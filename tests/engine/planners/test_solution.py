@@ -27,12 +27,12 @@ from support.planning import configuration, parked_car
 
 from plannerforge.engine.commonroad.reader import LoadedScenario, read_scenario
 from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.planners.driving.solution import mean_steering_angles, solution_xml, write_solution
 from plannerforge.engine.planners.frenetix import core as frenet_frame
 from plannerforge.engine.planners.frenetix import planner as frenetix
 from plannerforge.engine.planners.interface import Observation, Plan, PlannedTrajectory, PlanningTask
 from plannerforge.engine.planners.runs import run_planner, run_steps
 from plannerforge.engine.planners.simulation import simulate
-from plannerforge.engine.planners.solution import mean_steering_angles, solution_xml, write_solution
 from plannerforge.engine.tuning.configurations import changed_configuration
 from plannerforge.schemas.artifacts import SolutionRequest
 from plannerforge.schemas.errors import NotPossible

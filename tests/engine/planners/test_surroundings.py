@@ -28,7 +28,7 @@ from support.planning import (
 
 from plannerforge.engine.commonroad import read_recorded, read_scenario
 from plannerforge.engine.geometry.polyline import arc_length, maximum_curvature, project
-from plannerforge.engine.planners.conformance import check_planner
+from plannerforge.engine.planners.external.conformance import check_planner
 from plannerforge.engine.planners.frenetix.core import CurvilinearState, SamplingSettings, sampling_matrix
 from plannerforge.engine.planners.frenetix.planner import Frenetix
 from plannerforge.engine.planners.goal import Goal

@@ -6,17 +6,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 
-from ...schemas.errors import NotPossible, PlannerFailure
-from ...schemas.planning import PlannerConfiguration, PlannerDeclaration, PlannerSettings
-from ...schemas.runs import Outcome
-from ..commonroad import read_recorded
-from ..execution import silent
+from ....schemas.errors import NotPossible, PlannerFailure
+from ....schemas.planning import PlannerConfiguration, PlannerDeclaration, PlannerSettings
+from ....schemas.runs import Outcome
+from ...commonroad import read_recorded
+from ...execution import silent
+from ..interface import Observation, Plan, Planner, PlanningTask
+from ..simulation import simulate
+from .command import CommandDriver, ScenarioFile, command_driver
 from .conformance import check_planner, same_plan
-from .external.command import CommandDriver, ScenarioFile, command_driver
-from .external.found import Found, OwnPlanner
-from .external.guarded import guarded
-from .interface import Observation, Plan, Planner, PlanningTask
-from .simulation import simulate
+from .found import Found, OwnPlanner
+from .guarded import guarded
 
 
 @dataclass(frozen=True)
@@ -150,6 +150,6 @@ def _raised(failure: PlannerFailure) -> str:
     cause = failure.__cause__
     if cause is None:
         return ""
-    ours = Path(__file__).parent
+    ours = Path(__file__).parent.parent
     frames = [frame for frame in traceback.extract_tb(cause.__traceback__) if ours not in Path(frame.filename).parents]
     return "".join([*traceback.format_list(frames), *traceback.format_exception_only(cause)])

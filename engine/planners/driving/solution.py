@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...schemas.artifacts import CostFunctionId, FileWritten, SolutionRequest
-from ...schemas.errors import NotPossible
-from ...schemas.runs import RunSteps
-from ..commonroad import read_scenario
-from ..execution import ProgressReporter
-from ..geometry import Points
-from ..vehicles import commonroad_vehicle
+from ....schemas.artifacts import CostFunctionId, FileWritten, SolutionRequest
+from ....schemas.errors import NotPossible
+from ....schemas.runs import RunSteps
+from ...commonroad import read_scenario
+from ...execution import ProgressReporter
+from ...geometry import Points
+from ...vehicles import commonroad_vehicle
 
 if TYPE_CHECKING:
     from commonroad.scenario.scenario import ScenarioID

@@ -16,11 +16,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...schemas.runs import LimitExcess
-from ..commonroad import Track
-from ..geometry import Points, Values
-from ..vehicles import Motion, VehicleParameters, check_kinematics
-from .interface import PlannedTrajectory
+from ....schemas.runs import LimitExcess
+from ...commonroad import Track
+from ...geometry import Points, Values
+from ...vehicles import Motion, VehicleParameters, check_kinematics
+from ..interface import PlannedTrajectory
 from .solution import steering_of
 
 Limit = Literal["curvature", "friction"]

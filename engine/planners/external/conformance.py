@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
+from ..interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
 
 _SHORTEST_PLAN_S = 1.0
 """The contract: with the longest time between plans, 10 steps of 0.1 s, the plan in force never ends."""
