@@ -159,7 +159,7 @@ bench-loop: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.loop
 
 bench-database: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.database $(addprefix --folder ,$(FOLDER)) --workers $(WORKERS)
+	@$(PYTHON) -m plannerforge.evals.loop.database $(addprefix --folder ,$(FOLDER)) --workers $(WORKERS)
 
 dist: $(DEV_STAMP)
 	@echo "==> Building sdist and wheel"

@@ -12,9 +12,9 @@ lane-kilometre at the start within 25 % of the target, or a note tells why not),
 the first reading of a map), ``median_low_wall_s`` and ``median_high_wall_s`` (the same on the clock, which other work
 on the machine lengthens).
 
-With ``--fresh SEED`` maps are made just now instead (``evals/fresh_data.py``: two thirds whole, one third broken), and
-a scenario is asked for on each that is read, at a type of site that its index names (``fresh.py``). Keys then:
-``seeds``; ``fresh_maps``, of which ``fresh_map_crashes`` broke off with anything else than a refusal by name,
+With ``--fresh SEED`` maps are made just now instead (``evals/symmetries/fresh_data.py``: two thirds whole, one third
+broken), and a scenario is asked for on each that is read, at a type of site that its index names (``fresh.py``). Keys
+then: ``seeds``; ``fresh_maps``, of which ``fresh_map_crashes`` broke off with anything else than a refusal by name,
 ``fresh_maps_refused`` were refused, and ``fresh_without_site`` name no site; ``fresh_scenarios`` that were asked for,
 and the share ``fresh_executable`` of them: one that is refused, because all sites are lost for instance, is a failure;
 ``fresh_off_road`` (runs in which the ego leaves the road); of the scenarios that came ``fresh_road_type`` (a share of

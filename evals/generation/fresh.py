@@ -24,8 +24,8 @@ from ...engine.network import build_road_network, read_net
 from ...engine.vehicles import vehicle_classes
 from ...schemas.errors import PlannerForgeError
 from ...schemas.generation import GenerateScenariosArguments, MapFacts, ReadMapRequest, SiteType
-from ..fresh_data import fresh_maps, mutated_maps
 from ..harness import print_figures, process_pool, share
+from ..symmetries.fresh_data import fresh_maps, mutated_maps
 from .cases import Session, make_all
 from .figures import DEFECT, Made, motion_figures
 from .maps import BenchMaps

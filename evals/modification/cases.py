@@ -27,8 +27,8 @@ from ...schemas.modification import (
 from ...schemas.runs import RunRecord
 from ...tools.modification import modify_scenario
 from ...tools.scenario_storage import store_scenario
-from ..fresh_data import fresh_scenario
 from ..harness import call_in_process
+from ..symmetries.fresh_data import fresh_scenario
 from ..tracks import is_drivable
 from .arrivals import refusal_is_right
 from .judges import (

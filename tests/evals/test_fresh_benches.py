@@ -12,7 +12,6 @@ from support.catalog import catalogue, facts, funnel
 from support.modification_bench import carried_out
 
 from plannerforge.engine.commonroad.reader import read_scenario
-from plannerforge.evals.fresh_data import fresh_scenario
 from plannerforge.evals.modification.__main__ import failures_of, fresh_figures
 from plannerforge.evals.modification.cases import Case, Measured, Physical
 from plannerforge.evals.modification.judges import unreported_collisions
@@ -20,6 +19,7 @@ from plannerforge.evals.planners.__main__ import fresh_figures as planner_figure
 from plannerforge.evals.planners.fresh import Drive, drawn_problem
 from plannerforge.evals.selection.corpus import arguments_of
 from plannerforge.evals.selection.fresh import Known, fresh_requests
+from plannerforge.evals.symmetries.fresh_data import fresh_scenario
 from plannerforge.schemas.scenarios import RoadFacts
 from plannerforge.schemas.vocabulary import FEATURES, TAGS
 

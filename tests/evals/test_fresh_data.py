@@ -9,7 +9,7 @@ from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import recorded_tracks
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.maps.facts import read_map
-from plannerforge.evals.fresh_data import fresh_maps, fresh_recordings, fresh_scenarios, mutated_maps
+from plannerforge.evals.symmetries.fresh_data import fresh_maps, fresh_recordings, fresh_scenarios, mutated_maps
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.generation import ReadMapRequest
 

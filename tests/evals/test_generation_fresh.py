@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from support.generation_bench import map_facts
 
-from plannerforge.evals.fresh_data import mutated_maps
 from plannerforge.evals.generation import fresh
 from plannerforge.evals.generation.figures import DEFECT, Made
 from plannerforge.evals.generation.fresh import FreshMap, drawn_request, print_fresh, try_map
+from plannerforge.evals.symmetries.fresh_data import mutated_maps
 from plannerforge.schemas.errors import UnsafeInput
 
 LOST = "2 site(s) lost when the road network is built: roundabout at 50.00001, -10.00000; 1 more"

@@ -35,16 +35,16 @@ import numpy as np
 import shapely
 from lxml import etree
 
-from ..engine.commonroad import derived_benchmark_id
-from ..engine.execution import silent
-from ..engine.generation import generate_scenario
-from ..engine.geometry import Points, Values, arc_length, length_m, point_at
-from ..engine.maps import Sketch
-from ..engine.vehicles import vehicle_classes
-from ..schemas.errors import PlannerForgeError
-from ..schemas.generation import GenerationRequest, VehicleDemand
-from .harness import drawn, existing, scenario_files, shared_folder, shared_scenarios
-from .symmetries.relations import RELATIONS, read_root, write_root
+from ...engine.commonroad import derived_benchmark_id
+from ...engine.execution import silent
+from ...engine.generation import generate_scenario
+from ...engine.geometry import Points, Values, arc_length, length_m, point_at
+from ...engine.maps import Sketch
+from ...engine.vehicles import vehicle_classes
+from ...schemas.errors import PlannerForgeError
+from ...schemas.generation import GenerationRequest, VehicleDemand
+from ..harness import drawn, existing, scenario_files, shared_folder, shared_scenarios
+from .relations import RELATIONS, read_root, write_root
 
 Point = tuple[float, float]
 """Metres east and north of the middle of a map."""
