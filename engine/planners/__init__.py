@@ -32,6 +32,7 @@
 ``PlannerCheck``: What came out of it.
 ``OwnPlanner``: What an entry point of the group ``plannerforge.planners`` names: the class and its declaration.
 ``ScenarioFile``: The file that a program plans on.
+``planner_driver``: A planner of others as the loop drives it, for a ``with`` block.
 ``programs_named``: Makes the programs of the settings known as planners while a block runs, in workers too.
 ``known_planner``: A planner's name as registered; ``UnknownName`` where there is none.
 ``make_planner``: A new planner by its name.
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
     from .external.command import ScenarioFile
     from .external.conformance import check_planner
     from .external.found import Found, OwnPlanner, programs_named
+    from .external.program import planner_driver
     from .frenetix.costs import CandidateBatch, responsibility
     from .frenetix.planner import Frenetix
     from .goal import DesiredSpeed, progress_to_goal

@@ -124,7 +124,9 @@ def _took(planner: OwnPlanner | Found, plan_s: list[float]) -> str:
     """How long it took to plan, in words; of a program that is asked once, how long it took to answer."""
     if not plan_s:
         return ""
-    is_asked_once = isinstance(planner, Found) and planner.command is not None and planner.command.protocol == "one_shot"
+    is_asked_once = (
+        isinstance(planner, Found) and planner.command is not None and planner.command.protocol == "one_shot"
+    )
     return f"answered in {sum(plan_s):.1f} s" if is_asked_once else f"{1000 * median(plan_s):.1f} ms a plan"
 
 
@@ -176,9 +178,7 @@ def _moves(
     """Whether a plan differs between both ends of a range; where a planner cannot plan at an end, it acts."""
 
     def planned(value: float, observation: Observation) -> Plan:
-        configuration = task.configuration.model_copy(
-            update={"weights": task.configuration.weights | {name: value}}
-        )
+        configuration = task.configuration.model_copy(update={"weights": task.configuration.weights | {name: value}})
         planner = make()
         planner.reset(replace(task, configuration=configuration))
         return planner.plan(observation)
