@@ -115,6 +115,47 @@ class RunSteps(Model):
     others: tuple[DrivenObstacle, ...] = ()
 
 
+LONGEST_DEBUG_NAME = 60
+"""Characters of the name of a debug value, as of the name of a weight."""
+MOST_DEBUG_VALUES, MOST_DEBUG_POLYGONS, MOST_DEBUG_POINTS = 32, 8, 100
+"""Debug numbers or texts, polygons, and points of a polygon that a planning step may report.
+
+A hundred planning steps with all of them stay below 3 MB, the size of the steps of a long run with reactive traffic.
+"""
+MOST_DEBUG_POINTS_A_RUN = 20_000
+"""Points of all polygons that are kept with a run."""
+
+
+class DebugPolygon(Model):
+    """An outline that a planner reported at a planning step."""
+
+    step: int
+    name: str
+    x_m: tuple[float, ...]
+    y_m: tuple[float, ...]
+
+
+class RunSeries(Model):
+    """What is known of a run over time beside its motion; a file of its own beside the steps.
+
+    One value a driven state: ``lateral_offset_m`` from the reference path (left positive), ``heading_error_rad`` against
+    its direction, ``steering_rad`` that the motion asks of the front wheels. One value a planning step (``plan_steps`` of
+    the run's steps): ``desired_speed_mps`` of the loop and ``desired_speed_reasons``, and what the planner reported by
+    name: ``numbers`` (None where it reported none), ``texts`` (empty where it reported none). ``left_out``: debug values
+    beyond the bounds, which are not kept.
+    """
+
+    lateral_offset_m: tuple[float, ...] = ()
+    heading_error_rad: tuple[float, ...] = ()
+    steering_rad: tuple[float, ...] = ()
+    desired_speed_mps: tuple[float, ...] = ()
+    desired_speed_reasons: tuple[str, ...] = ()
+    numbers: dict[str, tuple[float | None, ...]] = Field(default_factory=dict)
+    texts: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    polygons: tuple[DebugPolygon, ...] = ()
+    left_out: int = 0
+
+
 class RunTiming(Model):
     """Measured times; kept beside the record, never part of the reproducible payload.
 
