@@ -19,7 +19,8 @@ class PlannerSettings(Model):
 
     ``vehicle``: CommonRoad's vehicle 1 to 4; a parameter of it that is None here is that vehicle's own. Lengths in m,
     speeds in m/s, accelerations in m/s², angles in rad. The plan is renewed every ``replan_steps`` time steps of the
-    scenario.
+    scenario. ``search`` is one of FISS's four searches; where it has its default it is not written, so that the ids of
+    configurations stay as they were before there was a choice.
     """
 
     vehicle: int = 2
@@ -35,6 +36,7 @@ class PlannerSettings(Model):
     horizon_s: float = 3.0
     replan_steps: int = 3
     sampling_level: int = 2
+    search: int = Field(2, exclude_if=lambda number: number == 2)
 
 
 class PlannerConfiguration(Model):

@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from .base import Model
+from .text import measured
 
 Outcome = Literal[
     "goal_reached",
@@ -189,7 +190,7 @@ class LimitExcess(Model):
         """``steering rate 0.75 rad/s at 2.3 s (limit 0.4)``."""
         if self.name == "rolling":
             return f"wheels that slide in {100 * self.value:.0f} % of the steps, from {self.time_s:.1f} s on"
-        return f"{self.name} {self.value:.3g} {self.unit} at {self.time_s:.1f} s (limit {self.limit:.3g})"
+        return f"{self.name} {measured(self.value)} {self.unit} at {self.time_s:.1f} s (limit {measured(self.limit)})"
 
 
 def excesses_in_words(excesses: Sequence[LimitExcess]) -> str:
@@ -227,6 +228,9 @@ class RunRecord(Model):
     )
     ego_length_m: float = 4.508
     ego_width_m: float = 1.61
+    planner_version: str = Field(
+        "", description="version of the planner: as declared or described by git, with a digest; empty: not known"
+    )
 
 
 ContactKind = Literal[
@@ -459,7 +463,7 @@ class RunReview(Model):
         line += f" (ego {near.ego_speed_mps:.1f}, it {near.other_speed_mps:.1f} m/s)"
         if urgent is None:
             return f"{line}; time to collision: none: never on a collision course."
-        least = f"least time to collision {urgent.time_to_collision_s:.3g} s"
+        least = f"least time to collision {measured(urgent.time_to_collision_s)} s"
         if (urgent.obstacle_id, urgent.time_s) == (near.obstacle_id, near.time_s):
             return f"{line}; {least}, then."
         whom = "it" if urgent.obstacle_id == near.obstacle_id else urgent.other
@@ -467,7 +471,7 @@ class RunReview(Model):
 
     def motion_in_words(self) -> str:
         """The largest motions with their times; empty without steps."""
-        parts = [f"{one.name} {one.value:.3g} {one.unit} at {one.time_s:.1f} s" for one in self.largest]
+        parts = [f"{one.name} {measured(one.value)} {one.unit} at {one.time_s:.1f} s" for one in self.largest]
         return f"Largest: {', '.join(parts)}." if parts else ""
 
 
@@ -504,7 +508,7 @@ class RuleVerdict(Model):
         more = [f"from {self.first_s:.1f} s on"] if self.first_s != self.time_s else []
         more += [f"obstacle {self.obstacle_id}"] if self.obstacle_id is not None else []
         told = f" ({', '.join(more)})" if more else ""
-        return f"{self.rule} {self.name} by {self.degree:.3g} {self.unit} at {self.time_s:.1f} s{told}"
+        return f"{self.rule} {self.name} by {measured(self.degree)} {self.unit} at {self.time_s:.1f} s{told}"
 
 
 def ending(outcome: Outcome, reason: str, review: RunReview | None = None, *, contact: Contact | None = None) -> str:

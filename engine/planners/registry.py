@@ -43,10 +43,17 @@ def _radial_basis_primitives() -> "Planner":
     return RadialBasisPrimitives()
 
 
+def _iterative_search() -> "Planner":
+    from .fiss.planner import Fiss
+
+    return Fiss()
+
+
 PLANNERS: dict[str, "Callable[[], Planner]"] = {
     "frenetix": _frenetix,
     "mp_rbfn": _radial_basis_primitives,
     "idm": _intelligent_driver,
+    "fiss": _iterative_search,
 }
 
 
