@@ -139,11 +139,11 @@ class DebugPolygon(Model):
 class RunSeries(Model):
     """What is known of a run over time beside its motion; a file of its own beside the steps.
 
-    One value a driven state: ``lateral_offset_m`` from the reference path (left positive), ``heading_error_rad`` against
-    its direction, ``steering_rad`` that the motion asks of the front wheels. One value a planning step (``plan_steps`` of
-    the run's steps): ``desired_speed_mps`` of the loop and ``desired_speed_reasons``, and what the planner reported by
-    name: ``numbers`` (None if it reported no finite number), ``texts`` (empty if it reported none). ``left_out``: debug
-    values beyond the bounds, which are not kept.
+    One value for each driven state: ``lateral_offset_m`` from the reference path (left positive), ``heading_error_rad``
+    against its direction, ``steering_rad`` that the motion asks of the front wheels. One value for each planning step
+    (``plan_steps`` of the run's steps): ``desired_speed_mps`` of the loop and ``desired_speed_reasons``, and what the
+    planner reported by name: ``numbers`` (None if it reported no finite number), ``texts`` (empty if it reported none).
+    ``left_out``: how many debug values were beyond the bounds and are not kept.
     """
 
     lateral_offset_m: tuple[float, ...] = ()

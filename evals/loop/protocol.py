@@ -1,6 +1,6 @@
 """Stepwise programs that go wrong, and what the protocol costs.
 
-Each program of ``stepwise_program.py`` that goes wrong is run on a made road, as an own process of the settings. Its run
+Each program of ``stepwise_program.py`` that goes wrong is run on a made road, as a program of the settings. Its run
 has to fail as a ``planner_failure`` with the reason that ``EXPECTED`` states, within the limits that the section gives,
 and no process that the program started may be left.
 
@@ -156,9 +156,9 @@ def _left() -> Iterator[psutil.Process]:
     """Processes of the programs that still run."""
     for process in psutil.process_iter(["cmdline", "status"]):
         words = process.info["cmdline"] or ()
-        if any("stepwise_program.py" in word for word in words) or "import time; time.sleep(600)" in words:
-            if process.info["status"] != psutil.STATUS_ZOMBIE:
-                yield process
+        is_ours = any("stepwise_program.py" in word for word in words) or "import time; time.sleep(600)" in words
+        if is_ours and process.info["status"] != psutil.STATUS_ZOMBIE:
+            yield process
 
 
 class _Straight:
@@ -229,9 +229,9 @@ def _road(users: int) -> str:
     return "\n".join(
         [
             '<?xml version="1.0" encoding="UTF-8"?>',
-            '<commonRoad timeStepSize="0.1" commonRoadVersion="2020a" author="bench" affiliation="bench"'
+            '<commonRoad timeStepSize="0.1" commonRoadVersion="2020a" author="bench" affiliation="bench"',
             ' source="bench" benchmarkID="ZAM_Bench-1_1_T-1" date="2020-01-01">',
-            "<location><geoNameId>-999</geoNameId><gpsLatitude>999</gpsLatitude><gpsLongitude>999</gpsLongitude>"
+            "<location><geoNameId>-999</geoNameId><gpsLatitude>999</gpsLatitude><gpsLongitude>999</gpsLongitude>",
             "</location><scenarioTags><highway/></scenarioTags>",
             *(_lane(number) for number in range(_LANES)),
             *cars,

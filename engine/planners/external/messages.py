@@ -16,7 +16,6 @@ from ..prediction import SENSOR_RADIUS_M
 from ..route_place import RoutePlaces
 
 if TYPE_CHECKING:
-    from commonroad.planning.goal import GoalRegion
     from commonroad.scenario.lanelet import Lanelet
     from commonroad.scenario.traffic_light import TrafficLight
 
@@ -155,16 +154,12 @@ def _line(points: Points) -> Line:
 
 def _goals(task: PlanningTask) -> list[GoalMessage]:
     """The goal states; first those that the reference path leads to."""
+    from commonroad.planning.goal import GoalRegion
+
     ahead = task.goal_ahead
     first = {id(state) for state in ahead.state_list}
     others = [state for state in task.problem.goal.state_list if id(state) not in first]
-    return [_goal_state(each) for each in (*_single(ahead, ahead.state_list), *_single(task.problem.goal, others))]
-
-
-def _single(region: "GoalRegion", states: Sequence[Any]) -> list[Goal]:
-    from commonroad.planning.goal import GoalRegion
-
-    return [Goal(GoalRegion([state])) for state in states]
+    return [_goal_state(Goal(GoalRegion([state]))) for state in (*ahead.state_list, *others)]
 
 
 def _goal_state(goal: Goal) -> GoalMessage:
