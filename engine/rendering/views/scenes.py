@@ -314,11 +314,7 @@ def _over_time(series: RunSeries | None, origin: Points) -> dict[str, Any]:
     planned = {"desired speed (m/s)": series.desired_speed_mps, **series.numbers}
     reasons = {"desired speed because": series.desired_speed_reasons}
     areas = [
-        AreaView(
-            step=one.step,
-            name=one_line(one.name),
-            outline=_sent(np.column_stack([one.x_m, one.y_m]), origin),
-        )
+        AreaView(step=one.step, name=one_line(one.name), outline=_sent(np.column_stack([one.x_m, one.y_m]), origin))
         for one in series.polygons
     ]
     return {
