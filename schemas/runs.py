@@ -40,6 +40,15 @@ Traffic = Literal["recorded", "reactive"]
 """``reactive``: the others react to the ego, driven by SUMO; ``recorded``: they follow their recording."""
 
 
+VERSION_MARK = "@"
+"""Between the id of a configuration and the digest of its planner's version, where results hold several versions."""
+
+
+def configuration_id(told: str) -> str:
+    """The id of a configuration without the version of its planner: ``cfg_1`` of ``cfg_1@d4e5f6a``."""
+    return told.partition(VERSION_MARK)[0]
+
+
 class CollisionRecord(Model):
     """The first collision of a run: the obstacle (None: the road boundary), the step and the time."""
 
@@ -190,6 +199,7 @@ class RunRecord(Model):
     planner_version: str = Field(
         "", description="version of the planner: as declared or described by git, with a digest; empty: not known"
     )
+    planner_source: str = Field("", description="digest of what drove, by which two versions are told apart")
 
 
 ContactKind = Literal[

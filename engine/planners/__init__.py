@@ -26,6 +26,9 @@
 ``refused_planners``: Why planners of others that were found cannot be named.
 ``own_planner``: The planner of others of a name.
 ``planner_version``: A digest of the source of a planner of others; empty for built-in ones.
+``built_in_version``: The version of a built-in planner, from those of packages.
+``version_that_drives``: The version of a planner in words and as a digest, for workers.
+``source_that_drives``: That digest alone, for any process.
 ``Found``: A planner of others that was found, and where.
 ``check_on``: What a planner of others breaks on a scenario, in words.
 ``PlannerCheck``: What came out of it.
@@ -75,6 +78,7 @@ if TYPE_CHECKING:
     from .reference_path import BEYOND_GOAL_M, build_reference_path
     from .registry import (
         PLANNERS,
+        built_in_version,
         check_modes,
         known_planner,
         make_planner,
@@ -83,6 +87,8 @@ if TYPE_CHECKING:
         planner_names,
         planner_version,
         refused_planners,
+        source_that_drives,
+        version_that_drives,
     )
     from .runs import run_planner, run_steps
     from .simulation import DrivenRun, simulate

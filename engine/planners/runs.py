@@ -25,7 +25,7 @@ from .driving.drivability import exceeded_limits
 from .driving.solution import steering_of
 from .external.command import CommandDriver, ScenarioFile
 from .interface import EgoState, Observation, Plan, Planner, PlanningTask, ShowsCandidates
-from .registry import check_modes, make_planner, open_traffic, planner_version
+from .registry import check_modes, make_planner, open_traffic, planner_version, version_that_drives
 from .simulation import DrivenRun, simulate
 
 if TYPE_CHECKING:
@@ -58,6 +58,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     _check_version(request)
     planner = make_planner(request.configuration.planner, file)
     check_modes(request.traffic, request.prediction)
+    version = version_that_drives(request.configuration.planner)
     driven = start.drive(planner, report)
     record = RunRecord(
         run_id=request.run_id,
@@ -82,6 +83,8 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         beyond_vehicle=tuple(exceeded_limits(_ego_track(driven.states, vehicle), vehicle, loaded.step_s)),
         ego_length_m=vehicle.length_m,
         ego_width_m=vehicle.width_m,
+        planner_version=version.words,
+        planner_source=version.source,
     )
     report(1.0, driven.final.outcome)
     core_s = [plan.core_s for plan in driven.plans if plan.core_s > 0]

@@ -352,8 +352,9 @@ def _comparison_tables(comparison: Comparison) -> Iterable[ReportTable]:
             ),
         )
     yield ReportTable(
-        caption="Paired by scenario: median before and after, shift with its 95 % interval, Wilcoxon's p",
-        columns=("metric", "pairs", "before", "after", "shift", "p", "better"),
+        caption="Paired by scenario: median before and after, shift with its 95 % interval, Wilcoxon's p. A side is "
+        "named as better only where p after Holm's adjustment is below 0.05 and the shift above the resolution.",
+        columns=("metric", "pairs", "before", "after", "shift", "p", "p after Holm", "better"),
         rows=tuple(
             (
                 f"{metric_words(test.name)} ({test.unit})" if test.unit else metric_words(test.name),
@@ -362,6 +363,7 @@ def _comparison_tables(comparison: Comparison) -> Iterable[ReportTable]:
                 _figure(test.median_after),
                 f"{_figure(test.shift)} [{_figure(test.low)}, {_figure(test.high)}]",
                 _p_value(test.p),
+                _p_value(test.p_holm),
                 {"before": comparison.before, "after": comparison.after, None: "–"}[test.better],
             )
             for test in comparison.metrics
