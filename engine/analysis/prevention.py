@@ -9,9 +9,9 @@ full braking, and a driver that keeps its lane and speed. Each is judged from tw
   of the ego's own making.
 
 A drive is followed until the ego stands or has passed the other. A driver prevents the collision if it touches neither
-the one that was hit nor anyone that it drives into. The others do not react to it. Besides the drivers that brake there
-is a manoeuvre of another kind, steering aside by a lane's width at the speed that the ego had (``evading``): on the road
-and clear of all others. It does not make a collision preventable.
+the one that was hit nor anyone that it drives into. The others do not react to it. Besides the drivers that brake,
+there is a manoeuvre of another kind: steering aside by a lane's width at the speed that the ego had (``evading``), on
+the road and clear of all others. It does not make a collision preventable.
 """
 
 import math
@@ -166,16 +166,25 @@ class _Encounters:
         if self.around.road is not None:
             latest = _Steering(scene, self._hit, self.around.road).latest(self._last)
             yield DriverVerdict(
-                driver="evading", start=start, prevents=latest is not None, until_s=self._time_s(latest), reacts_at_s=None
+                driver="evading",
+                start=start,
+                prevents=latest is not None,
+                until_s=self._time_s(latest),
+                reacts_at_s=None,
             )
 
     def _full_braking(self, start: DriverStart, scene: DriverScene) -> DriverVerdict:
         """The latest moment at which full braking keeps clear of the one that was hit, tried one by one."""
         latest = next(
-            (step for step in range(self._last, -1, -1) if scene.is_clear_of_met(scene.drive(FullBraking(), step))), None
+            (step for step in range(self._last, -1, -1) if scene.is_clear_of_met(scene.drive(FullBraking(), step))),
+            None,
         )
         return DriverVerdict(
-            driver="full_braking", start=start, prevents=latest is not None, until_s=self._time_s(latest), reacts_at_s=0.0
+            driver="full_braking",
+            start=start,
+            prevents=latest is not None,
+            until_s=self._time_s(latest),
+            reacts_at_s=0.0,
         )
 
     def _of_driver(self, driver: ReferenceDriver, start: DriverStart, scene: DriverScene) -> DriverVerdict:

@@ -84,7 +84,7 @@ if TYPE_CHECKING:
         motion_primitives,
         straight_lines,
     )
-    from .reference_drivers.drives import NominalMotion, DriverScene, going_on
+    from .reference_drivers.drives import DriverScene, NominalMotion, going_on
     from .reference_drivers.lanes import lane_line
     from .reference_drivers.models import (
         CarefulDriver,

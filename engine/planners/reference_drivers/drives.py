@@ -1,7 +1,7 @@
 """A reference driver in the ego's place, among others that move as they did and do not react to it.
 
-Until the driver reacts, the ego moves as a :class:`NominalMotion` motion says: as it was driven, or along its lane at the
-speed that it began with. From then on it brakes as the driver wants, keeps its speed in between, and follows the same
+Until the driver reacts, the ego moves as a :class:`NominalMotion` says: as it was driven, or along its lane at the speed
+that it began with. From then on it brakes as the driver wants, keeps its speed in between, and follows the same
 way. A drive is followed until the ego stands or has passed the other: an ego that still rolls towards it has not
 prevented anything. Where a track ends before that, the other goes on straight at its last speed, and one that braked
 goes on braking until it stands.
@@ -102,8 +102,9 @@ class DriverScene:
     """The ego's body and brakes, how it moves until its driver reacts, and the others along its way.
 
     ``body``: length and width in m. ``met``: the one that it collided with, going on behind the end of its track as
-    :func:`going_on` says; ``met_until``: the last step that its track shows. ``others``: all others. On the way that was
-    driven a driver reacts to the one that was met alone: to the others the ego has reacted. On its lane it reacts to all.
+    :func:`going_on` says; ``met_until``: the last step that its track shows. ``others``: all others. On the way that
+    was driven, a driver reacts only to the one that was met, since the ego has already reacted to the others. On its
+    lane it reacts to all.
     """
 
     nominal: NominalMotion
@@ -162,8 +163,11 @@ class DriverScene:
         memory, braking, brakes_from = driver.begin(), 0.0, None
         felt = 0.0 if takes_over == 0 else (speeds[-1] - speeds[-2]) / self.step_s
         for index in range(takes_over, self.count - 1):
-            seen = self._seen(index, stations[-1])
+            met = self._met.seen(self.first_step + index, stations[-1], self.body, self.step_s)
+            seen = self._seen(index, stations[-1], met)
             memory, wanted = driver.react(memory, Moment(index * self.step_s, speeds[-1], felt, seen))
+            if self._is_over(index, met, speeds[-1], wanted):
+                break
             if wanted is not None and brakes_from is None:
                 brakes_from = index
             if brakes_from is None:
@@ -175,11 +179,18 @@ class DriverScene:
             felt = (speed - speeds[-1]) / self.step_s
             stations.append(station)
             speeds.append(speed)
-            if brakes_from is not None and speed <= _STANDS_MPS:
+            if brakes_from is not None and speed < _STANDS_MPS:
                 return Driven(np.array(stations), np.array(speeds), brakes_from, stands=True)
-            if self._has_passed(index + 1, station, speed):
-                break
         return Driven(np.array(stations), np.array(speeds), brakes_from, stands=False)
+
+    def _is_over(self, index: int, met: Seen | None, speed: float, wanted: float | None) -> bool:
+        """Whether the ego is past the one that it met, which does not catch up, or will never reach it."""
+        if met is None:
+            return False
+        if met.is_passed and met.along_mps <= speed:
+            return True
+        goes_on_evenly = self.first_step + index > self.met_until and met.slowing_mps2 <= 0
+        return goes_on_evenly and wanted is None and met.gap_m > 0 and speed <= met.along_mps
 
     def undisturbed(self, count: int) -> Driven:
         """Return the nominal motion over so many states."""
@@ -190,13 +201,18 @@ class DriverScene:
         met = self._met.seen(self.first_step + index, station, self.body, self.step_s)
         return met is not None and met.is_passed and met.along_mps <= speed
 
-    def _seen(self, index: int, station: float) -> tuple[Seen, ...]:
+    def _seen(self, index: int, station: float, met: Seen | None) -> tuple[Seen, ...]:
+        """What the driver sees: the one that it met unless another hides it, and on its lane all others."""
+        if not self._watched:
+            return () if met is None else (met,)
+        if self.nominal.was_driven and (met is None or not met.is_in_way):
+            return () if met is None else (met,)
         step = self.first_step + index
-        rows = []
-        for row in (self._met, *self._watched):
+        rows = [] if met is None else [(met, self._met.offset_at(step), self._met.hides)]
+        for row in self._watched:
             seen = row.seen(step, station, self.body, self.step_s)
             if seen is not None:
-                rows.append((seen, float(row.offset_m[step - row.first_step]), row.hides))
+                rows.append((seen, row.offset_at(step), row.hides))
         shown = visible(rows, WANDERING_M)
         return tuple(one for one in shown if one.key == self._met.key) if self.nominal.was_driven else shown
 
@@ -221,9 +237,7 @@ class DriverScene:
             bearings = bearings + turned_rad
         return rectangles(centers, bearings, body)
 
-    def is_clear_of_met(
-        self, driven: Driven, aside_m: Values | None = None, turned_rad: Values | None = None
-    ) -> bool:
+    def is_clear_of_met(self, driven: Driven, aside_m: Values | None = None, turned_rad: Values | None = None) -> bool:
         """Whether a drive does not touch the one that was met; see :meth:`is_clear`."""
         import shapely
 

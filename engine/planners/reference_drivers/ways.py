@@ -129,21 +129,29 @@ class OnWay:
         ``body``: length and width of the driver's vehicle.
         """
         at = step - self.first_step
-        if not 0 <= at < len(self.middle_m):
+        if not 0 <= at < len(self._rows):
             return None
-        ahead = float(self.middle_m[at]) - station_m
-        reach = float(self.half_along_m[at]) + body[0] / 2
-        aside = float(self.aside_m[at])
-        nearing = 0.0 if at == 0 else (float(self.aside_m[at - 1]) - aside) / step_s
+        middle, reach, aside, along, slowing = self._rows[at]
+        ahead, reach = middle - station_m, reach + body[0] / 2
         return Seen(
             key=self.key,
             gap_m=ahead - reach,
             past_m=ahead + reach,
             aside_m=aside - body[1] / 2,
-            nearing_mps=nearing,
-            along_mps=float(self.along_mps[at]),
-            slowing_mps2=float(self.slowing_mps2[at]),
+            nearing_mps=0.0 if at == 0 else (self._rows[at - 1][2] - aside) / step_s,
+            along_mps=along,
+            slowing_mps2=slowing,
         )
+
+    def offset_at(self, step: int) -> float:
+        """Return the offset of its centre from the way at a step at which it is there."""
+        return float(self.offset_m[step - self.first_step])
+
+    @cached_property
+    def _rows(self) -> list[tuple[float, float, float, float, float]]:
+        """Station, reach along the way, gap to its line, speed along it and deceleration of each state."""
+        columns = self.middle_m, self.half_along_m, self.aside_m, self.along_mps, self.slowing_mps2
+        return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
 def visible(seen: Sequence[tuple[Seen, float, bool]], wandering_m: float) -> tuple[Seen, ...]:
