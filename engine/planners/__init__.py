@@ -47,6 +47,18 @@
 ``follows``: Whether a place is straight behind the ego, in the cone that guessed futures leave out.
 ``check_modes``: Raises ``InvalidRequest`` where a prediction does not go with the traffic.
 ``open_traffic``: The others of a scenario, recorded or reactive, at the ego's first step.
+``CarefulDriver``: UN R157's competent and careful driver.
+``FuzzyDriver``: The driver of the fuzzy safety model.
+``RssDriver``: The driver of Responsibility-Sensitive Safety.
+``FullBraking``: A driver that brakes fully at once.
+``KeepLane``: A driver that keeps its lane and speed.
+``ReferenceDriver``: The protocol of these drivers.
+``brakes_of``: How hard a class of vehicle brakes, and how fast that builds up.
+``DriverScene``: A reference driver in the ego's place, among others that move as they did.
+``DriverWay``: A way along which a reference driver drives.
+``NominalMotion``: How the ego moves until its reference driver reacts.
+``lane_line``: The line that keeps to the ego's lane and route, from where a planning problem begins.
+``going_on``: A track up to a later step: straight on, and braking on if it braked.
 ``RecordedTraffic``: The obstacles of a scenario, following their recordings.
 """
 
@@ -75,6 +87,18 @@ if TYPE_CHECKING:
         motion_primitives,
         straight_lines,
     )
+    from .reference_drivers.drives import DriverScene, NominalMotion, going_on
+    from .reference_drivers.lanes import lane_line
+    from .reference_drivers.models import (
+        CarefulDriver,
+        FullBraking,
+        FuzzyDriver,
+        KeepLane,
+        ReferenceDriver,
+        RssDriver,
+        brakes_of,
+    )
+    from .reference_drivers.ways import DriverWay
     from .reference_path import BEYOND_GOAL_M, build_reference_path
     from .registry import (
         PLANNERS,

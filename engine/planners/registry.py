@@ -49,11 +49,22 @@ def _iterative_search() -> "Planner":
     return Fiss()
 
 
+def _reference_driver(model: str) -> "Planner":
+    from .reference_drivers import planner
+
+    return planner.ReferencePlanner(getattr(planner, model))
+
+
 PLANNERS: dict[str, "Callable[[], Planner]"] = {
     "frenetix": _frenetix,
     "mp_rbfn": _radial_basis_primitives,
     "idm": _intelligent_driver,
     "fiss": _iterative_search,
+    "r157_careful": lambda: _reference_driver("careful_driver"),
+    "fsm": lambda: _reference_driver("fuzzy_driver"),
+    "rss": lambda: _reference_driver("rss_driver"),
+    "full_braking": lambda: _reference_driver("full_braking"),
+    "keep_lane": lambda: _reference_driver("keep_lane"),
 }
 
 
