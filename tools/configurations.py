@@ -5,8 +5,8 @@ from pathlib import Path
 from ..engine.planners import source_that_drives
 from ..engine.tuning import DEFAULT_CONFIGURATION, from_file, named_configuration, read_weight_file, to_yaml
 from ..engine.workspace import Artifact, Recipe, content_digest, write_text
+from ..schemas.artifacts import ImportedItem
 from ..schemas.errors import NotPossible, UnknownName, closest
-from ..schemas.importing import ImportedItem
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.runs import VERSION_MARK, configuration_id
 from .call import ToolCall

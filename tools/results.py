@@ -125,8 +125,13 @@ def run_record(artifact: Artifact) -> RunRecord:
     if record.planner in PLANNERS:
         known = built_in_version(record.planner, versions)
         return record.model_copy(update={"planner_version": known.words, "planner_source": known.source})
-    source = versions.get(f"planner {record.planner}", "")
+    source = versions.get(version_key(record.planner), "")
     return record.model_copy(update={"planner_version": source[:_SHORT], "planner_source": source})
+
+
+def version_key(planner: str) -> str:
+    """What a recipe calls the version of a planner of others; a planner may be named as a package is."""
+    return f"planner {planner}"
 
 
 _SHORT = 7
