@@ -619,8 +619,7 @@ def _about_success(code: HeadlineCode, test: SuccessTest) -> str:
     """The flips, then what the exact test makes of them."""
     fact = _flipped(test)
     if code in ("better", "worse", "mixed"):
-        side = "after" if (test.difference or 0) > 0 else "before"
-        return f"{code.capitalize()}: {fact}; '{side}' reaches the goal more often."
+        return f"{code.capitalize()}: {fact}."
     if _is_alike(test):
         return f"{fact}; the success rates differ by less than {100 * _MARGIN:.0f} points (95 %)."
     if test.scenarios < FEWEST_PAIRS:

@@ -86,9 +86,8 @@ def _compared(comparison: CompareResultsResult | None) -> tuple[Comparison, ...]
 
 
 def _verdict(comparison: Comparison) -> str:
-    """The verdict with the names of the sides and metrics as people say them."""
-    words = {"'before'": comparison.before, "'after'": comparison.after}
-    words |= {name: metric_words(name) for name in sorted(RunMetrics.model_fields, key=len, reverse=True)}
+    """The verdict with the names of metrics as people say them."""
+    words = {name: metric_words(name) for name in sorted(RunMetrics.model_fields, key=len, reverse=True)}
     return re.sub("|".join(map(re.escape, words)), lambda found: words[found[0]], comparison.verdict)
 
 

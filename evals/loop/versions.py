@@ -34,7 +34,7 @@ from .bench import LoopBench
 
 SCENARIOS, VERSIONS = 3, 5
 """Scenarios of a batch, and versions of each planner (chosen: four planners give 40 comparisons)."""
-_PACKAGE = '''
+_PACKAGE = """
 import numpy as np
 from plannerforge.engine.planners import OwnPlanner, Plan, PlannedTrajectory
 from plannerforge.schemas.planning import PlannerDeclaration
@@ -54,7 +54,7 @@ class Slowing:
 
 
 PLANNER = OwnPlanner(Slowing, PlannerDeclaration(summary="gets slower"DECLARED))
-'''
+"""
 _DIGEST = re.compile(r"\b[0-9a-f]{7}\b")
 _PROGRAM = Path(__file__).parents[1] / "tuning" / "faulty_program.py"
 
