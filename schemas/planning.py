@@ -17,12 +17,14 @@ LISTED_RUNS, LISTED_FAILURES, LISTED_CONFIGURATIONS = 20, 3, 8
 class PlannerSettings(Model):
     """Settings of a run; ranges and meanings are in ``engine/tuning/settings.py``.
 
-    ``vehicle``: CommonRoad's vehicle 1 to 4; a parameter of it that is None here is that vehicle's own. Lengths in m,
-    speeds in m/s, accelerations in m/s², angles in rad. The plan is renewed every ``replan_steps`` time steps of the
-    scenario.
+    ``vehicle``: CommonRoad's vehicle 1 to 4; a parameter of it that is None here is that vehicle's own. If no vehicle
+    is stated, the ego's class decides, and vehicle 2 stands for a car. Lengths in m, speeds in m/s, accelerations in m/s²,
+    angles in rad. The plan is renewed every ``replan_steps`` time steps of the scenario. ``vehicle_stated``: the
+    configuration names vehicle 2 itself.
     """
 
     vehicle: int = 2
+    vehicle_stated: bool = Field(False, exclude_if=lambda stated: not stated)
     length_m: float | None = None
     width_m: float | None = None
     wheelbase_m: float | None = None
@@ -35,6 +37,17 @@ class PlannerSettings(Model):
     horizon_s: float = 3.0
     replan_steps: int = 3
     sampling_level: int = 2
+
+    @property
+    def states_vehicle(self) -> bool:
+        """Whether the configuration names the vehicle, so that the ego's class does not decide."""
+        return self.vehicle_stated or self.vehicle != 2
+
+    @property
+    def stated_values(self) -> dict[str, float]:
+        """The settings by name as a file or a call writes them: without those that the ego's class decides."""
+        left_out = {"vehicle_stated"} if self.states_vehicle else {"vehicle_stated", "vehicle"}
+        return self.model_dump(exclude_none=True, exclude=left_out)
 
 
 class PlannerConfiguration(Model):
@@ -480,6 +493,7 @@ class CommandRequest(Model):
     weights: dict[str, float]
     settings: dict[str, float] = Field(description="all settings, with the ego's size and limits")
     ego: EgoStart
+    ego_class: str = Field("car", description="what the ego is: car, truck, bus, motorcycle …")
     first_step: int
     last_step: int
     step_s: float

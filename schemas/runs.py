@@ -186,6 +186,11 @@ class RunRecord(Model):
     )
     ego_length_m: float = 4.508
     ego_width_m: float = 1.61
+    ego_class: str = Field(
+        "car",
+        exclude_if=lambda name: name == "car",
+        description="what the ego was: as its scenario says, or of the vehicle that the configuration states",
+    )
 
 
 ContactKind = Literal[

@@ -35,6 +35,7 @@ from ..criticality import ahead_of, encounters, gaps_m, times_to_collision_s
 from ..execution import ProgressReporter
 from ..geometry import Points, Values, oriented_rectangle, wrap_angle, wrap_angles
 from ..planners import Predictor, predictor
+from ..vehicles import vehicle_classes
 from .prevention import Surroundings, prevention_of
 from .run_set import RunSet, driven_tracks
 
@@ -401,7 +402,7 @@ def ego_track(record: RunRecord, steps: RunSteps) -> Track:
     """The driven states as a track with the ego's size; its id is of no obstacle."""
     return Track(
         obstacle_id=-1,
-        kind="car",
+        kind=vehicle_classes()[record.ego_class].commonroad_type,
         length_m=record.ego_length_m,
         width_m=record.ego_width_m,
         first_step=steps.first_step,

@@ -13,7 +13,7 @@ from ....schemas.errors import PlannerFailure
 from ....schemas.planning import CommandAnswer, CommandPlanner, CommandRequest, CommandTrajectory, EgoStart
 from ....schemas.text import one_line, quoted
 from ...geometry import Values
-from ...vehicles import VehicleParameters
+from ...vehicles import VehicleParameters, parameter_values
 from ..goal import Goal
 from ..interface import EgoState, Observation, Plan, PlannedTrajectory, PlanningTask
 from .conformance import trajectory_breaches
@@ -105,7 +105,7 @@ class CommandDriver:
 
     def _request(self, ego: EgoState, folder: Path) -> CommandRequest:
         task = self._task
-        stated = task.configuration.settings.model_dump(exclude_none=True)
+        stated = task.configuration.settings.stated_values
         vehicle: VehicleParameters = task.vehicle
         return CommandRequest(
             scenario_id=self._scenario.scenario_id,
@@ -115,7 +115,7 @@ class CommandDriver:
             planner=self._name,
             config_id=task.configuration.config_id,
             weights=task.configuration.weights,
-            settings={name: float(value) for name, value in (stated | vars(vehicle)).items()},
+            settings={name: float(value) for name, value in (stated | parameter_values(vehicle)).items()},
             ego=EgoStart(
                 x_m=float(ego.position[0]),
                 y_m=float(ego.position[1]),
@@ -123,6 +123,7 @@ class CommandDriver:
                 speed_mps=ego.speed_mps,
                 acceleration_mps2=ego.acceleration_mps2,
             ),
+            ego_class=vehicle.vehicle_class,
             first_step=ego.step,
             last_step=Goal(task.problem.goal).last_step,
             step_s=task.step_s,
