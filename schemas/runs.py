@@ -231,6 +231,11 @@ class RunRecord(Model):
     planner_version: str = Field(
         "", description="version of the planner: as declared or described by git, with a digest; empty: not known"
     )
+    ego_class: str = Field(
+        "car",
+        exclude_if=lambda name: name == "car",
+        description="what the ego was: as its scenario says, or of the vehicle that the configuration states",
+    )
 
 
 ContactKind = Literal[

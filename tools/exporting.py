@@ -39,7 +39,14 @@ from ..schemas.scenarios import ScenarioRecord
 from ..schemas.text import printable
 from .analysis.tool import analyze_results, compare_results
 from .call import ToolCall
-from .operations import WRITE_OPENDRIVE, WRITE_OPENSCENARIO, WRITE_REPORT, WRITE_RUN_TABLE, WRITE_SOLUTION, WRITE_STEP_TABLE
+from .operations import (
+    WRITE_OPENDRIVE,
+    WRITE_OPENSCENARIO,
+    WRITE_REPORT,
+    WRITE_RUN_TABLE,
+    WRITE_SOLUTION,
+    WRITE_STEP_TABLE,
+)
 from .rendering import draw, make_view, named_artifact
 from .results import run_sources, scenario_sources
 
