@@ -241,6 +241,11 @@ class RunRecord(Model):
         "", description="version of the planner: as declared or described by git, with a digest; empty: not known"
     )
     planner_source: str = Field("", description="digest of what drove, by which two versions are told apart")
+    ego_class: str = Field(
+        "car",
+        exclude_if=lambda name: name == "car",
+        description="what the ego was: as its scenario says, or of the vehicle that the configuration states",
+    )
 
 
 ContactKind = Literal[

@@ -50,7 +50,8 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     Raises:
         UnsafeInput: the file cannot be read.
         UnknownName: no such planning problem or planner.
-        InvalidRequest: a prediction that does not go with the traffic.
+        InvalidRequest: a prediction that does not go with the traffic, or a vehicle that cannot be.
+        NotPossible: the ego is a vehicle with a trailer, which no planner here drives.
         PlannerFailure: a planner of others broke its contract.
     """
     began = perf_counter()
@@ -87,6 +88,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         ego_width_m=vehicle.width_m,
         planner_version=version.words,
         planner_source=version.source,
+        ego_class=vehicle.vehicle_class,
     )
     report(1.0, driven.final.outcome)
     core_s = [plan.core_s for plan in driven.plans if plan.core_s > 0]
@@ -116,13 +118,17 @@ class _Start:
     def of(cls, request: RunRequest) -> "_Start":
         """The scenario in memory, its planning problem, and the ego's vehicle."""
         loaded = kept_recording(Path(request.scenario_path)).loaded
-        return cls(request, loaded, loaded.problem(request.problem_id), vehicle_of(request.configuration.settings))
+        problem = loaded.problem(request.problem_id)
+        vehicle = vehicle_of(request.configuration.settings, loaded.ego_class(int(problem.planning_problem_id)))
+        return cls(request, loaded, problem, vehicle)
 
     def drive(self, planner: Planner, report: ProgressReporter) -> DrivenRun:
         """Let a planner drive in the request's traffic."""
         asked, scenario = self.request, self.loaded.scenario
         with open_traffic(asked.traffic, self.loaded, self.problem, self.vehicle, asked.seed) as traffic:
-            return simulate(scenario, self.problem, asked.configuration, planner, asked.prediction, report, traffic)
+            return simulate(
+                scenario, self.problem, asked.configuration, planner, asked.prediction, report, traffic, self.vehicle
+            )
 
 
 def _check_version(request: RunRequest) -> None:

@@ -213,7 +213,9 @@ def test_the_example_in_cpp_refuses_what_is_no_json_and_does_not_hang(tmp_path: 
     build = ["g++", "-O0", "-std=c++17", "-o", str(program), str(EXAMPLES / "stepwise_planner.cpp")]
     subprocess.run(build, check=True, capture_output=True)
     for text in ("{", "[", '"', '{"type"', "", '{"type":}', "[1,", '"\\', "}", "tru"):
-        done = subprocess.run([str(program)], input=f"{text}\n", capture_output=True, text=True, timeout=60, check=False)
+        done = subprocess.run(
+            [str(program)], input=f"{text}\n", capture_output=True, text=True, timeout=60, check=False
+        )
         assert done.returncode != 0, text
         assert "what()" in done.stderr
 
