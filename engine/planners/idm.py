@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from ..geometry import Points, Values, arc_length, gaussian, project, wrap_angle, wrap_angles
 from ..vehicles import HARDEST_BRAKING_MPS2, centers, rear_axle, tractrix
 from .driving.drivability import violated_limit
-from .driving.following import follow, is_on_plan
+from .driving.following import FOLLOWED_WITHIN_M, follow, is_on_plan
 from .goal import DesiredSpeed, Goal
 from .interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, PredictedObstacle
 
@@ -43,7 +43,7 @@ _LOOK_AHEAD_S = 1.0
 """An obstacle that will be in the ego's corridor within this time is a leader already, so that a cut-in is seen when it
 begins."""
 _CORRIDOR_MARGIN_M = 0.3
-"""Chosen: the corridor is wider than the two bodies by this on either side. A vehicle this near to its plan goes on."""
+"""Chosen: the corridor is wider than the two bodies by this on either side."""
 _FADE_S, _SHORTEST_FADE_M, _FADE_PER_OFFSET = 4.0, 15.0, 6.0
 """Chosen: an offset fades over the way of 4 s at the ego's speed, at least over 15 m and over six times the offset."""
 _STEEPEST_RAD = 1.2
@@ -209,7 +209,7 @@ class _Driven:
     def going_on(self, ego: EgoState) -> tuple[RearAxleCurve, float] | None:
         """The curve and the station of the ego's rear axle on it, if it is on this plan."""
         index = ego.step - self.first_step
-        if not is_on_plan(self.trajectory, index, ego, _CORRIDOR_MARGIN_M):
+        if not is_on_plan(self.trajectory, index, ego, FOLLOWED_WITHIN_M):
             return None
         return self.curve, float(self.stations[index])
 
@@ -284,7 +284,8 @@ class IntelligentDriver:
                 acceleration -= self._interaction(speed, gap_m, speed - leader_speed)
             acceleration = min(acceleration, self._before_curve(speed, rear_axle_m + speed * step_s))
             grip = self._grip_mps2(speed, rear_axle_m + speed * step_s / 2)
-            acceleration = min(max(acceleration, -min(HARDEST_BRAKING_MPS2, grip)), grip)
+            most = min(grip, vehicle.most_acceleration_mps2(speed))
+            acceleration = min(max(acceleration, -min(HARDEST_BRAKING_MPS2, grip)), most)
             speeds[i + 1] = max(speed + acceleration * step_s, 0.0)
             travelled[i + 1] = travelled[i] + (speed + speeds[i + 1]) / 2 * step_s
         return travelled, speeds

@@ -31,13 +31,17 @@ class SafetyCheck:
                 self._others.add_collision_object(_motion(bodies))
         self._on_edge_now = self._road.touches_edge(rectangle(observation.ego, task.vehicle))
 
-    def followed(self, trajectory: PlannedTrajectory, most_m: float) -> "FollowedPlan | Objection":
+    def followed(
+        self, trajectory: PlannedTrajectory, most_m: float, counted: int | None = None
+    ) -> "FollowedPlan | Objection":
         """The motion with which the vehicle follows a trajectory, or why it must not.
+
+        ``counted``: only so many of its first states have to be safe; None: all.
 
         ``steering_rate``: its wheels turn too slowly to stay within ``most_m`` of it; ``friction``: tyres or engine do
         not allow its accelerations.
         """
-        refused = self.objection(trajectory)
+        refused = self.objection(trajectory if counted is None else trajectory.until(counted))
         if refused is not None:
             return refused
         followed = follow(trajectory, self._ego, self._vehicle, self._step_s)
@@ -45,7 +49,8 @@ class SafetyCheck:
             return "friction"
         if followed.deviation_m > most_m:
             return "steering_rate"
-        return self.objection(followed.trajectory) or followed
+        driven = followed.trajectory if counted is None else followed.trajectory.until(counted)
+        return self.objection(driven) or followed
 
     def objection(self, trajectory: PlannedTrajectory) -> Literal["collision", "road_edge"] | None:
         """Why a trajectory is not safe, or None.

@@ -21,6 +21,8 @@ from ...geometry import Points, Values
 from ...vehicles import VehicleParameters, centers
 from ..interface import EgoState, PlannedTrajectory
 
+FOLLOWED_WITHIN_M = 0.3
+"""Chosen: a vehicle this near to its plan is on it, for planners that sample no offsets whose distance would say it."""
 _RATE_WEIGHT_M = 0.01
 """Metres of deviation that 1 rad/s of steering costs in the least-squares problem: below it the line of a plan, which
 has corners of millimetres, is not worth steering for (a plan along chords of 1 m deviates from its arc of 8 m radius by
@@ -252,7 +254,7 @@ def _improved(
     return limited
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)
 def _mean_angles(steps: int, step_s: float) -> Points:
     """Mean steering angle of each step (rows) by the rates of all steps and the first angle (columns)."""
     matrix = np.tril(np.full((steps, steps + 1), step_s), -1)
