@@ -10,6 +10,7 @@ from .text import measured
 
 Outcome = Literal[
     "goal_reached",
+    "goal_refused",
     "goal_early",
     "goal_late",
     "goal_missed",
@@ -21,12 +22,27 @@ Outcome = Literal[
 ]
 """How a run ended.
 
+``goal_reached``: at the goal, by a motion that CommonRoad's benchmark accepts (``SuccessRule``); ``goal_refused``: at
+the goal, by a motion that it refuses (``Refusal``);
 ``goal_early``, ``goal_late``: the ego was in the goal's place, but only before or after its time; ``goal_missed``: it
 passed the goal or ended elsewhere, or was there in time without the goal's speed or heading; ``timeout``: it had not
 come to the goal when 1.7 times the steps to the goal's last step were over; ``infeasible``: the planner found no
 trajectory that the vehicle can drive; ``invalid``: the problem has no solution, which is stated before the run and is
 never a planner's failure.
 """
+SuccessRule = Literal["driven@1", "accepted@2"]
+"""What makes a goal that was reached a success.
+
+``driven@1``: nothing else, as in the paper. ``accepted@2``: ``valid_solution``, the checker of CommonRoad's benchmark,
+accepts the driven motion; where it does not, the outcome is ``goal_refused``.
+"""
+Refusal = Literal["goal_not_met", "off_lanelets", "not_drivable"]
+"""Why CommonRoad's benchmark refuses a motion that reached its goal. ``goal_not_met``: by its reading of the goal no
+state meets it; ``off_lanelets``: a part of the body is outside the lanelets, be it at the start behind the end of the
+map or in a gap between two lanelets; ``not_drivable``: no acceleration and steering lead from a state to the
+next."""
+AT_GOAL: tuple[Outcome, ...] = ("goal_reached", "goal_refused")
+"""Outcomes that count as reached by the paper's rule."""
 NO_TRAJECTORY: tuple[Outcome, ...] = ("invalid", "infeasible")
 """Outcomes without a motion to speak of: the problem is broken, or the planner finds no trajectory for it."""
 InvalidReason = Literal[
@@ -110,6 +126,8 @@ class RunSteps(Model):
     ``costs``: weighted cost term name → one value per planning step; ``plan_steps``: the steps at which was planned.
     ``rejected``: constraint → candidates it rejected, one value per planning step; one more where the last attempt,
     which is no planning step, gave no trajectory.
+    ``steering_rad``: the steering angles of a vehicle that followed its plans; empty where a planner's states were
+    taken as they are.
     ``others``: the obstacles that reactive traffic moved, instead of their recordings; the rest followed theirs.
     """
 
@@ -119,6 +137,7 @@ class RunSteps(Model):
     heading_rad: tuple[float, ...]
     speed_mps: tuple[float, ...]
     acceleration_mps2: tuple[float, ...]
+    steering_rad: tuple[float, ...] = ()
     plan_steps: tuple[int, ...]
     costs: dict[str, tuple[float, ...]]
     rejected: dict[str, tuple[int, ...]] = Field(default_factory=dict)
@@ -232,6 +251,8 @@ class RunRecord(Model):
     )
     rejected_candidates: dict[str, int] = Field(description="constraint → candidates it rejected, over the whole run")
     metrics: RunMetrics | None
+    success_rule: SuccessRule = Field("driven@1", description="the rule by which it was judged")
+    refusal: Refusal | None = Field(None, description="stable code, only where the outcome is goal_refused")
     beyond_vehicle: tuple[LimitExcess, ...] | None = Field(
         None, description="limits of the vehicle that the driven motion exceeds; null: the run is of a version before"
     )
