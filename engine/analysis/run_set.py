@@ -111,7 +111,7 @@ class RunSet:
     def vehicle(self, record: RunRecord) -> VehicleParameters:
         """The ego's vehicle, by its configuration where that is known; CommonRoad's vehicle 2 elsewhere."""
         settings = next((config.settings for config in self.configs if config.config_id == record.config_id), {})
-        vehicle = vehicle_of(PlannerSettings.model_validate(settings))
+        vehicle = vehicle_of(PlannerSettings.model_validate(settings), record.ego_class)
         return replace(vehicle, length_m=record.ego_length_m, width_m=record.ego_width_m)
 
     def by_config(self, records: Iterable[RunRecord]) -> dict[str, list[RunRecord]]:

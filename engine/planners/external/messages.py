@@ -10,6 +10,7 @@ import numpy as np
 from ....schemas.stepwise import GoalMessage, LaneletMessage, Line, StartMessage, StepMessage
 from ...geometry import Points, Values
 from ...network import posted_speeds
+from ...vehicles import parameter_values
 from ..goal import Goal
 from ..interface import EgoState, Observation, PlanningTask, PredictedObstacle
 from ..prediction import SENSOR_RADIUS_M
@@ -38,8 +39,8 @@ def start_message(task: PlanningTask, planner: str, scenario_id: str) -> StartMe
         planner=planner,
         config_id=task.configuration.config_id,
         weights=task.configuration.weights,
-        settings=numbers_of(settings.model_dump()),
-        vehicle=numbers_of(vars(task.vehicle)),
+        settings=numbers_of(settings.stated_values),
+        vehicle=numbers_of(parameter_values(task.vehicle)),
         step_s=task.step_s,
         first_step=ego.step,
         last_step=Goal(task.problem.goal).last_step,
