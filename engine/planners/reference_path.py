@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..geometry import (
+    PathFollower,
     Points,
     arc_length,
     gaussian,
@@ -55,13 +56,19 @@ _LENGTH_PER_SHIFT = 6.0
 class ReferencePath:
     """Points (n, 2) about one metre apart, and the lanelets of the route.
 
-    ``network_end_m``: where the straight extension begins; ``goal_lanelet`` is None where the goal has no position.
+    ``start_m``: the station near which the ego begins; ``network_end_m``: where the straight extension begins;
+    ``goal_lanelet`` is None where the goal has no position.
     """
 
     points: Points
     lanelets: tuple[int, ...]
     goal_lanelet: int | None
     network_end_m: float
+    start_m: float = _BEFORE_M
+
+    def follower(self) -> PathFollower:
+        """Return a follower of the ego's way along the path, which may pass a place twice (a roundabout, a loop)."""
+        return PathFollower(self.points, self.start_m)
 
 
 def build_reference_path(
@@ -87,6 +94,7 @@ def build_reference_path(
     """
     change_m = float(np.clip(_CHANGE_S * speed_mps, _SHORTEST_CHANGE_M, _LONGEST_CHANGE_M))
     segments = _segments(network, route, position, change_m)
+    first = np.asarray(network.find_lanelet_by_id(route.lanelets[0]).center_vertices, dtype=float)
     line = segments[0]
     for following in segments[1:]:
         line = _joined(line, following, change_m)
@@ -102,6 +110,7 @@ def build_reference_path(
         lanelets=route.lanelets,
         goal_lanelet=None if route.goal_index is None else route.lanelets[route.goal_index],
         network_end_m=_BEFORE_M + float(arc_length(line)[-1]),
+        start_m=_BEFORE_M + project(first, position)[0],
     )
 
 
@@ -111,7 +120,7 @@ def blended_start(reference: ReferencePath, rear: Points, heading_rad: float, ov
     Behind the ego it goes straight back. Where the reference path is shorter than that, it is joined at its end.
     """
     stations = arc_length(reference.points)
-    joined_m = min(project(reference.points, rear)[0] + over_m, float(stations[-1]) - 1.0)
+    joined_m = min(reference.follower().place(rear)[0] + over_m, float(stations[-1]) - 1.0)
     end, end_heading_rad = point_at(reference.points, joined_m)
     forward = _direction(heading_rad)
     rest = interpolate(reference.points, stations, np.array([joined_m, *stations[stations > joined_m]]))
@@ -119,7 +128,8 @@ def blended_start(reference: ReferencePath, rear: Points, heading_rad: float, ov
     curve = _curve(rear, forward, end, _direction(end_heading_rad))
     points = _evenly(np.concatenate([behind, rear[None], curve, rest]))
     straight_m = float(stations[-1]) - reference.network_end_m
-    return replace(reference, points=points, network_end_m=float(arc_length(points)[-1]) - straight_m)
+    network_end_m = float(arc_length(points)[-1]) - straight_m
+    return replace(reference, points=points, network_end_m=network_end_m, start_m=_BEFORE_M)
 
 
 def _segments(network: "LaneletNetwork", route: Route, position: Points, change_m: float) -> list[Points]:
