@@ -360,6 +360,6 @@ def progress_to_goal(
     stations = goal.stations_on(reference.points, start)
     if stations is None:
         return None
-    whole = stations[0] - start
-    reached = float(project_along(reference.points, positions, start)[0].max()) - start
+    whole = reference.way_m(start, stations[0])
+    reached = reference.way_m(start, float(project_along(reference.points, positions, start)[0].max()))
     return 1.0 if whole <= 0 else min(max(reached / whole, 0.0), 1.0)

@@ -148,7 +148,8 @@ class Judge:
             return Verdict(self._outcome_of_stays(), reason)
         left = ""
         if self._goal_end_m is not None and self._beyond_m(ego) < 0:
-            left = f", {-self._beyond_m(ego):.1f} m before the goal's end"
+            here_m = self._follower.place(ego.position)[0]
+            left = f", {self._reference.way_m(here_m, self._goal_end_m):.1f} m before the goal's end"
         return Verdict("timeout", f"ran out of time after {limit}{left}")
 
     def _outcome_of_stays(self) -> Outcome:

@@ -16,6 +16,7 @@ import numpy as np
 from ..geometry import (
     PathFollower,
     Points,
+    Values,
     arc_length,
     gaussian,
     hermite,
@@ -57,7 +58,9 @@ class ReferencePath:
     """Points (n, 2) about one metre apart, and the lanelets of the route.
 
     ``start_m``: the station near which the ego begins; ``network_end_m``: where the straight extension begins;
-    ``goal_lanelet`` is None where the goal has no position.
+    ``goal_lanelet`` is None where the goal has no position. ``center_m`` (n,): how far along the centre lines of the
+    lanelets the points are. Smoothing shortens curves, by up to a metre in a small roundabout. It is None for a path
+    that does not follow them from its beginning.
     """
 
     points: Points
@@ -65,6 +68,14 @@ class ReferencePath:
     goal_lanelet: int | None
     network_end_m: float
     start_m: float = _BEFORE_M
+    center_m: Values | None = None
+
+    def way_m(self, first_m: float, last_m: float) -> float:
+        """Return the length in m along the centre lines between two stations, negative if the second is before."""
+        if self.center_m is None:
+            return last_m - first_m
+        first, last = np.interp([first_m, last_m], arc_length(self.points), self.center_m)
+        return float(last - first)
 
     def follower(self) -> PathFollower:
         """Return a follower of the ego's way along the path, which may pass a place twice (a roundabout, a loop)."""
@@ -102,15 +113,21 @@ def build_reference_path(
     line = gaussian(even, _SMOOTHING_M / _SPACING_M) if len(even) > 3 else even
     if through is not None:
         line = _shifted(line, position, through, change_m)
-    extended = np.concatenate(
-        [_straight_on_from(line[1], line[0], _BEFORE_M)[::-1], line, _straight_on_from(line[-2], line[-1], beyond_m)]
+    before, beyond = (
+        _straight_on_from(line[1], line[0], _BEFORE_M)[::-1],
+        _straight_on_from(line[-2], line[-1], beyond_m),
     )
+    extended = np.concatenate([before, line, beyond])
+    points = _evenly(extended)
+    along = np.concatenate([arc_length(before), _BEFORE_M + arc_length(even), np.zeros(len(beyond))])
+    along[len(before) + len(line) :] = along[len(before) + len(line) - 1] + np.arange(1, len(beyond) + 1) * _SPACING_M
     return ReferencePath(
-        points=_evenly(extended),
+        points=points,
         lanelets=route.lanelets,
         goal_lanelet=None if route.goal_index is None else route.lanelets[route.goal_index],
         network_end_m=_BEFORE_M + float(arc_length(line)[-1]),
         start_m=_BEFORE_M + project(first, position)[0],
+        center_m=np.interp(arc_length(points), arc_length(extended), along),
     )
 
 
@@ -129,7 +146,7 @@ def blended_start(reference: ReferencePath, rear: Points, heading_rad: float, ov
     points = _evenly(np.concatenate([behind, rear[None], curve, rest]))
     straight_m = float(stations[-1]) - reference.network_end_m
     network_end_m = float(arc_length(points)[-1]) - straight_m
-    return replace(reference, points=points, network_end_m=network_end_m, start_m=_BEFORE_M)
+    return replace(reference, points=points, network_end_m=network_end_m, start_m=_BEFORE_M, center_m=None)
 
 
 def _segments(network: "LaneletNetwork", route: Route, position: Points, change_m: float) -> list[Points]:
