@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from ..geometry import PathFollower, Points, Values, arc_length, wrap_angle, wrap_angles
 from ..vehicles import HARDEST_BRAKING_MPS2, centers, rear_axle, tractrix
-from .desired_speed import DesiredSpeed, curve_speeds_mps
+from .driving.desired_speed import DesiredSpeed, curve_speeds_mps
 from .driving.drivability import violated_limit
 from .goal import Goal
 from .interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, PredictedObstacle
@@ -275,7 +275,8 @@ class IntelligentDriver:
                 acceleration -= self._interaction(speed, gap_m, speed - leader_speed)
             acceleration = min(acceleration, self._before_curve(speed, rear_axle_m + speed * step_s))
             grip = self._grip_mps2(speed, rear_axle_m + speed * step_s / 2)
-            acceleration = min(max(acceleration, -min(HARDEST_BRAKING_MPS2, grip)), grip)
+            most = min(grip, vehicle.most_acceleration_mps2(speed))
+            acceleration = min(max(acceleration, -min(HARDEST_BRAKING_MPS2, grip)), most)
             speeds[i + 1] = max(speed + acceleration * step_s, 0.0)
             travelled[i + 1] = travelled[i] + (speed + speeds[i + 1]) / 2 * step_s
         return travelled, speeds

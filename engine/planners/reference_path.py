@@ -23,6 +23,7 @@ from ..geometry import (
     interpolate,
     point_at,
     project,
+    project_along,
     resample,
     unit,
     without_repeats,
@@ -39,6 +40,8 @@ FASTEST_MPS = 36.0
 """The speed limit of Frenetix's sampling: no candidate gets farther within the horizon."""
 BLENDED_OVER_M = (10.0, 15.0, 22.0, 33.0, 50.0)
 """Lengths of a blended start, to be tried in turn: the shortest that can be driven stays closest to the route."""
+_TRACKED_M = 5.0
+"""Chosen: lanelets are followed along the path by points about as far apart as this, shorter than any curve."""
 _SPACING_M = 1.0
 """Chosen: distance of a path's points."""
 _SMOOTHING_M = 2.0
@@ -57,7 +60,8 @@ _LENGTH_PER_SHIFT = 6.0
 class ReferencePath:
     """Points (n, 2) about one metre apart, and the lanelets of the route.
 
-    ``start_m``: the station near which the ego begins; ``network_end_m``: where the straight extension begins;
+    ``route_begin_m``: the station at which the first lanelet begins, negative if that is before the path;
+    ``start_m``: near which the ego begins; ``network_end_m``: where the straight extension begins;
     ``goal_lanelet`` is None where the goal has no position. ``center_m`` (n,): how far along the centre lines of the
     lanelets the points are. Smoothing shortens curves, by up to a metre in a small roundabout. It is None for a path
     that does not follow them from its beginning.
@@ -68,7 +72,16 @@ class ReferencePath:
     goal_lanelet: int | None
     network_end_m: float
     start_m: float = _BEFORE_M
+    route_begin_m: float = _BEFORE_M
     center_m: Values | None = None
+
+    def lanelet_ends_m(self, network: "LaneletNetwork") -> Values:
+        """Return the station in m at which each lanelet of the route ends, ascending."""
+        lines = [np.asarray(network.find_lanelet_by_id(key).center_vertices, dtype=float) for key in self.lanelets]
+        track = [_thinned(line) for line in lines]
+        stations = project_along(self.points, np.concatenate(track), self.route_begin_m)[0]
+        ends: Values = np.maximum.accumulate(stations[np.cumsum([len(line) for line in track]) - 1])
+        return ends
 
     def way_m(self, first_m: float, last_m: float) -> float:
         """Return the length in m along the centre lines between two stations, negative if the second is before."""
@@ -146,7 +159,16 @@ def blended_start(reference: ReferencePath, rear: Points, heading_rad: float, ov
     points = _evenly(np.concatenate([behind, rear[None], curve, rest]))
     straight_m = float(stations[-1]) - reference.network_end_m
     network_end_m = float(arc_length(points)[-1]) - straight_m
-    return replace(reference, points=points, network_end_m=network_end_m, start_m=_BEFORE_M, center_m=None)
+    begin_m = reference.route_begin_m + float(arc_length(points)[-1] - stations[-1])
+    return replace(
+        reference, points=points, network_end_m=network_end_m, start_m=_BEFORE_M, route_begin_m=begin_m, center_m=None
+    )
+
+
+def _thinned(line: Points) -> Points:
+    """The points of a line with some left out if they are close to one another, its last one kept."""
+    count = max(int(arc_length(line)[-1] / _TRACKED_M), 1)
+    return resample(line, count + 1)[1:]
 
 
 def _segments(network: "LaneletNetwork", route: Route, position: Points, change_m: float) -> list[Points]:

@@ -23,9 +23,11 @@ from ..geometry import Points, Values, wrap_angles
 from ..vehicles import VehicleParameters, vehicle_of
 from .driving.drivability import exceeded_limits
 from .driving.solution import steering_of
-from .external.command import CommandDriver, ScenarioFile
+from .external.command import ScenarioFile
+from .external.program import ended_after, log_of
 from .interface import EgoState, Observation, Plan, Planner, PlanningTask, ShowsCandidates
 from .registry import check_modes, make_planner, open_traffic, planner_version
+from .series import run_series
 from .simulation import DrivenRun, simulate
 
 if TYPE_CHECKING:
@@ -51,7 +53,8 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     Raises:
         UnsafeInput: the file cannot be read.
         UnknownName: no such planning problem or planner.
-        InvalidRequest: a prediction that does not go with the traffic.
+        InvalidRequest: a prediction that does not go with the traffic, or a vehicle that cannot be.
+        NotPossible: the ego is a vehicle with a trailer, which no planner here drives.
         PlannerFailure: a planner of others broke its contract.
     """
     began = perf_counter()
@@ -59,9 +62,9 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     loaded, vehicle = start.loaded, start.vehicle
     file = ScenarioFile(Path(request.scenario_path), str(loaded.scenario.scenario_id))
     _check_version(request)
-    planner = make_planner(request.configuration.planner, file)
     check_modes(request.traffic, request.prediction)
-    driven = start.drive(planner, report)
+    with ended_after(make_planner(request.configuration.planner, file)) as planner:
+        driven = start.drive(planner, report)
     record = RunRecord(
         run_id=request.run_id,
         scenario_id=request.scenario_id,
@@ -85,6 +88,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         beyond_vehicle=tuple(exceeded_limits(_ego_track(driven.states, vehicle), vehicle, loaded.step_s)),
         ego_length_m=vehicle.length_m,
         ego_width_m=vehicle.width_m,
+        ego_class=vehicle.vehicle_class,
     )
     report(1.0, driven.final.outcome)
     core_s = [plan.core_s for plan in driven.plans if plan.core_s > 0]
@@ -95,8 +99,10 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         steps=len(driven.plan_s),
         planning_ms=tuple(round(1000 * duration_s, 3) for duration_s in driven.plan_s),
     )
-    log = planner.log if isinstance(planner, CommandDriver) else ""
-    return RunResponse(record=record, steps=run_steps(driven), timing=timing, planner_log=log)
+    series = run_series(driven, vehicle, loaded.step_s)
+    return RunResponse(
+        record=record, steps=run_steps(driven), timing=timing, series=series, planner_log=log_of(planner)
+    )
 
 
 @dataclass(frozen=True)
@@ -112,13 +118,17 @@ class _Start:
     def of(cls, request: RunRequest) -> "_Start":
         """The scenario in memory, its planning problem, and the ego's vehicle."""
         loaded = kept_recording(Path(request.scenario_path)).loaded
-        return cls(request, loaded, loaded.problem(request.problem_id), vehicle_of(request.configuration.settings))
+        problem = loaded.problem(request.problem_id)
+        vehicle = vehicle_of(request.configuration.settings, loaded.ego_class(int(problem.planning_problem_id)))
+        return cls(request, loaded, problem, vehicle)
 
     def drive(self, planner: Planner, report: ProgressReporter) -> DrivenRun:
         """Let a planner drive in the request's traffic."""
         asked, scenario = self.request, self.loaded.scenario
         with open_traffic(asked.traffic, self.loaded, self.problem, self.vehicle, asked.seed) as traffic:
-            return simulate(scenario, self.problem, asked.configuration, planner, asked.prediction, report, traffic)
+            return simulate(
+                scenario, self.problem, asked.configuration, planner, asked.prediction, report, traffic, self.vehicle
+            )
 
 
 def _check_version(request: RunRequest) -> None:
@@ -229,10 +239,14 @@ def replay_plans(request: ReplayRequest, report: ProgressReporter) -> Replayed:
     Raises:
         UnsafeInput: the scenario's file cannot be read.
         UnknownName: no such planning problem or planner.
+        PlannerFailure: a planner of others was edited since, or broke its contract.
     """
     start = _Start.of(request.run)
-    planner = _Watched(make_planner(request.run.configuration.planner), start.loaded.step_s)
-    driven = start.drive(planner, report)
+    file = ScenarioFile(Path(request.run.scenario_path), str(start.loaded.scenario.scenario_id))
+    _check_version(request.run)
+    with ended_after(make_planner(request.run.configuration.planner, file)) as own:
+        planner = _Watched(own, start.loaded.step_s)
+        driven = start.drive(planner, report)
     stored = RunSteps.model_validate_json(Path(request.steps_path).read_bytes())
     difference = _difference(run_steps(driven), stored)
     if difference is not None:

@@ -12,8 +12,8 @@ from ...schemas.runs import Prediction
 from ..execution import ProgressReporter
 from ..geometry import arc_length
 from ..scene import start_lanelets
-from ..vehicles import rear_axle, vehicle_of
-from .desired_speed import SPEED_BAND_MPS
+from ..vehicles import VehicleParameters, rear_axle, vehicle_of
+from .driving.desired_speed import SPEED_BAND_MPS
 from .goal import Goal, path_to, select_goal_state
 from .interface import EgoState, Observation, Plan, Planner, PlanningTask
 from .judge import Judge, Verdict
@@ -35,6 +35,7 @@ class DrivenRun:
     """The states, plans and verdict of a run.
 
     ``plan_s`` and ``rejections`` hold the last attempt too where it gave no trajectory; ``plans`` does not.
+    ``task``: what the planner was asked; None where it was asked nothing.
     ``blended_over_m``: length of the curve by which the reference path leads the ego onto its route, where it needs
     one (``eased_over_m`` of the record).
     """
@@ -48,6 +49,7 @@ class DrivenRun:
     verdict: Verdict | None = None
     off_the_lanes: tuple[int, ...] = ()
     blended_over_m: float | None = None
+    task: PlanningTask | None = None
 
     @property
     def rejected(self) -> Counter[str]:
@@ -78,16 +80,18 @@ def simulate(
     prediction: Prediction,
     report: ProgressReporter,
     traffic: Traffic | None = None,
+    vehicle: VehicleParameters | None = None,
 ) -> DrivenRun:
     """Run a planner on a planning problem until the judge ends it.
 
     A problem that no planner can solve (initial collision, off the road, no route, too little time) ends as ``invalid``
     with a code and without a plan.
-    The traffic is the recorded one by default; one that reacts must stand at the ego's first step.
+    The traffic is the recorded one by default; one that reacts must stand at the ego's first step. ``vehicle``: the
+    ego's; None: what the configuration says of a car.
     """
     ego = EgoState.of(problem.initial_state)
     run = DrivenRun([ego], traffic or RecordedTraffic(scenario))
-    task = _task(scenario, problem, configuration, ego)
+    task = _task(scenario, problem, configuration, ego, vehicle or vehicle_of(configuration.settings))
     if isinstance(task, Verdict):
         run.verdict = task
         return run
@@ -104,7 +108,11 @@ def simulate(
 
 
 def _task(
-    scenario: "Scenario", problem: "PlanningProblem", configuration: PlannerConfiguration, ego: EgoState
+    scenario: "Scenario",
+    problem: "PlanningProblem",
+    configuration: PlannerConfiguration,
+    ego: EgoState,
+    vehicle: VehicleParameters,
 ) -> PlanningTask | Verdict:
     """The task, or why there is none."""
     network, step_s = scenario.lanelet_network, float(scenario.dt)
@@ -114,7 +122,6 @@ def _task(
         start_lanelets(network, ego.position, ego.heading_rad)
     except NotPossible as nowhere:
         return Verdict.invalid("ego_off_road", nowhere.message)
-    vehicle = vehicle_of(configuration.settings)
     aim = select_goal_state(network, problem.goal, ego, vehicle, step_s)
     goal = Goal(aim)
     beyond_m = max(BEYOND_GOAL_M, configuration.settings.horizon_s * FASTEST_MPS + _BEYOND_HORIZON_M)
@@ -140,6 +147,7 @@ class _Loop:
     def drive(self, task: PlanningTask, run: DrivenRun, judge: Judge) -> None:
         """Observe, plan, follow and judge until there is a verdict."""
         self.planner.reset(task)
+        run.task = task
         settings, step_s = task.configuration.settings, task.step_s
         first, horizon = run.states[0].step, round(settings.horizon_s / step_s)
         while run.verdict is None:

@@ -40,12 +40,13 @@ from commonroad.scenario.traffic_light import (
 from commonroad.scenario.trajectory import Trajectory
 
 from ...engine.execution import silent
-from ...engine.planners import PLANNERS, make_planner, simulate
+from ...engine.planners import make_planner, simulate
 from ...engine.tuning import named_configuration
 from ..harness import Figures, share
 from .bench import LoopBench
 
 CASES = 30
+PLANNERS = ("frenetix", "fiss", "idm", "mp_rbfn")
 _STEP_S, _STEPS = 0.1, 400
 _CAR = Rectangle(4.5, 1.8)
 _LIMIT_MPS, _ACCELERATION_MPS2, _BRAKES_MPS2, _STANDS_S = 15.0, 2.5, 3.0, 5.0

@@ -17,7 +17,7 @@ import frenetix
 import numpy as np
 
 from ...geometry import Points
-from ..desired_speed import DesiredSpeed
+from ..driving.desired_speed import DesiredSpeed
 from ..driving.drivability import Limit, violated_limit
 from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
 from ..lanes import LaneCenters, LaneCorridors

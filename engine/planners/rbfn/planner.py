@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...geometry import Points, Values, wrap_angles
 from ...vehicles import centers, rear_axle
-from ..desired_speed import DesiredSpeed
+from ..driving.desired_speed import DesiredSpeed
 from ..driving.drivability import broken_limits
 from ..interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
 from ..safety import SafetyCheck

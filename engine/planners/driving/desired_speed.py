@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from ..geometry import Points, Values, arc_length, gaussian, headings, project_along
-from ..network import USUAL_SPEED_MPS, posted_speeds
-from ..vehicles import COMFORTABLE_MPS2
-from .goal import Goal
-from .interface import EgoState, PlanningTask
-from .reference_path import ReferencePath
+from ...geometry import Values, arc_length, gaussian, headings
+from ...network import USUAL_SPEED_MPS, posted_speeds
+from ...vehicles import COMFORTABLE_MPS2
+from ..goal import Goal
+from ..interface import EgoState, PlanningTask
+from ..reference_path import ReferencePath
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
@@ -78,9 +78,8 @@ class CruisingSpeed:
         limits = np.array(
             [posted.get(int(lanelet.lanelet_id)) or max(_usual_mps(lanelet), start_mps) for lanelet in route]
         )
-        begins = project_along(reference.points, _first_points(route), reference.start_m)[0]
-        lanelet_at = np.searchsorted(np.maximum.accumulate(begins), self._stations, side="right") - 1
-        self._limits = limits[np.maximum(lanelet_at, 0)]
+        lanelet_at = np.searchsorted(reference.lanelet_ends_m(network), self._stations, side="right")
+        self._limits = limits[np.minimum(lanelet_at, len(limits) - 1)]
         turned = np.concatenate([along := headings(reference.points), along[-1:]])
         self._curves = curve_speeds_mps(self._stations, turned, COMFORTABLE_MPS2, COMFORTABLE_MPS2)
 
@@ -97,10 +96,6 @@ def _usual_mps(lanelet: "Lanelet") -> float:
     return max((_USUAL_OF_TYPE_MPS.get(kind, USUAL_SPEED_MPS) for kind in kinds), default=USUAL_SPEED_MPS)
 
 
-def _first_points(route: list["Lanelet"]) -> Points:
-    return np.array([lanelet.center_vertices[0] for lanelet in route], dtype=float)
-
-
 class DesiredSpeed:
     """How fast to drive to a goal: by its time while there is some, and by the lane and its curves otherwise.
 
@@ -112,7 +107,7 @@ class DesiredSpeed:
 
     An ego inside a goal without a speed interval goes on aiming at the goal's middle and waits there for its time.
 
-    The goal is to be one goal state, see :func:`~.goal.select_goal_state`. The speeds are those of one run: egos are
+    The goal is to be one goal state, see :func:`~..goal.select_goal_state`. The speeds are those of one run: egos are
     given in the order of driving, since the reference path may pass a place twice.
     """
 
