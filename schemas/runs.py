@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from .base import Model
+from .text import measured
 
 Outcome = Literal[
     "goal_reached",
@@ -115,6 +116,47 @@ class RunSteps(Model):
     others: tuple[DrivenObstacle, ...] = ()
 
 
+LONGEST_DEBUG_NAME = 60
+"""Characters of the name of a debug value, as of the name of a weight."""
+MOST_DEBUG_VALUES, MOST_DEBUG_POLYGONS, MOST_DEBUG_POINTS = 32, 8, 100
+"""Debug numbers or texts, polygons, and points of a polygon that a planning step may report.
+
+A hundred planning steps with all of them stay below 3 MB, the size of the steps of a long run with reactive traffic.
+"""
+MOST_DEBUG_POINTS_A_RUN = 20_000
+"""Points of all polygons that are kept with a run."""
+
+
+class DebugPolygon(Model):
+    """An outline that a planner reported at a planning step."""
+
+    step: int
+    name: str
+    x_m: tuple[float, ...]
+    y_m: tuple[float, ...]
+
+
+class RunSeries(Model):
+    """What is known of a run over time beside its motion; a file of its own beside the steps.
+
+    One value a driven state: ``lateral_offset_m`` from the reference path (left positive), ``heading_error_rad`` against
+    its direction, ``steering_rad`` that the motion asks of the front wheels. One value a planning step (``plan_steps`` of
+    the run's steps): ``desired_speed_mps`` of the loop and ``desired_speed_reasons``, and what the planner reported by
+    name: ``numbers`` (None where it reported none), ``texts`` (empty where it reported none). ``left_out``: debug values
+    beyond the bounds, which are not kept.
+    """
+
+    lateral_offset_m: tuple[float, ...] = ()
+    heading_error_rad: tuple[float, ...] = ()
+    steering_rad: tuple[float, ...] = ()
+    desired_speed_mps: tuple[float, ...] = ()
+    desired_speed_reasons: tuple[str, ...] = ()
+    numbers: dict[str, tuple[float | None, ...]] = Field(default_factory=dict)
+    texts: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    polygons: tuple[DebugPolygon, ...] = ()
+    left_out: int = 0
+
+
 class RunTiming(Model):
     """Measured times; kept beside the record, never part of the reproducible payload.
 
@@ -148,7 +190,7 @@ class LimitExcess(Model):
         """``steering rate 0.75 rad/s at 2.3 s (limit 0.4)``."""
         if self.name == "rolling":
             return f"wheels that slide in {100 * self.value:.0f} % of the steps, from {self.time_s:.1f} s on"
-        return f"{self.name} {self.value:.3g} {self.unit} at {self.time_s:.1f} s (limit {self.limit:.3g})"
+        return f"{self.name} {measured(self.value)} {self.unit} at {self.time_s:.1f} s (limit {measured(self.limit)})"
 
 
 def excesses_in_words(excesses: Sequence[LimitExcess]) -> str:
@@ -190,6 +232,9 @@ class RunRecord(Model):
         "car",
         exclude_if=lambda name: name == "car",
         description="what the ego was: as its scenario says, or of the vehicle that the configuration states",
+    )
+    planner_version: str = Field(
+        "", description="version of the planner: as declared or described by git, with a digest; empty: not known"
     )
 
 
@@ -423,7 +468,7 @@ class RunReview(Model):
         line += f" (ego {near.ego_speed_mps:.1f}, it {near.other_speed_mps:.1f} m/s)"
         if urgent is None:
             return f"{line}; time to collision: none: never on a collision course."
-        least = f"least time to collision {urgent.time_to_collision_s:.3g} s"
+        least = f"least time to collision {measured(urgent.time_to_collision_s)} s"
         if (urgent.obstacle_id, urgent.time_s) == (near.obstacle_id, near.time_s):
             return f"{line}; {least}, then."
         whom = "it" if urgent.obstacle_id == near.obstacle_id else urgent.other
@@ -431,7 +476,7 @@ class RunReview(Model):
 
     def motion_in_words(self) -> str:
         """The largest motions with their times; empty without steps."""
-        parts = [f"{one.name} {one.value:.3g} {one.unit} at {one.time_s:.1f} s" for one in self.largest]
+        parts = [f"{one.name} {measured(one.value)} {one.unit} at {one.time_s:.1f} s" for one in self.largest]
         return f"Largest: {', '.join(parts)}." if parts else ""
 
 
@@ -468,7 +513,7 @@ class RuleVerdict(Model):
         more = [f"from {self.first_s:.1f} s on"] if self.first_s != self.time_s else []
         more += [f"obstacle {self.obstacle_id}"] if self.obstacle_id is not None else []
         told = f" ({', '.join(more)})" if more else ""
-        return f"{self.rule} {self.name} by {self.degree:.3g} {self.unit} at {self.time_s:.1f} s{told}"
+        return f"{self.rule} {self.name} by {measured(self.degree)} {self.unit} at {self.time_s:.1f} s{told}"
 
 
 def ending(outcome: Outcome, reason: str, review: RunReview | None = None, *, contact: Contact | None = None) -> str:

@@ -13,6 +13,7 @@
 ``straight_lines``: Straight lines over the nodes between first and last values.
 ``DesiredSpeed``: How fast to drive to a goal, in m/s.
 ``progress_to_goal``: The share of the reference path to the goal that positions came along; None without one.
+``DebugValues``: Named numbers, texts and polygons that a planner reports beside a plan.
 ``EgoState``: The ego at one time step: centre in m, heading in rad, speed, acceleration and yaw rate.
 ``Observation``: What a planner sees before it plans: the ego and the predicted obstacles.
 ``Plan``: The answer of a planner: a trajectory or None, with costs and what was rejected.
@@ -61,7 +62,7 @@ if TYPE_CHECKING:
     from .frenetix.costs import CandidateBatch, responsibility
     from .frenetix.planner import Frenetix
     from .goal import DesiredSpeed, progress_to_goal
-    from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
+    from .interface import DebugValues, EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
     from .prediction import Predictor, follows, predictor
     from .rbfn.network import (
         PRIMITIVE_INPUTS,

@@ -62,7 +62,8 @@ class PredictedObstacle:
     """The present (index 0) and future of another road user, one entry a step: centres (n, 2), headings (n,).
 
     ``covariance`` of the centre in m²: (2, 2), or (n, 2, 2) with one matrix a step where it changes. ``length_m`` and
-    ``width_m`` hold the safety margin of the prediction already.
+    ``width_m`` hold the safety margin of the prediction already; ``observed_size_m`` is length and width without it.
+    ``kind``: CommonRoad's obstacle type.
     """
 
     obstacle_id: int
@@ -72,6 +73,8 @@ class PredictedObstacle:
     length_m: float
     width_m: float
     speed_mps: float = 0.0
+    kind: str = "unknown"
+    observed_size_m: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -132,6 +135,22 @@ class PlannedTrajectory:
 
 
 @dataclass(frozen=True)
+class DebugValues:
+    """What a planner reports of a planning step beside its plan, by names of its own choice.
+
+    ``polygons``: outlines of shape (n, 2) in m. What is reported is kept with the run up to the bounds of
+    ``schemas/runs.py``, shown in the player and exported; it never affects the run.
+    """
+
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
+    polygons: Mapping[str, Points] = field(default_factory=dict)
+
+
+NO_DEBUG_VALUES = DebugValues()
+
+
+@dataclass(frozen=True)
 class Plan:
     """An answer of a planner; ``trajectory`` is None where no candidate can be driven.
 
@@ -145,6 +164,7 @@ class Plan:
     candidates: int = 0
     kind: PlanKind = "regular"
     core_s: float = 0.0
+    debug: DebugValues = NO_DEBUG_VALUES
 
 
 def evenly_chosen(count: int, most: int) -> list[int]:

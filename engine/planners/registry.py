@@ -43,10 +43,17 @@ def _radial_basis_primitives() -> "Planner":
     return RadialBasisPrimitives()
 
 
+def _iterative_search() -> "Planner":
+    from .fiss.planner import Fiss
+
+    return Fiss()
+
+
 PLANNERS: dict[str, "Callable[[], Planner]"] = {
     "frenetix": _frenetix,
     "mp_rbfn": _radial_basis_primitives,
     "idm": _intelligent_driver,
+    "fiss": _iterative_search,
 }
 
 
@@ -109,10 +116,10 @@ def make_planner(name: str, scenario: "ScenarioFile | None" = None) -> "Planner"
 
         return guarded(folded, found.own().make)
     if scenario is None:
-        raise PlannerFailure(f"planner {folded} is a program and plans on a file alone", reason="no_file")
-    from .external.command import command_driver
+        raise PlannerFailure(f"planner {folded} is a program and needs the scenario's file", reason="no_file")
+    from .external.program import program_driver
 
-    return command_driver(folded, found.command, scenario)
+    return program_driver(folded, found.command, scenario)
 
 
 def planner_version(name: str) -> str:

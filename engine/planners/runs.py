@@ -23,9 +23,11 @@ from ..geometry import Points, Values, wrap_angles
 from ..vehicles import VehicleParameters, vehicle_of
 from .driving.drivability import exceeded_limits
 from .driving.solution import steering_of
-from .external.command import CommandDriver, ScenarioFile
+from .external.command import ScenarioFile
+from .external.program import ended_after, log_of
 from .interface import EgoState, Observation, Plan, Planner, PlanningTask, ShowsCandidates
 from .registry import check_modes, make_planner, open_traffic, planner_version
+from .series import run_series
 from .simulation import DrivenRun, simulate
 
 if TYPE_CHECKING:
@@ -57,9 +59,9 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     loaded, vehicle = start.loaded, start.vehicle
     file = ScenarioFile(Path(request.scenario_path), str(loaded.scenario.scenario_id))
     _check_version(request)
-    planner = make_planner(request.configuration.planner, file)
     check_modes(request.traffic, request.prediction)
-    driven = start.drive(planner, report)
+    with ended_after(make_planner(request.configuration.planner, file)) as planner:
+        driven = start.drive(planner, report)
     record = RunRecord(
         run_id=request.run_id,
         scenario_id=request.scenario_id,
@@ -94,8 +96,10 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         steps=len(driven.plan_s),
         planning_ms=tuple(round(1000 * duration_s, 3) for duration_s in driven.plan_s),
     )
-    log = planner.log if isinstance(planner, CommandDriver) else ""
-    return RunResponse(record=record, steps=run_steps(driven), timing=timing, planner_log=log)
+    series = run_series(driven, vehicle, loaded.step_s)
+    return RunResponse(
+        record=record, steps=run_steps(driven), timing=timing, series=series, planner_log=log_of(planner)
+    )
 
 
 @dataclass(frozen=True)
@@ -231,10 +235,14 @@ def replay_plans(request: ReplayRequest, report: ProgressReporter) -> Replayed:
     Raises:
         UnsafeInput: the scenario's file cannot be read.
         UnknownName: no such planning problem or planner.
+        PlannerFailure: a planner of others was edited since, or broke its contract.
     """
     start = _Start.of(request.run)
-    planner = _Watched(make_planner(request.run.configuration.planner), start.loaded.step_s)
-    driven = start.drive(planner, report)
+    file = ScenarioFile(Path(request.run.scenario_path), str(start.loaded.scenario.scenario_id))
+    _check_version(request.run)
+    with ended_after(make_planner(request.run.configuration.planner, file)) as own:
+        planner = _Watched(own, start.loaded.step_s)
+        driven = start.drive(planner, report)
     stored = RunSteps.model_validate_json(Path(request.steps_path).read_bytes())
     if run_steps(driven) != stored:
         return Replayed(note="this version drives the run otherwise than it is stored, so its plans are not shown")

@@ -34,6 +34,7 @@ class DrivenRun:
     """The states, plans and verdict of a run.
 
     ``plan_s`` and ``rejections`` hold the last attempt too where it gave no trajectory; ``plans`` does not.
+    ``task``: what the planner was asked; None where it was asked nothing.
     ``blended_over_m``: length of the curve by which the reference path leads the ego onto its route, where it needs
     one (``eased_over_m`` of the record).
     """
@@ -47,6 +48,7 @@ class DrivenRun:
     verdict: Verdict | None = None
     off_the_lanes: tuple[int, ...] = ()
     blended_over_m: float | None = None
+    task: PlanningTask | None = None
 
     @property
     def rejected(self) -> Counter[str]:
@@ -144,6 +146,7 @@ class _Loop:
     def drive(self, task: PlanningTask, run: DrivenRun, judge: Judge) -> None:
         """Observe, plan, follow and judge until there is a verdict."""
         self.planner.reset(task)
+        run.task = task
         settings, step_s = task.configuration.settings, task.step_s
         first, horizon = run.states[0].step, round(settings.horizon_s / step_s)
         while run.verdict is None:

@@ -133,6 +133,7 @@ _SETTINGS = (
     Setting("horizon_s", "s", 1.5, 6.0, "how far a plan and the prediction reach"),
     Setting("replan_steps", "steps", 1, 10, "time steps driven before the next plan", whole=True),
     Setting("sampling_level", "", 0, 3, "candidates: 3, 5, 9 or 17 speeds and offsets", whole=True),
+    Setting("search", "", 0, 3, "of fiss: 0 fop, 1 fop_plus, 2 fiss, 3 fiss_plus", whole=True),
 )
 
 
@@ -144,7 +145,7 @@ def known_settings() -> dict[str, Setting]:
 def setting_values(settings: PlannerSettings) -> dict[str, float]:
     """Every setting with the value in force, in their order."""
     own = parameter_values(VEHICLES[settings.vehicle])
-    stated = settings.model_dump(exclude_none=True)
+    stated = {name: value for name, value in settings if value is not None}
     return {name: stated.get(name, own.get(name, 0.0)) for name in known_settings()}
 
 

@@ -17,7 +17,7 @@ from ....schemas.planning import RunPlans
 from ....schemas.rendering import ViewPane, ViewRequest
 from ....schemas.results import with_unit
 from ....schemas.runs import ReviewRequest, RunReview, RunSource, ScenarioSource, ending
-from ....schemas.text import one_line
+from ....schemas.text import measured, one_line
 from ...analysis import METRICS, Course, RunSet, course_of, read_steps, review_runs
 from ...commonroad import Track, kept_recording
 from ...execution import silent
@@ -363,4 +363,4 @@ def figures(source: RunSource) -> Iterable[tuple[str, str]]:
     for metric in METRICS:
         value = metric.value(source.record)
         if value is not None:
-            yield metric_words(metric.name), with_unit(f"{value:.3g}", metric.unit)
+            yield metric_words(metric.name), with_unit(measured(value), metric.unit)
