@@ -132,7 +132,7 @@ class SuccessRates(Model):
 class ExportArtifactsArguments(Arguments):
     """Write files of artifacts into a folder inside an allowed root.
 
-    html: one report on scenarios and batches; solution: CommonRoad file of a run; csv, parquet: runs of a batch;
+    html: one report on scenarios and batches; solution: CommonRoad file of a run; csv, parquet: runs of a batch, steps of a run;
     opendrive, openscenario: scenarios for other tools.
 
     Existing files are refused unless overwrite.
@@ -226,6 +226,15 @@ class RunTableRequest(Model):
     scenarios: tuple[ScenarioSource, ...] = ()
     lost: tuple[LostCell, ...]
     configurations: tuple[PlannerConfiguration, ...]
+    form: Literal["csv", "parquet"]
+    target_path: str
+
+
+class StepTableRequest(Model):
+    """A run, the steps of which are to be written as a table, with its series and debug values."""
+
+    record: RunRecord
+    steps_path: str
     form: Literal["csv", "parquet"]
     target_path: str
 

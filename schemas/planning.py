@@ -18,10 +18,10 @@ class PlannerSettings(Model):
     """Settings of a run; ranges and meanings are in ``engine/tuning/settings.py``.
 
     ``vehicle``: CommonRoad's vehicle 1 to 4; a parameter of it that is None here is that vehicle's own. If no vehicle
-    is stated, the ego's class decides, and vehicle 2 stands for a car; ``vehicle_stated``: the configuration names
-    vehicle 2 itself. Lengths in m, speeds in m/s, accelerations in m/s², angles in rad. The plan is renewed every
-    ``replan_steps`` time steps of the scenario. ``search`` is one of FISS's four searches; where it has its default it
-    is not written, so that the ids of configurations stay as they were before there was a choice.
+    is stated, the ego's class decides, and vehicle 2 stands for a car. Lengths in m, speeds in m/s, accelerations in
+    m/s², angles in rad. The plan is renewed every ``replan_steps`` time steps of the scenario. ``vehicle_stated``: the
+    configuration names vehicle 2 itself. ``search`` is one of FISS's four searches; it is not written if it has its
+    default, so that the ids of configurations stay as they were before there was a choice.
     """
 
     vehicle: int = 2
@@ -387,13 +387,15 @@ class RunPlannerResult(Result):
 
 
 def _rate_line(item: ConfigurationSummary) -> str:
-    """``frenetix:Default (cfg_…): goal 3 of 4; collision 1; invalid, in no rate: 2``."""
+    """``frenetix:Default (cfg_…): goal 3 of 4; collision 1; invalid, in no rate: 2``.
+
+    Where a motion to the goal is refused, the rate by the paper's rule stands beside it.
+    """
     counts = dict(item.outcomes)
     invalid, reached = counts.pop("invalid", 0), counts.pop("goal_reached", 0)
-    parts = [
-        f"goal {reached} of {reached + sum(counts.values())}",
-        *(f"{key} {count}" for key, count in counts.items()),
-    ]
+    valid, refused = reached + sum(counts.values()), counts.get("goal_refused", 0)
+    by_paper = f" ({reached + refused} of {valid} by any motion, the paper's rule)" if refused else ""
+    parts = [f"goal {reached} of {valid}{by_paper}", *(f"{key} {count}" for key, count in counts.items())]
     parts += [f"invalid, in no rate: {invalid}"] if invalid else []
     return f"{item.config_name} ({item.config_id}): {'; '.join(parts)}"
 
@@ -432,6 +434,7 @@ class PlannerDeclaration(Model):
     summary: str = Field(min_length=1, description="one line, for list_planners")
     weights: dict[str, DeclaredWeight] = Field(default_factory=dict)
     presets: dict[str, DeclaredPreset] = Field(default_factory=dict, description="beside Default")
+    version: str = Field("", exclude_if=lambda text: not text, description="as its author calls it, such as v1.2")
 
     @model_validator(mode="after")
     def _presets_fit(self) -> "PlannerDeclaration":

@@ -373,6 +373,9 @@ class AnalyzeResultsResult(Result):
     runs: int = Field(description="runs behind the figures")
     detail: AnalysisDetail = Field("summary", description="the section that is shown beside the summary")
     success: Rate = Field(description="share of valid runs that reached the goal")
+    by_any_motion: Rate | None = Field(
+        None, description="the same by the paper's rule, refused motions included; null where none was refused"
+    )
     outcomes: tuple[OutcomeShare, ...] = Field(description="valid runs by how they ended")
     invalid: tuple[InvalidItem, ...] = Field((), description="at most ten; invalid_count has them all")
     invalid_count: int = Field(0, description="runs that could not be attempted")
@@ -499,7 +502,7 @@ def _main_cost(result: AnalyzeResultsResult) -> list[str]:
 def _several_runs(result: AnalyzeResultsResult) -> Answer:
     valid = result.success.of
     head = f"{result.runs} runs ({valid} valid, {result.invalid_count} invalid): goal {result.success.in_words()}"
-    figures = _failures(result)
+    figures = _by_any_motion(result) + _failures(result)
     told = (result.causes, result.trivial, result.beyond_vehicle)
     figures += [part.in_words() for part in told if part is not None]
     if result.detail == "summary":
@@ -542,6 +545,12 @@ def _stated(result: AnalyzeResultsResult) -> list[Finding]:
         return list(result.findings)
     above = _SAID_ABOVE if result.runs == 1 else {"main_failure"}
     return [finding for finding in result.findings if finding.name not in above]
+
+
+def _by_any_motion(result: AnalyzeResultsResult) -> list[str]:
+    """The rate by the paper's rule, where it is another one."""
+    rate = result.by_any_motion
+    return [] if rate is None else [f"By the paper's rule, a goal by any motion: {rate.in_words()}."]
 
 
 def _failures(result: AnalyzeResultsResult) -> list[str]:

@@ -223,12 +223,3 @@ class PlanMessage(Model):
     candidates: int = Field(1, ge=0, description="how many were looked at")
     shown: tuple[Candidate, ...] = Field((), max_length=MOST_SHOWN_CANDIDATES, description="other candidates")
     debug: DebugMessage = DebugMessage()
-
-
-MESSAGES: dict[str, type[Model]] = {
-    "start": StartMessage,
-    "ready": ReadyMessage,
-    "step": StepMessage,
-    "plan": PlanMessage,
-}
-"""The messages by their ``type``."""

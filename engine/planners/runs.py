@@ -15,18 +15,20 @@ import numpy as np
 
 from ...schemas.errors import PlannerFailure
 from ...schemas.planning import Replayed, ReplayRequest, RunPlans, RunRequest, RunResponse, ShownPlan
-from ...schemas.runs import DrivenObstacle, RunMetrics, RunRecord, RunSteps, RunTiming
+from ...schemas.runs import DrivenObstacle, Outcome, Refusal, RunMetrics, RunRecord, RunSteps, RunTiming
 from ..commonroad import Track, kept_recording
 from ..criticality import drive_criticality
 from ..execution import ProgressReporter
 from ..geometry import Points, Values, wrap_angles
 from ..vehicles import VehicleParameters, vehicle_of
+from .driving.acceptance import DrivenStates, refusal
 from .driving.drivability import exceeded_limits
 from .driving.solution import steering_of
 from .external.command import ScenarioFile
 from .external.program import ended_after, log_of
 from .interface import EgoState, Observation, Plan, Planner, PlanningTask, ShowsCandidates
-from .registry import check_modes, make_planner, open_traffic, planner_version
+from .judge import Verdict
+from .registry import check_modes, make_planner, open_traffic, planner_version, version_that_drives
 from .series import run_series
 from .simulation import DrivenRun, simulate
 
@@ -60,8 +62,11 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     file = ScenarioFile(Path(request.scenario_path), str(loaded.scenario.scenario_id))
     _check_version(request)
     check_modes(request.traffic, request.prediction)
+    version = version_that_drives(request.configuration.planner)
     with ended_after(make_planner(request.configuration.planner, file)) as planner:
         driven = start.drive(planner, report)
+    steps = run_steps(driven)
+    ending = _judged_by_benchmark(driven.final, steps, start)
     record = RunRecord(
         run_id=request.run_id,
         scenario_id=request.scenario_id,
@@ -73,8 +78,8 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         traffic=request.traffic,
         seed=request.seed,
         step_s=loaded.step_s,
-        outcome=driven.final.outcome,
-        reason=driven.final.reason,
+        outcome=ending.outcome,
+        reason=ending.reason,
         invalid_reason=driven.final.invalid_reason,
         collision=driven.final.collision,
         off_the_lanes=driven.off_the_lanes,
@@ -82,12 +87,18 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         eased_over_m=driven.blended_over_m,
         rejected_candidates=dict(sorted(driven.rejected.items())),
         metrics=_metrics(driven, vehicle, loaded.step_s),
-        beyond_vehicle=tuple(exceeded_limits(_ego_track(driven.states, vehicle), vehicle, loaded.step_s)),
+        success_rule="accepted@2",
+        refusal=ending.refusal,
+        beyond_vehicle=tuple(
+            exceeded_limits(_ego_track(driven.states, vehicle), vehicle, loaded.step_s, driven.steering_rad)
+        ),
         ego_length_m=vehicle.length_m,
         ego_width_m=vehicle.width_m,
+        planner_version=version.words,
+        planner_source=version.source,
         ego_class=vehicle.vehicle_class,
     )
-    report(1.0, driven.final.outcome)
+    report(1.0, ending.outcome)
     core_s = [plan.core_s for plan in driven.plans if plan.core_s > 0]
     timing = RunTiming(
         wall_s=perf_counter() - began,
@@ -97,9 +108,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         planning_ms=tuple(round(1000 * duration_s, 3) for duration_s in driven.plan_s),
     )
     series = run_series(driven, vehicle, loaded.step_s)
-    return RunResponse(
-        record=record, steps=run_steps(driven), timing=timing, series=series, planner_log=log_of(planner)
-    )
+    return RunResponse(record=record, steps=steps, timing=timing, series=series, planner_log=log_of(planner))
 
 
 @dataclass(frozen=True)
@@ -128,6 +137,36 @@ class _Start:
             )
 
 
+@dataclass(frozen=True)
+class _Ending:
+    """How a run ended by the rule ``accepted@2``."""
+
+    outcome: Outcome
+    reason: str
+    refusal: Refusal | None = None
+
+
+_REFUSALS: dict[Refusal, str] = {
+    "goal_not_met": "no state meets the goal by its reading",
+    "off_lanelets": "a part of the body is outside the lanelets",
+    "not_drivable": "no acceleration and steering lead to the next state",
+}
+
+
+def _judged_by_benchmark(verdict: Verdict, steps: RunSteps, start: _Start) -> _Ending:
+    """The verdict of the loop; a goal that it says is reached only if CommonRoad's benchmark accepts the motion."""
+    if verdict.outcome != "goal_reached":
+        return _Ending(verdict.outcome, verdict.reason)
+    loaded, vehicle = start.loaded, start.vehicle
+    driven = DrivenStates.of(steps, vehicle, loaded.step_s)
+    refused = refusal(driven, start.problem.goal, loaded.scenario.lanelet_network, vehicle, loaded.step_s)
+    if refused is None:
+        return _Ending(verdict.outcome, verdict.reason)
+    moment = "" if refused.index is None else f" at {refused.index * loaded.step_s:.1f} s"
+    why = f"{verdict.reason}, but CommonRoad's benchmark refuses the motion: {_REFUSALS[refused.code]}{moment}"
+    return _Ending("goal_refused", why, refused.code)
+
+
 def _check_version(request: RunRequest) -> None:
     """Refuse to store a run under another version of a planner of others than the one that would drive."""
     name, wanted = request.configuration.planner, request.planner_version
@@ -153,7 +192,10 @@ def _metrics(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> Ru
     lateral = ego.speeds_mps[1:] * turn / step_s
     felt = np.column_stack([accelerations[1:], lateral])
     planar = np.linalg.norm(np.diff(felt, axis=0), axis=1) / step_s
-    steering = np.diff(steering_of(ego.headings_rad, ego.speeds_mps, step_s, vehicle.wheelbase_m)) / step_s
+    angles = driven.steering_rad
+    if angles is None:
+        angles = steering_of(ego.headings_rad, ego.speeds_mps, step_s, vehicle.wheelbase_m)
+    steering = np.diff(angles) / step_s
     duration = (len(states) - 1) * step_s
     distance = float(np.linalg.norm(np.diff(ego.positions, axis=0), axis=1).sum())
     nearness = drive_criticality(ego, driven.traffic.moving, driven.traffic.standing)
@@ -203,6 +245,7 @@ def run_steps(driven: DrivenRun) -> RunSteps:
         heading_rad=tuple(state.heading_rad for state in states),
         speed_mps=tuple(state.speed_mps for state in states),
         acceleration_mps2=tuple(state.acceleration_mps2 for state in states),
+        steering_rad=() if driven.steering_rad is None else tuple(driven.steering_rad.tolist()),
         plan_steps=tuple(driven.plan_steps),
         others=tuple(_driven_obstacle(track) for track in driven.traffic.driven),
         costs={name: tuple(float(plan.costs.get(name, 0.0)) for plan in driven.plans) for name in terms},

@@ -39,7 +39,9 @@ def run_series(driven: "DrivenRun", vehicle: VehicleParameters, step_s: float) -
     headings_rad = np.array([state.heading_rad for state in states])
     offsets_m, errors_rad = places.beside(np.array([state.position for state in states]), headings_rad)
     speeds_mps = np.array([state.speed_mps for state in states])
-    steering_rad = steering_of(headings_rad, speeds_mps, step_s, vehicle.wheelbase_m)
+    steering_rad = driven.steering_rad
+    if steering_rad is None:
+        steering_rad = steering_of(headings_rad, speeds_mps, step_s, vehicle.wheelbase_m)
     planned = [states[step - states[0].step] for step in driven.plan_steps]
     numbers, texts, polygons, left_out = _kept([plan.debug for plan in driven.plans], driven.plan_steps)
     return RunSeries(

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 from ...schemas.planning import PlannerSettings
@@ -297,5 +297,5 @@ def parameter_values(vehicle: VehicleParameters) -> dict[str, float]:
     return {name: getattr(vehicle, name) for name in PARAMETER_NAMES}
 
 
-def _own_parameters(settings: PlannerSettings) -> dict[str, float]:
+def _own_parameters(settings: PlannerSettings) -> dict[str, Any]:
     return {name: value for name in PARAMETER_NAMES if (value := getattr(settings, name)) is not None}

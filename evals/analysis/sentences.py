@@ -675,8 +675,9 @@ class Judge:
             test = pairs.tested(match[1])
             if test is None:
                 return [0]
-            p = [test["p"]] if test["scenarios"] > 5 else []
-            return [test["pairs"], *(test[key] for key in ("before", "after", "shift", "low", "high")), *p]
+            p = [test["p"]] if test["scenarios"] > 5 and match[8] is not None else []
+            holm_p = [adjusted.get(match[1])] if match[9] is not None else []
+            return [test["pairs"], *(test[key] for key in ("before", "after", "shift", "low", "high")), *p, *holm_p]
 
         return [
             (
@@ -716,7 +717,11 @@ class Judge:
             (rf"({words})(?: \(0 [^)]*\))? {N}(?: → {N})?(?= |,|$)", medians),
             (rf"(?<=[:,] )(\w+) {N} → {N}", lambda match: [before.get(match[1]), after.get(match[1])]),
             (rf"left out: {N} runs .* {N} pairs", lambda _: [pairs.unpaired, pairs.invalid]),
-            (rf"^({words})(?: \([^|]*\))? \| {N} \| {N} \| {N} \| {N} \[{N}, {N}\] \| (?:{N}|–)", report_row),
+            (
+                rf"^({words})(?: \([^|]*\))? \| {N} \| {N} \| {N} \| {N} \[{N}, {N}\]"
+                rf" \| (?:{N}|–|<0.001) \| (?:{N}|–|<0.001)",
+                report_row,
+            ),
             (rf"^(\w+) \| {N} \| {N}$", lambda match: [before.get(match[1]), after.get(match[1])]),
         ]
 

@@ -279,6 +279,7 @@ async def _verdicts(
             lost=len(group) - len(records),
             unpreventable=frozenset(run_id for run_id, review in reviews.items() if _is_unpreventable(review)),
             against=against,
+            roots={one.scenario_id: one.root for one in lineages((record.scenario_id for record in records), call)},
         )
         verdicts += [limit.judge(runs) for limit in own]
     return verdicts

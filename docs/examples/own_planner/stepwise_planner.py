@@ -15,15 +15,13 @@ def gap(task, path, step):
     here, length = nearest(path, step["ego"]["x_m"], step["ego"]["y_m"]), task["vehicle"]["length_m"]
     found = [(1000.0, "free")]
     for other in step["others"]:
-        ahead = list(zip(other["predicted"]["x_m"], other["predicted"]["y_m"]))[: round(1.0 / task["step_s"]) + 1]
-        for x, y in ahead:
+        ahead = zip(other["predicted"]["x_m"], other["predicted"]["y_m"], strict=True)
+        for x, y in list(ahead)[: round(1.0 / task["step_s"]) + 1]:
             at = nearest(path, x, y)
             if at > here and math.hypot(path[at][0] - x, path[at][1] - y) <= 2.0:
                 found.append((at - here - (length + other["length_m"]) / 2, f"behind {other['id']}"))
-    for signal in step["signals"]:
-        if signal["state"].startswith("red") and signal["ahead_m"] > length / 2:
-            found.append((signal["ahead_m"] - length / 2, f"red light {signal['id']}"))
-    return min(found)
+    lights = [one for one in step["signals"] if one["state"].startswith("red") and one["ahead_m"] > length / 2]
+    return min(found + [(one["ahead_m"] - length / 2, f"red light {one['id']}") for one in lights])
 
 
 def plan(task, path, step):
@@ -63,8 +61,9 @@ task, path = {}, []
 for line in sys.stdin:
     message = json.loads(line)
     if message["type"] == "start":  # a run begins
-        task, path = message, list(zip(message["reference"]["x_m"], message["reference"]["y_m"]))
+        task, path = message, list(zip(*message["reference"].values(), strict=True))
         answer = {"type": "ready", "protocol": 1}
     else:
         answer = plan(task, path, message)
-    print(json.dumps(answer), flush=True)
+    sys.stdout.write(json.dumps(answer) + "\n")
+    sys.stdout.flush()

@@ -6,6 +6,7 @@ from pathlib import Path
 from ....schemas.errors import PlannerFailure
 from ....schemas.planning import CommandAnswer, CommandPlanner, CommandRequest, EgoStart
 from ....schemas.text import quoted
+from ...vehicles import parameter_values
 from ..goal import Goal
 from ..interface import EgoState, Observation, Plan, PlannedTrajectory, PlanningTask
 from .answers import read_message, read_trajectory
@@ -73,7 +74,7 @@ class CommandDriver:
         if self._trajectory is None:
             return Plan(None, rejected=rejected or {"no_trajectory": 1}, candidates=candidates)
         begin = ego.step - asked.first_step
-        left = PlannedTrajectory(*(values[begin:] for values in vars(self._trajectory).values()))
+        left = self._trajectory.since(begin)
         if len(left.positions) < 2:
             return Plan(None, rejected={"trajectory_ended": 1}, candidates=candidates)
         return drivable(Plan(left, self._answer.costs, rejected, candidates), task)
@@ -104,7 +105,7 @@ class CommandDriver:
             planner=self._name,
             config_id=task.configuration.config_id,
             weights=task.configuration.weights,
-            settings=numbers_of(task.configuration.settings.stated_values) | numbers_of(vars(task.vehicle)),
+            settings=numbers_of(task.configuration.settings.stated_values) | numbers_of(parameter_values(task.vehicle)),
             ego=EgoStart(
                 x_m=float(ego.position[0]),
                 y_m=float(ego.position[1]),

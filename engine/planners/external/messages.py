@@ -7,27 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....schemas.stepwise import (
-    EgoMessage,
-    GoalMessage,
-    LaneletMessage,
-    Line,
-    OtherMessage,
-    PredictedMessage,
-    RouteMessage,
-    SignalMessage,
-    StartMessage,
-    StepMessage,
-)
+from ....schemas.stepwise import GoalMessage, LaneletMessage, Line, StartMessage, StepMessage
 from ...geometry import Points, Values
 from ...network import posted_speeds
+from ...vehicles import parameter_values
 from ..goal import Goal
 from ..interface import EgoState, Observation, PlanningTask, PredictedObstacle
 from ..prediction import SENSOR_RADIUS_M
 from ..route_place import RoutePlaces
 
 if TYPE_CHECKING:
-    from commonroad.planning.goal import GoalRegion
     from commonroad.scenario.lanelet import Lanelet
     from commonroad.scenario.traffic_light import TrafficLight
 
@@ -51,7 +40,7 @@ def start_message(task: PlanningTask, planner: str, scenario_id: str) -> StartMe
         config_id=task.configuration.config_id,
         weights=task.configuration.weights,
         settings=numbers_of(settings.stated_values),
-        vehicle=numbers_of(vars(task.vehicle)),
+        vehicle=numbers_of(parameter_values(task.vehicle)),
         ego_class=task.vehicle.vehicle_class,
         step_s=task.step_s,
         first_step=ego.step,
@@ -73,6 +62,15 @@ class _Signal:
     lanelet_id: int
     station_m: float
 
+    def at(self, step: int, ego_station_m: float) -> dict[str, object]:
+        """The fields of ``SignalMessage`` at a step."""
+        return {
+            "id": int(self.light.traffic_light_id),
+            "lanelet": self.lanelet_id,
+            "state": str(self.light.get_state_at_time_step(step).value),
+            "ahead_m": round(self.station_m - ego_station_m, _DIGITS),
+        }
+
 
 class StepMessages:
     """The messages of the planning steps of one run."""
@@ -86,35 +84,24 @@ class StepMessages:
         """What a program is told at one step."""
         ego = observation.ego
         place = self._places.at(ego)
-        return StepMessage(
-            step=ego.step,
-            time_s=round((ego.step - self._first_step) * self._step_s, 9),
-            ego=EgoMessage(
-                x_m=float(ego.position[0]),
-                y_m=float(ego.position[1]),
-                heading_rad=ego.heading_rad,
-                speed_mps=ego.speed_mps,
-                acceleration_mps2=ego.acceleration_mps2,
-                yaw_rate_radps=ego.yaw_rate_radps,
-            ),
-            others=tuple(_other(one) for one in observation.obstacles if len(one.positions)),
-            signals=tuple(
-                SignalMessage(
-                    id=int(one.light.traffic_light_id),
-                    lanelet=one.lanelet_id,
-                    state=str(one.light.get_state_at_time_step(ego.step).value),
-                    ahead_m=round(one.station_m - place.station_m, _DIGITS),
-                )
-                for one in self._signals
-                if one.station_m >= place.station_m
-            ),
-            route=RouteMessage(
-                station_m=place.station_m,
-                offset_m=place.offset_m,
-                heading_error_rad=place.heading_error_rad,
-                to_goal_m=place.to_goal_m,
-                desired_speed_mps=place.desired_speed_mps,
-            ),
+        return StepMessage.model_validate(
+            {
+                "step": ego.step,
+                "time_s": round((ego.step - self._first_step) * self._step_s, 9),
+                "ego": {
+                    "x_m": float(ego.position[0]),
+                    "y_m": float(ego.position[1]),
+                    "heading_rad": ego.heading_rad,
+                    "speed_mps": ego.speed_mps,
+                    "acceleration_mps2": ego.acceleration_mps2,
+                    "yaw_rate_radps": ego.yaw_rate_radps,
+                },
+                "others": _others(observation.obstacles),
+                "signals": [
+                    one.at(ego.step, place.station_m) for one in self._signals if one.station_m >= place.station_m
+                ],
+                "route": vars(place),
+            }
         )
 
 
@@ -122,30 +109,45 @@ def _rounded(values: Values) -> tuple[float, ...]:
     return tuple(np.round(values, _DIGITS).tolist())
 
 
-def _other(other: PredictedObstacle) -> OtherMessage:
-    x_m, y_m = _rounded(other.positions[:, 0]), _rounded(other.positions[:, 1])
-    heading_rad = _rounded(other.headings_rad)
-    length_m, width_m = other.observed_size_m or (other.length_m, other.width_m)
-    matrices = np.reshape(other.covariance, (-1, 2, 2))[: len(x_m)]
-    covariance = np.stack([matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 1]], axis=1)
-    return OtherMessage(
-        id=other.obstacle_id,
-        kind=other.kind,
-        x_m=x_m[0],
-        y_m=y_m[0],
-        heading_rad=heading_rad[0],
-        speed_mps=round(other.speed_mps, _DIGITS),
-        length_m=length_m,
-        width_m=width_m,
-        predicted=PredictedMessage(
-            x_m=x_m,
-            y_m=y_m,
-            heading_rad=heading_rad,
-            covariance_m2=tuple(tuple(row) for row in covariance.tolist()),
-            length_m=other.length_m,
-            width_m=other.width_m,
-        ),
-    )
+def _others(obstacles: Sequence[PredictedObstacle]) -> list[dict[str, object]]:
+    """The others of a step as fields of ``OtherMessage``.
+
+    Their numbers are rounded together, because numpy is slow at small arrays, and checked with the whole message.
+    """
+    seen = [one for one in obstacles if len(one.positions)]
+    if not seen:
+        return []
+    places = np.concatenate([one.positions for one in seen]).round(_DIGITS)
+    x_m, y_m = places[:, 0].tolist(), places[:, 1].tolist()
+    heading_rad = np.concatenate([one.headings_rad for one in seen]).round(_DIGITS).tolist()
+    messages, begin = list[dict[str, object]](), 0
+    for one in seen:
+        part = slice(begin, begin + len(one.positions))
+        begin = part.stop
+        length_m, width_m = one.observed_size_m or (one.length_m, one.width_m)
+        matrices = one.covariance.tolist() if one.covariance.ndim > 2 else [one.covariance.tolist()]
+        predicted = {
+            "x_m": x_m[part],
+            "y_m": y_m[part],
+            "heading_rad": heading_rad[part],
+            "covariance_m2": [(xx, xy, yy) for (xx, xy), (_, yy) in matrices[: len(one.positions)]],
+            "length_m": one.length_m,
+            "width_m": one.width_m,
+        }
+        messages.append(
+            {
+                "id": one.obstacle_id,
+                "kind": one.kind,
+                "x_m": x_m[part.start],
+                "y_m": y_m[part.start],
+                "heading_rad": heading_rad[part.start],
+                "speed_mps": round(one.speed_mps, _DIGITS),
+                "length_m": length_m,
+                "width_m": width_m,
+                "predicted": predicted,
+            }
+        )
+    return messages
 
 
 def _line(points: Points) -> Line:
@@ -154,16 +156,12 @@ def _line(points: Points) -> Line:
 
 def _goals(task: PlanningTask) -> list[GoalMessage]:
     """The goal states; first those that the reference path leads to."""
+    from commonroad.planning.goal import GoalRegion
+
     ahead = task.goal_ahead
     first = {id(state) for state in ahead.state_list}
     others = [state for state in task.problem.goal.state_list if id(state) not in first]
-    return [_goal_state(each) for each in (*_single(ahead, ahead.state_list), *_single(task.problem.goal, others))]
-
-
-def _single(region: "GoalRegion", states: Sequence[Any]) -> list[Goal]:
-    from commonroad.planning.goal import GoalRegion
-
-    return [Goal(GoalRegion([state])) for state in states]
+    return [_goal_state(Goal(GoalRegion([state]))) for state in (*ahead.state_list, *others)]
 
 
 def _goal_state(goal: Goal) -> GoalMessage:

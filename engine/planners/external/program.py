@@ -6,6 +6,8 @@ from contextlib import contextmanager
 from ....schemas.planning import CommandPlanner
 from ..interface import Planner
 from .command import CommandDriver, ScenarioFile, command_driver
+from .found import OwnPlanner
+from .guarded import guarded
 from .stepwise import StepwiseDriver
 
 
@@ -29,3 +31,11 @@ def ended_after(planner: Planner) -> Iterator[Planner]:
 def log_of(planner: Planner | None) -> str:
     """What is kept of what a program wrote to standard error; empty for a planner that is a class."""
     return planner.log if isinstance(planner, CommandDriver | StepwiseDriver) else ""
+
+
+@contextmanager
+def planner_driver(name: str, planner: OwnPlanner | CommandPlanner, file: ScenarioFile) -> Iterator[Planner]:
+    """A new planner of others as the loop drives it, for a ``with`` block, after which no process of it runs on."""
+    made = guarded(name, planner.make) if isinstance(planner, OwnPlanner) else program_driver(name, planner, file)
+    with ended_after(made) as driver:
+        yield driver

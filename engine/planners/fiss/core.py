@@ -33,6 +33,7 @@ import numpy as np
 from ....schemas.planning import PlannerSettings
 from ...geometry import Points, Values, project, wrap_angle
 from ...vehicles import VehicleParameters, tractrix
+from ..driving.following import FOLLOWED_WITHIN_M, is_on_plan
 from ..interface import EgoState, PlannedTrajectory, PredictedObstacle
 
 SEARCHES = ("fop", "fop_plus", "fiss", "fiss_plus")
@@ -45,8 +46,6 @@ _HARDEST_MPS2, _BRISKEST_MPS2 = 8.0, 4.0
 """Limits that the core's authors plan with: 8 m/s² of braking and across (0.8 g), 4 m/s² of accelerating; at most what
 the vehicle can."""
 _STANDING_MPS = 1e-3
-_SAME_PLACE_M = 1e-6
-"""Within this the ego is where the plan before put it: rounding only."""
 _BEHIND_M, _BESIDE_M = 80.0, 60.0
 """The core looks at obstacles from 80 m behind the ego to 60 m beyond what it can reach."""
 _LINE_SPACING_M = 2.0
@@ -250,14 +249,11 @@ class DrivenPlan:
     def index_of(self, ego: EgoState) -> int | None:
         """Where on the plan the ego is, if it followed it."""
         index = ego.step - self.first_step
-        if not 0 <= index < len(self.trajectory.positions):
-            return None
-        away = float(np.linalg.norm(self.trajectory.positions[index] - ego.position))
-        return index if away <= _SAME_PLACE_M else None
+        return index if is_on_plan(self.trajectory, index, ego, FOLLOWED_WITHIN_M) else None
 
     def rest(self, index: int) -> PlannedTrajectory:
         """What is left of the plan."""
-        return PlannedTrajectory(*(values[index:] for values in vars(self.trajectory).values()))
+        return self.trajectory.since(index)
 
 
 def braking_trajectory(

@@ -4,10 +4,12 @@ Text of scenarios and runs is untrusted: it is made one printable line here, esc
 (``pages.py``) and only ever set as text by the page's scripts.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +18,9 @@ from ....schemas.measures import metric_words
 from ....schemas.planning import RunPlans
 from ....schemas.rendering import ViewPane, ViewRequest
 from ....schemas.results import with_unit
-from ....schemas.runs import ReviewRequest, RunReview, RunSource, ScenarioSource, ending
+from ....schemas.runs import ReviewRequest, RunReview, RunSeries, RunSource, ScenarioSource, ending
 from ....schemas.text import measured, one_line
-from ...analysis import METRICS, Course, RunSet, course_of, read_steps, review_runs
+from ...analysis import METRICS, Course, RunSet, course_of, read_series, read_steps, review_runs
 from ...commonroad import Track, kept_recording
 from ...execution import silent
 from ...geometry import Points, Values, length_m, point_at
@@ -26,6 +28,7 @@ from ...vehicles import vehicle_classes
 from ..content import DrivenPath, LaneletShape, ScenarioContent, Viewport, content_of, driven_path
 from ..road import dividers, outer_edges
 from .data import (
+    AreaView,
     DriveView,
     LaneletView,
     Line,
@@ -294,7 +297,32 @@ def drive_view(source: RunSource, path: DrivenPath, scenario: ScenarioSource, or
         moments=tuple(_moments(source, review, path.first_step)),
         figures=tuple(figures(source)),
         others=tuple(track_view(track, origin, driven=True) for track in path.others.values()),
+        **_over_time(read_series(source), origin),
     )
+
+
+def _over_time(series: RunSeries | None, origin: Points) -> dict[str, Any]:
+    """The series of a run as fields of ``DriveView``; none of a run that was stored without them."""
+    if series is None:
+        return {}
+    degrees = 180 / math.pi
+    states = {
+        "lateral offset (m)": series.lateral_offset_m,
+        "heading error (°)": tuple(round(degrees * value, 2) for value in series.heading_error_rad),
+        "steering (°)": tuple(round(degrees * value, 2) for value in series.steering_rad),
+    }
+    planned = {"desired speed (m/s)": series.desired_speed_mps, **series.numbers}
+    reasons = {"desired speed because": series.desired_speed_reasons}
+    areas = [
+        AreaView(step=one.step, name=one_line(one.name), outline=_sent(np.column_stack([one.x_m, one.y_m]), origin))
+        for one in series.polygons
+    ]
+    return {
+        "series": {name: values for name, values in states.items() if values},
+        "planned": {one_line(name): values for name, values in planned.items() if values},
+        "told": {one_line(name): values for name, values in (reasons | series.texts).items() if values},
+        "areas": tuple(areas),
+    }
 
 
 def _plans(path: str, origin: Points) -> Iterable[PlanView]:
