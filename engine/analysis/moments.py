@@ -37,7 +37,7 @@ from ..criticality import ahead_of, encounters, gaps_m, times_to_collision_s
 from ..execution import ProgressReporter
 from ..geometry import Points, Values, oriented_rectangle, wrap_angle, wrap_angles
 from ..planners import Predictor, lane_line, predictor
-from ..vehicles import BMW_320I
+from ..vehicles import VehicleParameters, vehicle_classes
 from .prevention import Surroundings, prevention_of
 from .run_set import RunSet, driven_tracks
 
@@ -114,18 +114,18 @@ def _drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Drive":
     if path is None:
         return _Drive(record, steps, tracks_in(runs, record, steps))
     network = kept_recording(path).loaded.scenario.lanelet_network
-    lane = partial(_lane_in, path, record)
+    lane = partial(_lane_in, path, record, runs.vehicle(record))
     return _Drive(record, steps, tracks_in(runs, record, steps), predictor(record.prediction, network), network, lane)
 
 
-def _lane_in(path: Path, record: RunRecord) -> Points | None:
+def _lane_in(path: Path, record: RunRecord, vehicle: VehicleParameters) -> Points | None:
     """The line that keeps to the ego's lane and route; None where no route is known."""
     loaded = kept_recording(path).loaded
     try:
         problem = loaded.problem(record.problem_id)
     except UnknownName:  # the file was put in the place of the one that was run
         return None
-    return lane_line(loaded.scenario, problem, BMW_320I)
+    return lane_line(loaded.scenario, problem, vehicle)
 
 
 @dataclass(frozen=True)
@@ -426,7 +426,7 @@ def ego_track(record: RunRecord, steps: RunSteps) -> Track:
     """The driven states as a track with the ego's size; its id is of no obstacle."""
     return Track(
         obstacle_id=-1,
-        kind="car",
+        kind=vehicle_classes()[record.ego_class].commonroad_type,
         length_m=record.ego_length_m,
         width_m=record.ego_width_m,
         first_step=steps.first_step,

@@ -13,6 +13,7 @@
 ``straight_lines``: Straight lines over the nodes between first and last values.
 ``DesiredSpeed``: How fast to drive to a goal, in m/s.
 ``progress_to_goal``: The share of the reference path to the goal that positions came along; None without one.
+``DebugValues``: Named numbers, texts and polygons that a planner reports beside a plan.
 ``EgoState``: The ego at one time step: centre in m, heading in rad, speed, acceleration and yaw rate.
 ``Observation``: What a planner sees before it plans: the ego and the predicted obstacles.
 ``Plan``: The answer of a planner: a trajectory or None, with costs and what was rejected.
@@ -26,11 +27,15 @@
 ``refused_planners``: Why planners of others that were found cannot be named.
 ``own_planner``: The planner of others of a name.
 ``planner_version``: A digest of the source of a planner of others; empty for built-in ones.
+``built_in_version``: The version of a built-in planner, from those of packages.
+``version_that_drives``: The version of a planner in words and as a digest, for workers.
+``source_that_drives``: That digest alone, for any process.
 ``Found``: A planner of others that was found, and where.
 ``check_on``: What a planner of others breaks on a scenario, in words.
 ``PlannerCheck``: What came out of it.
 ``OwnPlanner``: What an entry point of the group ``plannerforge.planners`` names: the class and its declaration.
 ``ScenarioFile``: The file that a program plans on.
+``planner_driver``: A planner of others as the loop drives it, for a ``with`` block.
 ``programs_named``: Makes the programs of the settings known as planners while a block runs, in workers too.
 ``known_planner``: A planner's name as registered; ``UnknownName`` where there is none.
 ``make_planner``: A new planner by its name.
@@ -70,10 +75,11 @@ if TYPE_CHECKING:
     from .external.command import ScenarioFile
     from .external.conformance import check_planner
     from .external.found import Found, OwnPlanner, programs_named
+    from .external.program import planner_driver
     from .frenetix.costs import CandidateBatch, responsibility
     from .frenetix.planner import Frenetix
     from .goal import DesiredSpeed, progress_to_goal
-    from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
+    from .interface import DebugValues, EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
     from .prediction import Predictor, follows, predictor
     from .rbfn.network import (
         PRIMITIVE_INPUTS,
@@ -99,6 +105,7 @@ if TYPE_CHECKING:
     from .reference_path import BEYOND_GOAL_M, build_reference_path
     from .registry import (
         PLANNERS,
+        built_in_version,
         check_modes,
         known_planner,
         make_planner,
@@ -107,6 +114,8 @@ if TYPE_CHECKING:
         planner_names,
         planner_version,
         refused_planners,
+        source_that_drives,
+        version_that_drives,
     )
     from .runs import run_planner, run_steps
     from .simulation import DrivenRun, simulate

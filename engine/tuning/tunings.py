@@ -117,7 +117,7 @@ def _declared(declaration: PlannerDeclaration) -> PlannerTuning:
         name: Preset(name, name, preset.intent or "as it says", defaults | preset.weights)
         for name, preset in declaration.presets.items()
     }
-    return PlannerTuning(declaration.summary, weights, {}, presets)
+    return PlannerTuning(declaration.summary, weights, {}, presets, idle_settings=("search",))
 
 
 def _preset(weights: tuple[Weight, ...], name: str, short_name: str, intent: str, values: tuple[float, ...]) -> Preset:
@@ -250,6 +250,45 @@ observations and microscopic simulations, Physical Review E 62, 2000, table I); 
 lateral accelerations are those that passengers judged on a test track (Optimal Lateral Acceleration for Different
 Levels of Automated Driving, preprint 10.31234/osf.io/kcw2d): 2 m/s² often too slow, 3 balanced, 4 often too fast."""
 
+_FISS_WEIGHTS = (
+    Weight("time", "horizon − duration, s", "plans farther ahead", "core"),
+    Weight("speed", "(final − desired or following speed)²", "keeps the desired speed", "core"),
+    Weight("acceleration", "mean acceleration², along and across", "gentler speed changes", "core"),
+    Weight("jerk", "mean jerk², along and across", "smoother", "core"),
+    Weight("lateral", "(final offset from the lane's centre)²", "ends at the lane's centre", "core"),
+    Weight("lane_change", "lanes changed", "stays in its lane", "core"),
+    Weight(
+        "history", "squared distance to the last end state; in fiss's first guess", "searches near its last", "core"
+    ),
+    Weight("headway", "mean (1 − gap / desired gap)² ahead", "keeps its distance ahead", "core"),
+    Weight("time_to_collision", "mean (1 − TTC / desired TTC)² ahead", "slows down earlier for others", "core"),
+    Weight("clearance", "mean (1 − lateral gap / desired)² alongside", "passes others farther away", "core"),
+    Weight("desired_gap_m", "desired gap at standstill, m", "stops farther behind others", "core", 0.1, 30.0),
+    Weight("desired_headway_s", "desired time gap ahead, s", "follows farther away", "core", 0.0, 10.0),
+    Weight("desired_time_to_collision_s", "desired TTC, s", "slows down earlier for others", "core", 0.1, 30.0),
+    Weight("desired_clearance_m", "desired lateral gap, m", "passes others farther away", "core", 0.1, 10.0),
+    Weight(
+        "follow_time_s", "time to close to the desired gap, s; 0: never slower", "closes up slower", "core", 0.0, 30.0
+    ),
+    Weight("least_gap_m", "smallest gap ahead, m; hard", "rejects closer following", "core", 0.0, 30.0),
+    Weight("least_headway_s", "smallest time gap ahead, s; hard", "rejects closer following", "core", 0.0, 10.0),
+    Weight("least_time_to_collision_s", "smallest TTC, s; hard", "rejects faster approaching", "core", 0.0, 30.0),
+    Weight("reaction_time_s", "grace after one cuts in, s", "hard distances hold later", "core", 0.0, 5.0),
+    Weight("crossing_gap_s", "smallest time to crossing traffic, s; hard", "waits for larger gaps", "core", 0.0, 5.0),
+)
+"""The weights and distances of FISS's core that are set; meanings from its documentation, defaults of version 1.0.0."""
+_FISS_DEFAULT = (1.0, 1.0, 0.1, 0.1, 2.0, 5.0, 1.0, 10.0, 5.0, 5.0, 3.0, 1.5, 4.0, 1.0, 3.0, 2.0, 0.3, 1.5, 0.5, 0.75)
+_FISS_PRESETS = (
+    _preset(_FISS_WEIGHTS, "Default", "Default", "the defaults of its authors", _FISS_DEFAULT),
+    _preset(
+        _FISS_WEIGHTS,
+        "Plain",
+        "Plain",
+        "without keeping distance, as in its papers; collisions alone count",
+        (1.0, 1.0, 0.1, 0.1, 2.0, 5.0, 1.0, 0.0, 0.0, 0.0, 3.0, 1.5, 4.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0),
+    ),
+)
+"""Plain: what its authors call "without the safety envelope and proximity cost" in their ablations."""
 _FOLLOWING = (
     Weight(
         "follows",
@@ -299,7 +338,7 @@ def _reference(weights: tuple[Weight, ...], values: tuple[float, ...], summary: 
     return PlannerTuning(summary, _by_name(weights), {}, _by_name(presets), idle_settings=_PATH_FOLLOWERS_IGNORE)
 
 
-_PATH_FOLLOWERS_IGNORE = ("sampling_level", "switching_speed_mps", "maximum_steering_rate_radps")
+_PATH_FOLLOWERS_IGNORE = ("sampling_level", "switching_speed_mps", "maximum_steering_rate_radps", "search")
 """Settings that do nothing in planners that follow the reference path."""
 _NO_PARAMETERS = {"Default": Preset("Default", "Default", "it has no parameters", {})}
 
@@ -309,20 +348,28 @@ TUNINGS = {
         weights=_by_name(_COST_WEIGHTS),
         external=_by_name(_EXTERNAL_WEIGHTS),
         presets=_by_name(_FRENETIX_PRESETS),
+        idle_settings=("search",),
     ),
     "mp_rbfn": PlannerTuning(
         summary="learned motion primitives (radial basis functions); presets are ours",
         weights=_by_name(_CHANNELS),
         external={},
         presets=_by_name(_CHANNEL_PRESETS),
-        idle_settings=("switching_speed_mps",),
+        idle_settings=("switching_speed_mps", "search"),
     ),
     "idm": PlannerTuning(
         summary="lane-following Intelligent Driver Model, a baseline; no cost terms",
         weights=_by_name(_IDM_PARAMETERS),
         external={},
         presets=_by_name(_IDM_PRESETS),
-        idle_settings=("sampling_level", "switching_speed_mps", "maximum_steering_rate_radps"),
+        idle_settings=_PATH_FOLLOWERS_IGNORE,
+    ),
+    "fiss": PlannerTuning(
+        summary="fast iterative search over sampled end states (FISS; search=0 to 3: fop, fop_plus, fiss, fiss_plus)",
+        weights=_by_name(_FISS_WEIGHTS),
+        external={},
+        presets=_by_name(_FISS_PRESETS),
+        idle_settings=("switching_speed_mps", "maximum_steering_rate_radps"),
     ),
     "r157_careful": _reference(
         _CAREFUL,
