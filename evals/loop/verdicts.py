@@ -497,9 +497,10 @@ def closed_forms(choice: random.Random, count: int) -> Iterator[tuple[str, bool]
 
 
 def _is_latest(made: Made, expected: float) -> bool:
+    """Within two steps: one of the moments that are tried, one of the braking that builds up."""
     touch = hit_s(made)
     found = None if touch is None else told(made, touch)
-    return found is not None and abs(float(found.by_braking_until_s) - expected) <= 1.6 * STEP_S
+    return found is not None and abs(float(found.by_braking_until_s) - expected) <= 2 * STEP_S
 
 
 def _careful_prevents(made: Made) -> bool:
