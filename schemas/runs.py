@@ -290,8 +290,8 @@ RelativeHeading = Literal["same", "oncoming", "crossing"]
 
 
 ReferenceDriverName = Literal["full_braking", "r157_careful", "fsm", "rss", "keep_lane", "evading"]
-"""Drivers in the ego's place: full braking, UN R157's careful and fuzzy ones, RSS, one that keeps lane and speed, and one
-that steers aside by a lane's width."""
+"""Drivers in the ego's place: full braking, UN R157's careful and fuzzy ones, RSS, one that keeps lane and speed, and
+one that steers aside by a lane's width (``docs/reference_drivers.md``)."""
 DriverStart = Literal["before_contact", "start"]
 """What a driver does until it reacts: it follows the ego's own motion up to the contact, or it keeps the lane and the
 speed of the start."""
@@ -356,11 +356,12 @@ class Prevention(Model):
             return f"no reference driver prevents it ({names}){aside}"
         prevents = [] if self.by_braking_until_s is None else [f"full braking until {self.by_braking_until_s:.1f} s"]
         prevents += [] if until is None else [f"steering aside until {until:.1f} s"]
+        prevents += self._drivers(prevents=True)
         if self.by_braking_until_s is None and not self._drivers(prevents=True):
             return f"from the moment before it no reference driver prevents it ({names}){aside}{self._start_in_words()}"
         others = [*self._drivers(prevents=False), *(["steering"] if self.steering_tried and until is None else [])]
         without = f", not by {_listed(others, 'or')}" if others else ""
-        return f"preventable by {_listed([*prevents, *self._drivers(prevents=True)], 'and')}{without}{self._start_in_words()}"
+        return f"preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"
 
     def _start_in_words(self) -> str:
         """Who prevents it from the start; nothing of versions that did not ask."""
@@ -406,7 +407,8 @@ def _listed(parts: Sequence[str], conjunction: str) -> str:
 
 LaidTo = Literal["recording", "prediction", "planning", "neither"]
 """What a collision is laid to: another that follows a recording and would have braked; a prediction that had the other
-elsewhere; a plan that had it there, although a reference driver prevents it; nothing, since none does."""
+elsewhere; a plan that had it there, although the collision is attributable; nothing, since it is not attributable
+(neither UN R157's careful nor its fuzzy driver prevents it from both starts)."""
 
 
 class Contact(Model):
