@@ -13,6 +13,9 @@
 ``straight_lines``: Straight lines over the nodes between first and last values.
 ``DesiredSpeed``: How fast to drive to a goal, in m/s.
 ``progress_to_goal``: The share of the reference path to the goal that positions came along; None without one.
+``Goal``: The goal region of a planning problem; one of its states has to be met.
+``ReferencePath``: Points of a path about one metre apart, and the lanelets of its route.
+``goal_with_path``: The goal state that an ego drives to and the reference path there; None without a route.
 ``EgoState``: The ego at one time step: centre in m, heading in rad, speed, acceleration and yaw rate.
 ``Observation``: What a planner sees before it plans: the ego and the predicted obstacles.
 ``Plan``: The answer of a planner: a trajectory or None, with costs and what was rejected.
@@ -60,7 +63,7 @@ if TYPE_CHECKING:
     from .external.found import Found, OwnPlanner, programs_named
     from .frenetix.costs import CandidateBatch, responsibility
     from .frenetix.planner import Frenetix
-    from .goal import DesiredSpeed, progress_to_goal
+    from .goal import DesiredSpeed, Goal, progress_to_goal, goal_with_path
     from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
     from .prediction import Predictor, follows, predictor
     from .rbfn.network import (
@@ -72,7 +75,7 @@ if TYPE_CHECKING:
         motion_primitives,
         straight_lines,
     )
-    from .reference_path import BEYOND_GOAL_M, build_reference_path
+    from .reference_path import BEYOND_GOAL_M, ReferencePath, build_reference_path
     from .registry import (
         PLANNERS,
         check_modes,

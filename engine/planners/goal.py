@@ -393,3 +393,18 @@ class DesiredSpeed:
         time_left_s = (step - ego.step) * self._step_s
         here_m = project(self._reference.points, ego.position)[0]
         return (station_m - here_m) / time_left_s if time_left_s > 0 else None
+
+
+def goal_with_path(
+    scenario: "Scenario", problem: "PlanningProblem", vehicle: VehicleParameters
+) -> tuple[Goal, ReferencePath] | None:
+    """The goal state that an ego drives to and the reference path of its route; None if no route leads there."""
+    if not problem.goal.state_list:
+        return None
+    ego, network = EgoState.of(problem.initial_state), scenario.lanelet_network
+    aim = select_goal_state(network, problem.goal, ego, vehicle, float(scenario.dt))
+    goal = Goal(aim)
+    try:
+        return goal, path_to(goal, aim, network, ego, ahead_m=BEYOND_GOAL_M, beyond_m=BEYOND_GOAL_M)
+    except NotPossible:
+        return None

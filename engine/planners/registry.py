@@ -121,6 +121,15 @@ def planner_version(name: str) -> str:
     return "" if folded in PLANNERS else own_planner(folded).version
 
 
+def uses_prediction(name: str) -> bool:
+    """Whether a planner plans on predictions of others: all built-in ones, and others that declare it."""
+    folded = known_planner(name)
+    if folded in PLANNERS:
+        return True
+    found = own_planner(folded)
+    return (found.command or found.own().declaration).uses_prediction
+
+
 def check_modes(traffic: TrafficMode, prediction: Prediction) -> None:
     """Refuse to tell a planner the future of vehicles that have none yet.
 
