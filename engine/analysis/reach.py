@@ -17,6 +17,9 @@ def cannot_be_reached(runs: RunSet, record: RunRecord) -> bool:
     its lane, or to its vehicle's largest speed if there is none; an ego that begins faster keeps its speed. False
     where the file, the goal's place or its time is not known: what is told is certain.
     """
+    kept = runs.look(record)
+    if kept is not None:
+        return kept.out_of_reach
     path, known = runs.scenario_path(record), runs.scenario(record)
     if path is None or known is None or not path.is_file():
         return False

@@ -363,3 +363,18 @@ def progress_to_goal(
     whole = reference.way_m(start, stations[0])
     reached = reference.way_m(start, float(project_along(reference.points, positions, start)[0].max()))
     return 1.0 if whole <= 0 else min(max(reached / whole, 0.0), 1.0)
+
+
+def goal_with_path(
+    scenario: "Scenario", problem: "PlanningProblem", vehicle: VehicleParameters
+) -> tuple[Goal, ReferencePath] | None:
+    """The goal state that an ego drives to and the reference path of its route; None if no route leads there."""
+    if not problem.goal.state_list:
+        return None
+    ego, network = EgoState.of(problem.initial_state), scenario.lanelet_network
+    aim = select_goal_state(network, problem.goal, ego, vehicle, float(scenario.dt))
+    goal = Goal(aim)
+    try:
+        return goal, path_to(goal, aim, network, ego, ahead_m=BEYOND_GOAL_M, beyond_m=BEYOND_GOAL_M)
+    except NotPossible:
+        return None

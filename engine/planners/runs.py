@@ -4,8 +4,9 @@ drive a stored one once more, for its plans, candidates and predictions.
 A run stores what was driven; the rest is a hundred times as much, and the same seed and versions give it again.
 """
 
+import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -28,7 +29,7 @@ from .external.command import ScenarioFile
 from .external.program import ended_after, log_of
 from .interface import EgoState, Observation, Plan, Planner, PlanningTask, ShowsCandidates
 from .judge import Verdict
-from .registry import check_modes, make_planner, open_traffic, planner_version, version_that_drives
+from .registry import check_modes, make_planner, open_traffic, planner_version, uses_prediction, version_that_drives
 from .series import run_series
 from .simulation import DrivenRun, simulate
 
@@ -100,6 +101,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         planner_version=version.words,
         planner_source=version.source,
         ego_class=vehicle.vehicle_class,
+        uses_prediction=uses_prediction(request.configuration.planner),
     )
     report(1.0, ending.outcome)
     core_s = [plan.core_s for plan in driven.plans if plan.core_s > 0]
@@ -202,6 +204,8 @@ def _metrics(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> Ru
     duration = (len(states) - 1) * step_s
     distance = float(np.linalg.norm(np.diff(ego.positions, axis=0), axis=1).sum())
     nearness = drive_criticality(ego, driven.traffic.moving, driven.traffic.standing)
+    if driven.final.outcome == "off_road":  # the score rates what others are near, not a ditch
+        nearness = replace(nearness, risk_score=None)
     return RunMetrics(
         duration_s=round(duration, 9),
         distance_m=distance,
@@ -251,9 +255,14 @@ def run_steps(driven: DrivenRun) -> RunSteps:
         steering_rad=() if driven.steering_rad is None else tuple(driven.steering_rad.tolist()),
         plan_steps=tuple(driven.plan_steps),
         others=tuple(_driven_obstacle(track) for track in driven.traffic.driven),
-        costs={name: tuple(float(plan.costs.get(name, 0.0)) for plan in driven.plans) for name in terms},
+        costs={name: tuple(_normal(plan.costs.get(name, 0.0)) for plan in driven.plans) for name in terms},
         rejected={name: tuple(counts.get(name, 0) for counts in driven.rejections) for name in constraints},
     )
+
+
+def _normal(value: float) -> float:
+    """A number, 0 for one that is smaller than normal ones: that is what underflow leaves."""
+    return 0.0 if abs(value) < sys.float_info.min else float(value)
 
 
 def _driven_obstacle(track: Track) -> DrivenObstacle:
