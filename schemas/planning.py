@@ -387,13 +387,15 @@ class RunPlannerResult(Result):
 
 
 def _rate_line(item: ConfigurationSummary) -> str:
-    """``frenetix:Default (cfg_…): goal 3 of 4; collision 1; invalid, in no rate: 2``."""
+    """``frenetix:Default (cfg_…): goal 3 of 4; collision 1; invalid, in no rate: 2``.
+
+    Where a motion to the goal is refused, the rate by the paper's rule stands beside it.
+    """
     counts = dict(item.outcomes)
     invalid, reached = counts.pop("invalid", 0), counts.pop("goal_reached", 0)
-    parts = [
-        f"goal {reached} of {reached + sum(counts.values())}",
-        *(f"{key} {count}" for key, count in counts.items()),
-    ]
+    valid, refused = reached + sum(counts.values()), counts.get("goal_refused", 0)
+    by_paper = f" ({reached + refused} of {valid} by any motion, the paper's rule)" if refused else ""
+    parts = [f"goal {reached} of {valid}{by_paper}", *(f"{key} {count}" for key, count in counts.items())]
     parts += [f"invalid, in no rate: {invalid}"] if invalid else []
     return f"{item.config_name} ({item.config_id}): {'; '.join(parts)}"
 
@@ -433,6 +435,9 @@ class PlannerDeclaration(Model):
     weights: dict[str, DeclaredWeight] = Field(default_factory=dict)
     presets: dict[str, DeclaredPreset] = Field(default_factory=dict, description="beside Default")
     version: str = Field("", exclude_if=lambda text: not text, description="as its author calls it, such as v1.2")
+    uses_prediction: bool = Field(
+        False, description="whether it plans on predictions of others; collisions are laid to prediction only then"
+    )
 
     @model_validator(mode="after")
     def _presets_fit(self) -> "PlannerDeclaration":

@@ -50,7 +50,7 @@ from .operations import (
 from .rendering import draw, make_view, named_artifact
 from .results import run_sources, scenario_sources
 
-_FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "goal_late", "goal_early")
+_FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "goal_late", "goal_early", "goal_refused")
 """Outcomes whose run a report shows first, whatever the order: any of them is a failure of the planner."""
 
 

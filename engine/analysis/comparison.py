@@ -86,7 +86,10 @@ def compare(request: CompareRequest, report: ProgressReporter) -> CompareResults
         for couple in ranked
         if couple not in couples
     }
-    adjusted = iter(_with_holm([*(test for one in drafts for test in (one.success, *one.metrics)), *others.values()]))
+    own: list[SuccessTest | MetricTest] = []
+    for draft in drafts:
+        own += [draft.success, *draft.metrics]
+    adjusted = iter(_with_holm([*own, *others.values()]))
     comparisons = [_finished(draft, adjusted, runs, request) for draft in drafts]
     tests = {couple: one.success for couple, one in zip(couples, comparisons, strict=False)}
     tests |= {couple: test for couple, test in zip(others, adjusted, strict=True) if isinstance(test, SuccessTest)}
@@ -95,7 +98,7 @@ def compare(request: CompareRequest, report: ProgressReporter) -> CompareResults
         sides=sides,
         comparisons=tuple(comparisons),
         ranking=_ranking(sides, runs, records, {couple: tests[couple] for couple in ranked}) if ranked else (),
-        notes=(*apart, *_notes(request)),
+        notes=(*apart, *_notes(request), *_across_rules(request, records)),
     )
 
 
@@ -252,6 +255,17 @@ def _notes(request: CompareRequest) -> tuple[str, ...]:
     if _COST in request.metrics and len({side.config_id for side in request.sides}) > 1:
         notes.append("mean_total_cost depends on the weights: across configurations it compares different measures")
     return tuple(notes)
+
+
+def _across_rules(request: CompareRequest, records: dict[str, RunRecord]) -> tuple[str, ...]:
+    """What to bear in mind where the sides' runs were judged by different rules of success."""
+    rules = {side.label: sorted({records[run_id].success_rule for run_id in side.runs}) for side in request.sides}
+    if len({rule for named in rules.values() for rule in named}) < 2:
+        return ()
+    told = ", ".join(f"{label} by {' and '.join(named)}" for label, named in rules.items())
+    difference = "driven@1 counts a goal by any motion, accepted@2 only by one that CommonRoad's benchmark accepts"
+    again = "run the older side again before you compare rates"
+    return (f"judged by different rules of success: {told}; {difference}: {again}",)
 
 
 def _weight_changes(before: str, after: str, configs: Sequence[ConfigWeights]) -> tuple[WeightChange, ...]:

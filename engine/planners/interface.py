@@ -27,7 +27,11 @@ PlanKind = Literal["regular", "standstill", "stopping"]
 
 @dataclass(frozen=True)
 class EgoState:
-    """The ego at one time step: centre (2,) in m, heading in rad, and its derivatives."""
+    """The ego at one time step: centre (2,) in m, heading in rad, and its derivatives.
+
+    ``steering_rad``: the steering angle, where the ego moves as a vehicle does (``driving/following.py``); None where
+    it is not known, as at the first step of a run.
+    """
 
     step: int
     position: Points
@@ -35,6 +39,7 @@ class EgoState:
     speed_mps: float
     acceleration_mps2: float = 0.0
     yaw_rate_radps: float = 0.0
+    steering_rad: float | None = None
 
     @classmethod
     def of(cls, state: Any) -> "EgoState":
@@ -109,16 +114,28 @@ class PlanningTask:
 
 @dataclass(frozen=True)
 class PlannedTrajectory:
-    """States of the centre, one a step beginning with the present: positions (n, 2), the others (n,)."""
+    """States of the centre, one a step beginning with the present: positions (n, 2), the others (n,).
+
+    ``steering_rad``: the steering angles of a motion that the vehicle drives exactly (``driving/following.py``); None
+    for a motion that only says where the centre is to be.
+    """
 
     positions: Points
     headings_rad: Values
     speeds_mps: Values
     accelerations_mps2: Values
+    steering_rad: Values | None = None
 
     def until(self, count: int) -> "PlannedTrajectory":
         """The first ``count`` states."""
-        return PlannedTrajectory(*(array[:count] for array in vars(self).values()))
+        return self._part(slice(count))
+
+    def since(self, index: int) -> "PlannedTrajectory":
+        """The states from an index on."""
+        return self._part(slice(index, None))
+
+    def _part(self, part: slice) -> "PlannedTrajectory":
+        return PlannedTrajectory(*(None if array is None else array[part] for array in vars(self).values()))
 
     def state_at(self, index: int, step: int, step_s: float) -> EgoState:
         """The state ``index`` steps ahead, as the ego state of time step ``step``."""
@@ -131,6 +148,7 @@ class PlannedTrajectory:
             speed_mps=float(self.speeds_mps[index]),
             acceleration_mps2=float(self.accelerations_mps2[index]),
             yaw_rate_radps=turn / step_s if index > before else 0.0,
+            steering_rad=None if self.steering_rad is None else float(self.steering_rad[index]),
         )
 
 

@@ -6,14 +6,17 @@ from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ...schemas.errors import NotPossible
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import Prediction
 from ..execution import ProgressReporter
-from ..geometry import arc_length, project
+from ..geometry import Values, arc_length
 from ..scene import start_lanelets
 from ..vehicles import VehicleParameters, rear_axle, vehicle_of
-from .goal import SPEED_BAND_MPS, Goal, path_to, select_goal_state
+from .driving.desired_speed import SPEED_BAND_MPS
+from .goal import Goal, path_to, select_goal_state
 from .interface import EgoState, Observation, Plan, Planner, PlanningTask
 from .judge import Judge, Verdict
 from .lanes import Road, build_road
@@ -57,6 +60,16 @@ class DrivenRun:
         for counts in self.rejections:
             total.update(counts)
         return total
+
+    @property
+    def steering_rad(self) -> Values | None:
+        """The steering angles (n,) of a vehicle that follows its plans; None for states that are planned as such."""
+        known = [state.steering_rad for state in self.states[1:]]
+        if not known or None in known:
+            return None
+        begun = self.plans[0].trajectory
+        first = None if begun is None or begun.steering_rad is None else begun.steering_rad[0]
+        return None if first is None else np.array([first, *known], dtype=np.float64)
 
     @property
     def has_not_begun(self) -> bool:
@@ -189,7 +202,7 @@ class _Loop:
 
 def _stays_on(road: Road, blended: ReferencePath, ego: EgoState, over_m: float) -> bool:
     """Whether the curve of a blended path does not cut a corner across the edge of the road."""
-    begin = project(blended.points, ego.position)[0]
+    begin = blended.follower().place(ego.position)[0]
     stations = arc_length(blended.points)
     curve = blended.points[(stations >= begin) & (stations <= begin + over_m)]
     return all(road.holds(point) for point in curve)

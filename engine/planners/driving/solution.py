@@ -106,7 +106,12 @@ def solution_xml(
 
 
 def mean_steering_angles(steps: RunSteps, step_s: float, wheelbase_m: float, largest_rad: float) -> Points:
-    """Steering angle in rad at every state, shape (n,): the mean of those that the turns before and after it need."""
+    """Steering angle in rad at every state, shape (n,).
+
+    The one that was driven, where it is known, else the mean of those that the turns before and after it need.
+    """
+    if steps.steering_rad:
+        return np.array(steps.steering_rad)
     angles = steering_of(np.array(steps.heading_rad), np.array(steps.speed_mps), step_s, wheelbase_m)
     limited: Points = np.clip(angles, -largest_rad, largest_rad)
     return limited

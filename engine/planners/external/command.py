@@ -74,7 +74,7 @@ class CommandDriver:
         if self._trajectory is None:
             return Plan(None, rejected=rejected or {"no_trajectory": 1}, candidates=candidates)
         begin = ego.step - asked.first_step
-        left = PlannedTrajectory(*(values[begin:] for values in vars(self._trajectory).values()))
+        left = self._trajectory.since(begin)
         if len(left.positions) < 2:
             return Plan(None, rejected={"trajectory_ended": 1}, candidates=candidates)
         return drivable(Plan(left, self._answer.costs, rejected, candidates), task)

@@ -95,10 +95,15 @@ class _Guarded:
 
 
 def drivable(plan: Plan, task: PlanningTask) -> Plan:
-    """The plan; without its trajectory where the vehicle cannot drive the steps until the next plan."""
+    """The plan; without its trajectory where the vehicle cannot drive the steps until the next plan.
+
+    The steering of a plan of others is computed from its states: what they state themselves is not relied on.
+    """
     if plan.trajectory is None:
         return plan
-    next_steps = plan.trajectory.until(task.configuration.settings.replan_steps + 1)
+    trajectory = replace(plan.trajectory, steering_rad=None)
+    plan = replace(plan, trajectory=trajectory)
+    next_steps = trajectory.until(task.configuration.settings.replan_steps + 1)
     limit = violated_limit(next_steps, task.vehicle, task.step_s)
     return plan if limit is None else replace(plan, trajectory=None, costs={}, rejected={**plan.rejected, limit: 1})
 

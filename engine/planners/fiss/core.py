@@ -31,9 +31,11 @@ import fiss_planner
 import numpy as np
 
 from ....schemas.planning import PlannerSettings
-from ...geometry import Points, Values, project, wrap_angle
+from ...geometry import Points, Values, wrap_angle
 from ...vehicles import VehicleParameters, tractrix
+from ..driving.following import FOLLOWED_WITHIN_M, is_on_plan
 from ..interface import EgoState, PlannedTrajectory, PredictedObstacle
+from ..reference_path import ReferencePath
 
 SEARCHES = ("fop", "fop_plus", "fiss", "fiss_plus")
 """The core's searches by the number that the setting ``search`` has."""
@@ -45,8 +47,6 @@ _HARDEST_MPS2, _BRISKEST_MPS2 = 8.0, 4.0
 """Limits that the core's authors plan with: 8 m/s² of braking and across (0.8 g), 4 m/s² of accelerating; at most what
 the vehicle can."""
 _STANDING_MPS = 1e-3
-_SAME_PLACE_M = 1e-6
-"""Within this the ego is where the plan before put it: rounding only."""
 _BEHIND_M, _BESIDE_M = 80.0, 60.0
 """The core looks at obstacles from 80 m behind the ego to 60 m beyond what it can reach."""
 _LINE_SPACING_M = 2.0
@@ -139,16 +139,17 @@ def core_configuration(
 class PathLine:
     """The reference path as the core's line; ``hardest_mps2``: the lateral acceleration that its curves may need."""
 
-    def __init__(self, path: Points, hardest_mps2: float) -> None:
+    def __init__(self, reference: ReferencePath, hardest_mps2: float) -> None:
+        path = reference.points
         self.line = fiss_planner.ReferenceLine(path[:, 0].tolist(), path[:, 1].tolist())
         samples = self.line.sample(_LINE_SPACING_M)
         self._stations: Values = samples[:, 0]
         self._curve_mps: Values = np.sqrt(hardest_mps2 / np.maximum(np.abs(samples[:, 4]), 1e-4))
-        self._path = path
+        self._reference = reference
 
-    def nearest_station(self, point: Points) -> float:
-        """The station in m nearest to a point (2,), on whichever lap."""
-        return project(self._path, point)[0]
+    def first_station(self, point: Points) -> float:
+        """The station in m of the ego at a point (2,) at which it begins."""
+        return self._reference.follower().place(point)[0]
 
     def curve_speed_mps(self, station_m: float, ahead_m: float) -> float:
         """The speed at which no curve of the next metres needs more than the lateral acceleration."""
@@ -250,14 +251,11 @@ class DrivenPlan:
     def index_of(self, ego: EgoState) -> int | None:
         """Where on the plan the ego is, if it followed it."""
         index = ego.step - self.first_step
-        if not 0 <= index < len(self.trajectory.positions):
-            return None
-        away = float(np.linalg.norm(self.trajectory.positions[index] - ego.position))
-        return index if away <= _SAME_PLACE_M else None
+        return index if is_on_plan(self.trajectory, index, ego, FOLLOWED_WITHIN_M) else None
 
     def rest(self, index: int) -> PlannedTrajectory:
         """What is left of the plan."""
-        return PlannedTrajectory(*(values[index:] for values in vars(self.trajectory).values()))
+        return self.trajectory.since(index)
 
 
 def braking_trajectory(

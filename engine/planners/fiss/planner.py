@@ -23,8 +23,9 @@ import numpy as np
 
 from ...geometry import Points
 from ...vehicles import rear_axle
+from ..driving.desired_speed import DesiredSpeed
 from ..driving.drivability import violated_limit
-from ..goal import DesiredSpeed, Goal
+from ..driving.following import FOLLOWED_WITHIN_M, follow
 from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
 from ..safety import SafetyCheck
 from .core import (
@@ -73,10 +74,10 @@ class Fiss:
         """Prepare for a new run."""
         self._task = task
         limits = vehicle_limits(task.vehicle)
-        self._path = PathLine(task.reference.points, limits.max_lat_accel)
+        self._path = PathLine(task.reference, limits.max_lat_accel)
         self._bands = lane_bands(task.network, task.reference)
         self._corridor = self._bands.corridor()
-        self._desired_speed = DesiredSpeed(Goal(task.goal_ahead), task.reference, task.step_s)
+        self._desired_speed = DesiredSpeed.of(task)
         self._cores: dict[tuple[bool, bool], fiss_planner.Planner] = {}
         self._station_m: float | None = None
         self._driven: DrivenPlan | None = None
@@ -118,7 +119,7 @@ class Fiss:
             return self._driven.candidate.frenet_state_at(index)
         near_m = self._station_m
         if near_m is None:
-            near_m = self._path.nearest_station(rear_axle(ego.position, ego.heading_rad, self._task.vehicle))
+            near_m = self._path.first_station(rear_axle(ego.position, ego.heading_rad, self._task.vehicle))
         return self._path.start(ego, self._task.vehicle, near_m)
 
     def _core(self, *, slow: bool, keeps_distance: bool) -> "fiss_planner.Planner":
@@ -170,15 +171,18 @@ class Fiss:
         trajectory = self._trajectory(candidate, step)
         reason: str | None = violated_limit(trajectory, self._task.vehicle, self._task.step_s)
         if reason is None:
-            counted = trajectory
-            if until_s < math.inf:
-                counted = trajectory.until(1 + round(until_s / self._task.step_s))
-            reason = step.safety.objection(counted)
-        if reason is not None:
-            step.rejected[reason] += 1
-            return None
-        self._driven = DrivenPlan(step.observation.ego.step, candidate, trajectory)
-        return self._plan_of(trajectory, step, costs_of(candidate))
+            counted = None if until_s == math.inf else 1 + round(until_s / self._task.step_s)
+            followed = step.safety.followed(trajectory, FOLLOWED_WITHIN_M, counted)
+            if not isinstance(followed, str):
+                self._driven = DrivenPlan(step.observation.ego.step, candidate, trajectory)
+                return self._plan_of(followed.trajectory, step, costs_of(candidate))
+            reason = followed
+        step.rejected[reason] += 1
+        return None
+
+    def _followed(self, trajectory: PlannedTrajectory, step: _Step) -> PlannedTrajectory:
+        """The motion with which the vehicle follows a trajectory, however far from it."""
+        return follow(trajectory, step.observation.ego, self._task.vehicle, self._task.step_s).trajectory
 
     def _trajectory(self, candidate: "fiss_planner.Trajectory", step: _Step) -> PlannedTrajectory:
         return copied_trajectory(candidate, step.observation.ego, self._task.vehicle, self._task.step_s)
@@ -197,9 +201,12 @@ class Fiss:
         if index is None or self._driven is None:
             return None
         rest = self._driven.rest(index)
-        if (len(rest.positions) - 1) * self._task.step_s < _REST_S - 1e-9 or step.safety.objection(rest) is not None:
+        if (len(rest.positions) - 1) * self._task.step_s < _REST_S - 1e-9:
             return None
-        return self._plan_of(rest, step, costs_of(self._driven.candidate))
+        followed = step.safety.followed(rest, FOLLOWED_WITHIN_M)
+        if isinstance(followed, str):
+            return None
+        return self._plan_of(followed.trajectory, step, costs_of(self._driven.candidate))
 
     def _braking(self, step: _Step) -> Plan:
         """Stand still, or brake as hard as the tyres allow on the path; no plan if no braking can be driven."""
@@ -210,12 +217,12 @@ class Fiss:
             count = round(horizon_s / task.step_s) + 1
             positions, headings = np.repeat(ego.position[None, :], count, axis=0), np.full(count, ego.heading_rad)
             still = PlannedTrajectory(positions, headings, np.zeros(count), np.zeros(count))
-            return self._plan_of(still, step, kind="standstill")
+            return self._plan_of(self._followed(still, step), step, kind="standstill")
         hardest = task.vehicle.maximum_acceleration_mps2
         for trajectory in self._brakings(step, (share * hardest for share in _BRAKING_SHARES)):
             limit = violated_limit(trajectory, task.vehicle, task.step_s)
             if limit is None:
-                return self._plan_of(trajectory, step, kind="stopping")
+                return self._plan_of(self._followed(trajectory, step), step, kind="stopping")
             step.rejected[limit] += 1
         return Plan(None, {}, dict(step.rejected), max(step.candidates, 1), core_s=step.core_s)
 

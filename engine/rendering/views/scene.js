@@ -54,7 +54,7 @@ class Track {
 
 const COLOURS = ["ground", "ink", "muted", "line", "accent", "panel", "field", "road", "road-edge", "lane-line", "direction",
   "pavement", "outline", "halo", "ego", "car", "taxi", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "priorityVehicle",
-  "train", "other", "goal_reached", "collision", "timeout", "goal_missed", "goal_early", "goal_late", "infeasible", "off_road",
+  "train", "other", "goal_reached", "goal_refused", "collision", "timeout", "goal_missed", "goal_early", "goal_late", "infeasible", "off_road",
   "invalid", "series-0", "series-1", "series-2", "series-3", "series-4", "series-5", "light-red", "light-yellow", "light-green",
   "light-off"];
 
