@@ -86,13 +86,28 @@ def test_predictions_are_of_moving_others_nearby_alone(tmp_path: Path) -> None:
     assert all(np.linalg.norm(points(one)[-1] - points(one)[0]) >= 0.5 for one in predicted)
 
 
+def moved(steps: RunSteps, by_m: float) -> RunSteps:
+    """The steps with the last state moved along."""
+    return steps.model_copy(update={"x_m": (*steps.x_m[:-1], steps.x_m[-1] + by_m)})
+
+
 def test_run_that_comes_out_otherwise_shows_no_plans(tmp_path: Path) -> None:
     run, response = driven(tmp_path, "frenetix:Default")
-    other = response.steps.model_copy(update={"x_m": (*response.steps.x_m[:-1], response.steps.x_m[-1] + 1e-6)})
-    found = replayed(tmp_path, run, other)
-    assert found.path == ""
-    assert "drives the run otherwise" in found.note
-    assert not (tmp_path / "plans.json").exists()
+    steps = response.steps
+    shorter = {name: getattr(steps, name)[:-1] for name in ("x_m", "y_m", "heading_rad", "speed_mps")}
+    for other in (moved(steps, 0.02), steps.model_copy(update=shorter)):
+        found = replayed(tmp_path, run, other)
+        assert found.path == ""
+        assert found.note
+        assert not (tmp_path / "plans.json").exists()
+
+
+@pytest.mark.parametrize("by_m", [1e-14, 1e-6, 0.009])
+def test_a_run_that_another_machine_rounds_otherwise_shows_its_plans(by_m: float, tmp_path: Path) -> None:
+    run, response = driven(tmp_path, "frenetix:Default")
+    found = replayed(tmp_path, run, moved(response.steps, by_m))
+    assert found.note == ""
+    assert plans(found)
 
 
 def with_programs(folder: Path, planner: CommandPlanner) -> tuple[RunResponse, Replayed]:
