@@ -181,6 +181,7 @@ class RouteMessage(Model):
     heading_error_rad: float
     to_goal_m: float | None
     desired_speed_mps: float = Field(description="what the built-in planners aim at")
+    desired_speed_reason: str = Field(description="why: goal_mean, goal_end, goal_interval, speed_limit or curve")
 
 
 class StepMessage(Model):
