@@ -85,6 +85,7 @@ EXPECTED = {
     "forged_name": "wrong_form",
     "many_names": "wrong_form",
     "large_polygon": "wrong_form",
+    "endless_plan": "wrong_form",
     "other_protocol": "wrong_protocol",
     "one_state": "too_short",
     "too_short": "too_short",
