@@ -253,7 +253,7 @@ def _notes(request: CompareRequest) -> tuple[str, ...]:
 
 def _across_rules(request: CompareRequest, records: dict[str, RunRecord]) -> tuple[str, ...]:
     """What to bear in mind where the sides' runs were judged by different rules of success."""
-    rules = {side.label: sorted({records[run_id].success_rule for run_id in side.runs}) for side in request.sides}
+    rules = {side.label: sorted({records[run_id].success_rule for run_id in side.run_ids}) for side in request.sides}
     if len({rule for named in rules.values() for rule in named}) < 2:
         return ()
     told = ", ".join(f"{label} by {' and '.join(named)}" for label, named in rules.items())
