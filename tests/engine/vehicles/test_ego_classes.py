@@ -124,7 +124,13 @@ def test_a_solution_file_can_name_the_vehicle_of_cars_alone() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "length_m", "name"),
-    [("car", 4.9, "car"), ("truck", 8.2, "truck"), ("truck", 15.0, "trailer"), ("bus", 11.0, "bus"), ("taxi", 4.5, "taxi")],
+    [
+        ("car", 4.9, "car"),
+        ("truck", 8.2, "truck"),
+        ("truck", 15.0, "trailer"),
+        ("bus", 11.0, "bus"),
+        ("taxi", 4.5, "taxi"),
+    ],
 )
 def test_a_recorded_vehicle_is_the_class_of_its_type_with_the_nearest_length(
     kind: str, length_m: float, name: str
