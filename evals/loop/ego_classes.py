@@ -188,8 +188,9 @@ class _Asking:
         """An edit that puts the ego in the place of a recorded vehicle of the class."""
         plain = self._straight("")
         ahead_m = self.choice.uniform(60.0, 80.0)
-        other = (truth.kind, truth.size_m, plain.ego_x + ahead_m, 0.0)
-        base = await self._imported(replace(plain, others=(*plain.others, other)))
+        place_m = plain.ego_x + ahead_m
+        bus = ("bus", (12.0, 2.5), place_m + self.choice.uniform(20.0, 26.0), _WIDTH_M)
+        base = await self._imported(replace(plain, others=(bus, (truth.kind, truth.size_m, place_m, 0.0))))
         scenario = await self._modified(base, {"op": "set_ego", "vehicles": ["2"]})
         async for text in self._is(scenario, truth, in_picture=True):
             yield text
