@@ -13,7 +13,7 @@ from types import MappingProxyType
 import anyio
 
 from ..engine.execution import JobProgress
-from ..engine.planners import planner_version
+from ..engine.planners import PLANNERS, planner_version
 from ..engine.vehicles import MODEL_WORDS, ego_class
 from ..engine.workspace import Recipe, versions_of, write_text
 from ..schemas.errors import NotPossible, PlannerForgeError, UnexpectedFailure
@@ -399,6 +399,9 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
             yield f"the ego is a {known.in_words}{where} ({model} model); limits: {known.source}"
         else:
             yield f"the ego is a {name}{where}, with size or limits that the configuration states"
+    versions = {record.planner: record.planner_version for record in records if record.planner not in PLANNERS}
+    for planner, version in versions.items():
+        yield f"{planner} drove in version {version}"
     beyond = [(record.run_id, record.beyond_vehicle) for record in records if record.beyond_vehicle]
     if len(records) == 1 and beyond:
         yield excesses_in_words(beyond[0][1])

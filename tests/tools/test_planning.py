@@ -9,6 +9,7 @@ import pytest
 from mcp import Client
 from support.builders import Problem, town_road
 
+from plannerforge.engine.planners import PLANNERS
 from plannerforge.engine.tuning import tuning_of
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
@@ -41,7 +42,7 @@ async def call(settings: Settings, warm_workers: None, tmp_path: Path) -> AsyncI
 
 async def test_what_there_is_to_set(call: Call) -> None:
     found = await call("list_planners")
-    assert [item["name"] for item in found["planners"]] == ["frenetix", "mp_rbfn", "idm"]
+    assert [item["name"] for item in found["planners"]] == list(PLANNERS)
     assert found["config_name"] == "frenetix:Default"
     tuning = tuning_of("frenetix")
     assert [item["name"] for item in found["weights"]] == [*tuning.weights, *tuning.external]
