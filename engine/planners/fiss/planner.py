@@ -27,7 +27,7 @@ from ..driving.drivability import violated_limit
 from ..driving.following import FOLLOWED_WITHIN_M, follow
 from ..goal import DesiredSpeed, Goal
 from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
-from ..safety import SafetyCheck
+from ..driving.safety import SafetyCheck
 from .core import (
     LOW_SPEED_MPS,
     REJECTIONS,

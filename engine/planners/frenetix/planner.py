@@ -23,7 +23,7 @@ from ..goal import DesiredSpeed, Goal
 from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
 from ..lanes import LaneCenters, LaneCorridors
 from ..reference_path import ReferencePath
-from ..safety import SafetyCheck
+from ..driving.safety import SafetyCheck
 from .core import (
     CONSTRAINTS,
     FINAL_SPEED,

@@ -19,7 +19,7 @@ from ..driving.drivability import broken_limits
 from ..driving.following import FollowedPlan, follow
 from ..goal import DesiredSpeed, Goal
 from ..interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
-from ..safety import SafetyCheck
+from ..driving.safety import SafetyCheck
 from .candidates import Candidates, Driven, PathTable, Samples, Start, candidates, followed_within_m
 from .costs import CHANNELS, ChannelBatch, RoadEdge
 from .network import PrimitiveNetwork

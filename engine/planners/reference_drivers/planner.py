@@ -31,7 +31,7 @@ from .models import (
     RssDriver,
     Seen,
 )
-from .ways import with_hidden
+from .paths import with_hidden
 
 NOMINAL: Mapping[str, float] = {
     "follows": 0.0,
