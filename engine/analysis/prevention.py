@@ -27,8 +27,8 @@ from ..commonroad import Track
 from ..geometry import Points, Values
 from ..planners import (
     CarefulDriver,
-    DriverScene,
     DriverPath,
+    DriverScene,
     FullBraking,
     FuzzyDriver,
     KeepLane,

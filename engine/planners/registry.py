@@ -196,6 +196,15 @@ def _built_in_here(name: str) -> PlannerVersion:
     return built_in_version(name, {package: version(package) for package in (*CORES.get(name, ()), _OURS)})
 
 
+def uses_prediction(name: str) -> bool:
+    """Whether a planner plans on predictions of others: all built-in ones, and others that declare it."""
+    folded = known_planner(name)
+    if folded in PLANNERS:
+        return True
+    found = own_planner(folded)
+    return (found.command or found.own().declaration).uses_prediction
+
+
 def check_modes(traffic: TrafficMode, prediction: Prediction) -> None:
     """Refuse to tell a planner the future of vehicles that have none yet.
 

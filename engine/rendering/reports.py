@@ -67,7 +67,7 @@ def overview_section(
     )
     rows = [
         ("What was tested", tested),
-        ("What came out", f"{_reached(result.success)} reached the goal{_failed(result)}.{_by_any_motion(result)}"),
+        ("What came out", f"{_came_out(result)}{_failed(result)}.{_by_any_motion(result)}"),
         *([("Goals that asked for nothing", result.trivial.in_words())] if result.trivial is not None else []),
         *([("What no vehicle drives", result.beyond_vehicle.in_words())] if result.beyond_vehicle is not None else []),
         ("Whose fault", _whose_fault(result)),
@@ -91,6 +91,13 @@ def _verdict(comparison: Comparison) -> str:
     return re.sub("|".join(map(re.escape, words)), lambda found: words[found[0]], comparison.verdict)
 
 
+def _came_out(result: AnalyzeResultsResult) -> str:
+    """The runs that reached the goal, of each configuration by itself."""
+    if result.success is not None:
+        return f"{_reached(result.success)} reached the goal"
+    return "; ".join(f"{group.name}: {_reached(group.success)} reached the goal" for group in result.groups)
+
+
 def _reached(rate: Rate) -> str:
     if rate.share is None or rate.low is None or rate.high is None:
         return "no run could be attempted, so none"
@@ -100,7 +107,7 @@ def _reached(rate: Rate) -> str:
 
 def _failed(result: AnalyzeResultsResult) -> str:
     failed = [
-        f"{one.rate.count} {one.outcome.replace('_', ' ')}" for one in result.outcomes if one.outcome != "goal_reached"
+        f"{one.count} {one.outcome.replace('_', ' ')}" for one in result.outcomes if one.outcome != "goal_reached"
     ]
     invalid = [f"{result.invalid_count} could not be attempted and count nowhere"] if result.invalid_count else []
     return f"; the others ended as {', '.join(failed)}" * bool(failed) + "".join(f"; {one}" for one in invalid)
@@ -124,7 +131,8 @@ def _whose_fault(result: AnalyzeResultsResult) -> str:
     edge = ", the road's edge included" if "road_boundary" in causes.kinds else ""
     prevented = causes.judged - none
     learn = ": these are the planner's to learn from" if prevented else ""
-    without = f" Without these runs {_reached(causes.success_without)} reached the goal." if none else ""
+    left = causes.success_without
+    without = f" Without these runs {_reached(left)} reached the goal." if none and left is not None else ""
     return (
         f"{causes.collisions} collisions{edge} ({kinds}). A reference driver in the ego's place prevents "
         f"{prevented} of the {causes.judged} that could be judged{learn}. "

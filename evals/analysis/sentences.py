@@ -253,6 +253,14 @@ class Judge:
                 rf"^{N} runs \({N} valid, {N} invalid\): goal {RATE}",
                 lambda _: [len(records), len(valid), len(records) - len(valid), *goals(valid)],
             ),
+            (
+                rf"^{N} runs \({N} valid, {N} invalid\): by configuration",
+                lambda _: [len(records), len(valid), len(records) - len(valid)],
+            ),
+            (
+                rf"(?:See|;) (?:ego|recording|prediction|planning|neither) (run_[\w-]+) at {N} s",
+                lambda match: [contacts[match[1]]["time_s"]],
+            ),
             (rf"\b([a-z]+(?:_[a-z]+)*) {N} \(((?:run_[\w-]+ ?)+?)(?: \+{N})?\)", failed),
             (
                 rf"without them goal {RATE}(?=\.$)",

@@ -287,8 +287,7 @@ async def _verdicts(
 
 def _is_unpreventable(review: RunReview) -> bool:
     """Whether no reference driver prevents the collision; one that could not be judged counts as preventable."""
-    prevention = None if review.contact is None else review.contact.prevention
-    return prevention is not None and not prevention.possible
+    return review.contact is not None and review.contact.is_unpreventable
 
 
 async def _compared(

@@ -23,11 +23,11 @@ import numpy as np
 
 from ...geometry import Points
 from ...vehicles import rear_axle
+from ..driving.desired_speed import DesiredSpeed
 from ..driving.drivability import violated_limit
 from ..driving.following import FOLLOWED_WITHIN_M, follow
-from ..goal import DesiredSpeed, Goal
 from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
-from ..driving.safety import SafetyCheck
+from ..safety import SafetyCheck
 from .core import (
     LOW_SPEED_MPS,
     REJECTIONS,
@@ -74,10 +74,10 @@ class Fiss:
         """Prepare for a new run."""
         self._task = task
         limits = vehicle_limits(task.vehicle)
-        self._path = PathLine(task.reference.points, limits.max_lat_accel)
+        self._path = PathLine(task.reference, limits.max_lat_accel)
         self._bands = lane_bands(task.network, task.reference)
         self._corridor = self._bands.corridor()
-        self._desired_speed = DesiredSpeed(Goal(task.goal_ahead), task.reference, task.step_s)
+        self._desired_speed = DesiredSpeed.of(task)
         self._cores: dict[tuple[bool, bool], fiss_planner.Planner] = {}
         self._station_m: float | None = None
         self._driven: DrivenPlan | None = None
@@ -119,7 +119,7 @@ class Fiss:
             return self._driven.candidate.frenet_state_at(index)
         near_m = self._station_m
         if near_m is None:
-            near_m = self._path.nearest_station(rear_axle(ego.position, ego.heading_rad, self._task.vehicle))
+            near_m = self._path.first_station(rear_axle(ego.position, ego.heading_rad, self._task.vehicle))
         return self._path.start(ego, self._task.vehicle, near_m)
 
     def _core(self, *, slow: bool, keeps_distance: bool) -> "fiss_planner.Planner":

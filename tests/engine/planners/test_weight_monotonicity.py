@@ -18,7 +18,7 @@ from support.planning import straight_road as road
 
 from plannerforge.engine.planners.frenetix.core import copied_trajectory
 from plannerforge.engine.planners.frenetix.planner import Frenetix, cheapest_first, first_feasible
-from plannerforge.engine.planners.driving.safety import SafetyCheck
+from plannerforge.engine.planners.safety import SafetyCheck
 from plannerforge.engine.tuning import tuning_of
 
 WEIGHTS = sorted(tuning_of("frenetix").weights)

@@ -6,8 +6,8 @@ What counts is the motion with which the vehicle follows it (``driving/following
 from typing import TYPE_CHECKING, Literal
 
 from .driving.following import FollowedPlan, follow
-from ..interface import Observation, PlannedTrajectory, PlanningTask, PredictedObstacle
-from ..traffic.recorded import rectangle
+from .interface import Observation, PlannedTrajectory, PlanningTask, PredictedObstacle
+from .traffic.recorded import rectangle
 
 if TYPE_CHECKING:
     from commonroad_dc import pycrcc
