@@ -17,7 +17,7 @@ import numpy as np
 from ...geometry import Values, arc_length, project_all, wrap_angles
 from ...vehicles import vehicle_classes
 from ..idm import IntelligentDriver
-from ..interface import EgoState, Observation, PlanningTask, PredictedObstacle
+from ..interface import Observation, PlanningTask, PredictedObstacle
 from .drives import WANDERING_M
 from .models import (
     HEAVY_BRAKES,
@@ -84,7 +84,7 @@ class ReferencePlanner(IntelligentDriver):
         memory, now_s = self._memory, (ego.step - self._first_step) * step_s
         travelled, speeds = np.zeros(self._steps + 1), np.full(self._steps + 1, ego.speed_mps)
         self._at = {ego.step: pedals}
-        felt = ego.acceleration_mps2
+        felt, desired = ego.acceleration_mps2, self._desired_speed.at(ego)
         for i in range(self._steps):
             speed, rear_m = float(speeds[i]), station + float(travelled[i])
             center_m = self._path.center_station(rear_m)
@@ -96,7 +96,7 @@ class ReferencePlanner(IntelligentDriver):
                 pedals = replace(pedals, braking_mps2=0.0)
             else:
                 pedals = replace(pedals, braking_mps2=self._brakes.after(pedals.braking_mps2, wanted, step_s))
-            nominal = self._undisturbed_mps2(ego, speed, pedals.kept_mps, center_m, rear_m, seen)
+            nominal = self._undisturbed_mps2(desired, speed, pedals.kept_mps, center_m, rear_m, seen)
             acceleration = nominal if wanted is None else min(nominal, -pedals.braking_mps2)
             grip = self._grip_mps2(speed, rear_m + speed * step_s / 2)
             most = min(grip, self._task.vehicle.most_acceleration_mps2(speed))
@@ -110,14 +110,14 @@ class ReferencePlanner(IntelligentDriver):
         return travelled, speeds
 
     def _undisturbed_mps2(
-        self, ego: EgoState, speed: float, kept_mps: float, center_m: float, rear_m: float, seen: tuple[Seen, ...]
+        self, desired_mps: float, speed: float, kept_mps: float, center_m: float, rear_m: float, seen: tuple[Seen, ...]
     ) -> float:
         """The acceleration of a driver whose model does not react."""
         step_s, top = self._task.step_s, self._task.vehicle.maximum_speed_mps
         in_bend = self._before_curve(speed, rear_m + speed * step_s)
         if not self._weights["follows"]:
             return min((kept_mps - speed) / step_s, self._weights["acceleration_mps2"], in_bend)
-        acceleration = self._free(speed, min(self._desired_speed.at(ego), self._allowed(center_m), top))
+        acceleration = self._free(speed, min(desired_mps, self._allowed(center_m), top))
         leaders = [
             one
             for one in seen
