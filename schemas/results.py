@@ -479,6 +479,7 @@ def _one_run(result: AnalyzeResultsResult) -> Answer:
     if result.detail == "summary" and row.outcome != "invalid":
         told, above = _moments(review)
         figures += told + _rest_of_metrics(result, above | {"mean_total_cost", "duration_s"})
+        figures += [review.pace_in_words()] if review is not None and review.pace_in_words() else []
         figures += _main_cost(result)
     if result.detail == "summary" and row.outcome == "goal_reached" and review is not None and review.uncomfortable:
         excesses = [excess.in_words() for excess in review.uncomfortable[:_SHOWN_EXCESSES]]

@@ -39,16 +39,34 @@ def look_at_runs(request: ReviewRequest, report: ProgressReporter) -> LooksRespo
     return LooksResponse(looks=tuple(looks))
 
 
-def sample_of(runs: RunSet, records: Iterable[RunRecord], most: int) -> list[RunRecord]:
-    """All of some runs of which a look is kept; else a random sample of them, with at most so many to be looked at now.
+CRITICAL_GAP_M = 0.5
+"""Gap between rectangles below which a run was close (chosen)."""
+CRITICAL_TIME_TO_COLLISION_S = 1.5
+"""Encounters below it are critical (van der Horst and Hogema 1993, "Time-to-collision and collision avoidance")."""
 
-    In the order that the runs have.
+
+def is_close(record: RunRecord) -> bool:
+    """Whether another came critically near in a run, in space or in time."""
+    if record.metrics is None:
+        return False
+    gap, time = record.metrics.minimum_distance_m, record.metrics.minimum_time_to_collision_s
+    return (gap is not None and gap < CRITICAL_GAP_M) or (time is not None and time < CRITICAL_TIME_TO_COLLISION_S)
+
+
+def is_worth_a_look(record: RunRecord) -> bool:
+    """Whether an analysis asks for the moments of a run: of those that failed on their way, and of close successes."""
+    return record.outcome != "invalid" and (not reached_goal(record) or is_close(record))
+
+
+def sample_of(runs: RunSet, records: Iterable[RunRecord], most: int) -> list[RunRecord]:
+    """All of some runs if a look at each is kept, or if they are few; else a random sample, of at least so many.
+
+    Beyond so many, only those of which a look is kept are in it. In the order that the runs have.
     """
     chosen: set[str] = set()
     wanted = list(records)
     for record in drawn(wanted):
-        most -= runs.look(record) is None
-        if most < 0:
+        if len(chosen) >= most and runs.look(record) is None:
             break
         chosen.add(record.run_id)
     return [record for record in wanted if record.run_id in chosen]

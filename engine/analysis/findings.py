@@ -15,7 +15,7 @@ import numpy as np
 from ...schemas.results import Finding, FindingMoment, Suggestion
 from ...schemas.runs import Contact, Encounter, PaceCode, PaceMoment, RunRecord, RunReview
 from ..geometry import wrap_angles
-from .causes import sample_of
+from .causes import CRITICAL_GAP_M, CRITICAL_TIME_TO_COLLISION_S, is_close, sample_of
 from .moments import FROM_BEHIND, contact_of, review
 from .pace import pace_of
 from .reach import cannot_be_reached
@@ -416,10 +416,6 @@ def _most(counts: Mapping[str, int]) -> str:
     return min(counts, key=lambda name: (-counts[name], name))
 
 
-_CRITICAL_GAP_M = 0.5
-"""Gap between rectangles below which a run was close (chosen)."""
-CRITICAL_TIME_TO_COLLISION_S = 1.5
-"""Encounters below it are critical (van der Horst and Hogema 1993, "Time-to-collision and collision avoidance")."""
 _ROLLING_MPS = 2.0
 """A slower ego queues or creeps (chosen): what it comes near to then is no near miss."""
 
@@ -431,7 +427,7 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
     """
     runs = evidence.runs
     for config_id, records in runs.by_config(runs.successes).items():
-        near = [record for record in records if _is_close(record)]
+        near = [record for record in records if is_close(record)]
         close = evidence.sample(near)
         own = [record for record in close if _came_near(evidence.review(record))]
         if not own:
@@ -444,7 +440,7 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
             name="near_misses",
             statement=(
                 f"In {len(own)} of {of} of {records[0].config_name} the ego came within "
-                f"{_CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s of another ahead or crossing{others}."
+                f"{CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s of another ahead or crossing{others}."
             ),
             run_ids=_ids(own),
             moments=tuple(
@@ -457,13 +453,6 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
         )
 
 
-def _is_close(record: RunRecord) -> bool:
-    if record.metrics is None:
-        return False
-    gap, time = record.metrics.minimum_distance_m, record.metrics.minimum_time_to_collision_s
-    return (gap is not None and gap < _CRITICAL_GAP_M) or (time is not None and time < CRITICAL_TIME_TO_COLLISION_S)
-
-
 def _came_near(looked_at: RunReview) -> bool:
     """Whether the ego itself brought about one of the moments that make a run close."""
     return bool(_own_near(looked_at))
@@ -472,7 +461,7 @@ def _came_near(looked_at: RunReview) -> bool:
 def _own_near(looked_at: RunReview) -> list[Encounter]:
     """The moments that make a run close and that the ego itself brought about."""
     closest, urgent = looked_at.closest, looked_at.most_urgent
-    near = closest is not None and closest.gap_m < _CRITICAL_GAP_M and _is_the_egos(closest)
+    near = closest is not None and closest.gap_m < CRITICAL_GAP_M and _is_the_egos(closest)
     time = None if urgent is None else urgent.time_to_collision_s
     soon = time is not None and time < CRITICAL_TIME_TO_COLLISION_S
     found = [closest] if near else []

@@ -17,7 +17,7 @@ from ...schemas.errors import ResourceFailure
 from ...schemas.measures import MEASURES, Basis
 from ...schemas.planning import PlannerSettings
 from ...schemas.results import ConfigWeights, CostShare, MetricName, Rate
-from ...schemas.runs import Lineage, RunLook, RunRecord, RunSource, RunSteps, ScenarioSource
+from ...schemas.runs import Contact, Lineage, RunLook, RunRecord, RunSource, RunSteps, ScenarioSource
 from ..commonroad import Track, kept_recording, static_tracks
 from ..vehicles import VehicleParameters, vehicle_of
 from .statistics import rate_by_scenario
@@ -78,6 +78,11 @@ class RunSet:
     @cached_property
     def _looks(self) -> dict[str, RunLook]:
         return {source.record.run_id: source.look for source in self.sources if source.look is not None}
+
+    @cached_property
+    def contacts(self) -> dict[str, Contact | None]:
+        """Who hit whom by run id, as far as it was computed: a collision is looked at once, whoever asks."""
+        return {}
 
     def look(self, record: RunRecord) -> RunLook | None:
         """What was kept of an earlier look at a run; None without it."""

@@ -26,10 +26,10 @@ from ...schemas.results import (
 from ...schemas.runs import Encounter, Outcome, RunRecord, RunReview
 from ..commonroad import parse_benchmark_id
 from ..execution import ProgressReporter, silent
-from .causes import beyond_vehicle, collision_causes, trivial_goals
+from .causes import CRITICAL_TIME_TO_COLLISION_S, beyond_vehicle, collision_causes, trivial_goals
 from .correlations import correlations
 from .filters import matching, window_of
-from .findings import CRITICAL_TIME_TO_COLLISION_S, find_all
+from .findings import find_all
 from .measures import MOST_MEASURED, measure_spreads, measures_of
 from .moments import contact_of, review, timeline
 from .run_set import METRICS, RunSet, cost_shares, most_frequent_first

@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from .external.found import Found, OwnPlanner, programs_named
     from .frenetix.costs import CandidateBatch, responsibility
     from .frenetix.planner import Frenetix
-    from .goal import DesiredSpeed, Goal, progress_to_goal, goal_with_path
+    from .goal import DesiredSpeed, Goal, goal_with_path, progress_to_goal
     from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
     from .prediction import Predictor, follows, predictor
     from .rbfn.network import (
