@@ -6,7 +6,7 @@ it is run, so that batches and servers that overlap make no run twice.
 
 import logging
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -39,7 +39,7 @@ from ..schemas.runs import (
 from ..schemas.text import counted
 from .call import Question, ToolCall
 from .operations import REVIEW_RUNS, RUN_PLANNER
-from .results import run_sources, scenario_sources
+from .results import run_sources, scenario_sources, version_key
 
 _SHOWN_BEYOND = 3
 """Runs that a note names (chosen)."""
@@ -88,8 +88,8 @@ class Cell:
 
     @property
     def own_planner(self) -> str:
-        """What a recipe calls a planner of others; a planner may be named as a package is."""
-        return f"planner {self.configuration.planner}"
+        """What a recipe calls a planner of others."""
+        return version_key(self.configuration.planner)
 
 
 @dataclass(frozen=True)
@@ -181,6 +181,8 @@ async def _made(call: ToolCall, cell: Cell, recipe: Recipe, *, tell_client: bool
     response = await run(RUN_PLANNER, request)
     with call.workspace.scratch() as folder:
         files = {"steps.json": response.steps.model_dump_json(), "timing.json": response.timing.model_dump_json()}
+        if response.series is not None:
+            files["series.json"] = response.series.model_dump_json()
         if response.planner_log:
             files["planner.log"] = response.planner_log
         for name, content in files.items():
@@ -277,8 +279,20 @@ def _batch_recipe(cells: Sequence[Cell], lost: Sequence[str] = ()) -> Recipe:
         arguments=arguments | ({"lost": list(lost)} if lost else {}),
         parents=tuple(dict.fromkeys([*(cell.scenario_id for cell in cells), *configs])),
         seed=cells[0].seed,
-        versions=cells[0].recipe().versions,
+        versions=_versions(cells),
     )
+
+
+def _versions(cells: Sequence[Cell]) -> dict[str, str]:
+    """The versions that the runs of a grid depend on, those of all its planners."""
+    first = {cell.configuration.planner: cell for cell in reversed(cells)}
+    return {name: version for cell in first.values() for name, version in cell.recipe().versions.items()}
+
+
+def own_versions(planners: Iterable[str]) -> dict[str, str]:
+    """The digests of the sources of those planners that are not ours, as recipes have them."""
+    known = {version_key(name): planner_version(name) for name in planners}
+    return {name: version for name, version in known.items() if version}
 
 
 def _take_note(call: ToolCall, batch: BatchRecord) -> None:

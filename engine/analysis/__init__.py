@@ -5,6 +5,7 @@
 ``Limit``: a bound on what runs show, or that they are not worse than a baseline.
 ``Judged``: the runs of a configuration that limits are judged on.
 ``parse_limit``: what the text of a limit says; refused where it says nothing.
+``write_step_table``: an operation: writes the steps of a run as a table, with its series and debug values.
 ``write_run_table``: an operation: writes the table of a batch, a row a run.
 ``Course``: a run over time: motions, gap to the nearest other, time to collision.
 ``course_of``: a run over time, or None without its steps.
@@ -16,11 +17,14 @@
 ``MetricSpec``: one of these metrics.
 ``cost_shares``: mean weighted cost of each term and its share, by configuration, the largest first.
 ``mean_terms``: mean weighted cost of each term over the planning steps of a run.
+``prevention_of``: What reference drivers in the ego's place make of a collision.
+``Surroundings``: What is around a collision: the others, the road, and the ego's lane.
 ``review_runs``: an operation: who hit whom, the closest moment and the largest motions of each run.
 ``RuledDrive``: a drive among others on a lanelet network, as traffic rules look at it.
 ``judged_by_rules``: what a drive makes of each traffic rule.
 ``RunSet``: a set of runs with their steps, configurations and scenarios.
 ``driven_tracks``: how the obstacles of reactive traffic moved in a run, by id.
+``read_series``: the series of a run beside its steps, or None if it was stored without them.
 ``read_steps``: the steps of a run, or None where none were kept.
 ``SignedRank``: result of the signed-rank test on differences after − before.
 ``mcnemar_exact``: two-sided p of the exact McNemar test on discordant pairs.
@@ -39,9 +43,20 @@ if TYPE_CHECKING:
     from .comparison import compare
     from .limits import Judged, Limit, parse_limit
     from .moments import Course, course_of, review_runs
+    from .prevention import Surroundings, prevention_of
     from .ruled_drive import RuledDrive
-    from .run_set import METRICS, MetricSpec, RunSet, cost_shares, drawn, driven_tracks, mean_terms, read_steps
-    from .run_table import write_run_table
+    from .run_set import (
+        METRICS,
+        MetricSpec,
+        RunSet,
+        cost_shares,
+        drawn,
+        driven_tracks,
+        mean_terms,
+        read_series,
+        read_steps,
+    )
+    from .run_table import write_run_table, write_step_table
     from .statistics import SignedRank, mcnemar_exact, rate, signed_rank, success_rates, wilson_interval
     from .summary import analyse
     from .traffic_rules import judged_by_rules

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...schemas.results import Finding, FindingMoment, Suggestion
 from ...schemas.runs import Contact, Encounter, PaceCode, PaceMoment, RunRecord, RunReview
+from ...schemas.text import p_figure
 from ..geometry import wrap_angles
 from .causes import CRITICAL_GAP_M, CRITICAL_TIME_TO_COLLISION_S, is_close, sample_of
 from .moments import FROM_BEHIND, contact_of, review
@@ -594,7 +595,7 @@ def _harder_group(evidence: Evidence) -> Iterator[Finding]:
             name="harder_group",
             statement=(
                 f"Scenarios {name} are harder: goal in {inside[0]} of {inside[1]}, of the others in {outside[0]} of "
-                f"{outside[1]} (Fisher's exact test, Holm p {p:.2g})."
+                f"{outside[1]} (Fisher's exact test, Holm p {p_figure(p)})."
             ),
             run_ids=_ids(record for record in runs.failures if runs.root(record) in members),
             alternatives="what comes with it, such as density or road: see the correlations with these held fixed",

@@ -11,8 +11,10 @@
 ``driven_poses``: The poses of a rear axle that drives scaled curvatures and speeds.
 ``motion_primitives``: The primitives to n ends at m times, and whether the network knows each.
 ``straight_lines``: Straight lines over the nodes between first and last values.
-``DesiredSpeed``: How fast to drive to a goal, in m/s.
+``DesiredSpeed``: How fast to drive to a goal, in m/s, and why.
+``ReferenceDesiredSpeed``: The same by the rule of the Frenetix reference loop.
 ``progress_to_goal``: The share of the reference path to the goal that positions came along; None without one.
+``DebugValues``: Named numbers, texts and polygons that a planner reports beside a plan.
 ``Goal``: The goal region of a planning problem; one of its states has to be met.
 ``ReferencePath``: Points of a path about one metre apart, and the lanelets of its route.
 ``goal_with_path``: The goal state that an ego drives to and the reference path there; None without a route.
@@ -29,11 +31,15 @@
 ``refused_planners``: Why planners of others that were found cannot be named.
 ``own_planner``: The planner of others of a name.
 ``planner_version``: A digest of the source of a planner of others; empty for built-in ones.
+``built_in_version``: The version of a built-in planner, from those of packages.
+``version_that_drives``: The version of a planner in words and as a digest, for workers.
+``source_that_drives``: That digest alone, for any process.
 ``Found``: A planner of others that was found, and where.
 ``check_on``: What a planner of others breaks on a scenario, in words.
 ``PlannerCheck``: What came out of it.
 ``OwnPlanner``: What an entry point of the group ``plannerforge.planners`` names: the class and its declaration.
 ``ScenarioFile``: The file that a program plans on.
+``planner_driver``: A planner of others as the loop drives it, for a ``with`` block.
 ``programs_named``: Makes the programs of the settings known as planners while a block runs, in workers too.
 ``known_planner``: A planner's name as registered; ``UnknownName`` where there is none.
 ``make_planner``: A new planner by its name.
@@ -48,6 +54,18 @@
 ``follows``: Whether a place is straight behind the ego, in the cone that guessed futures leave out.
 ``check_modes``: Raises ``InvalidRequest`` where a prediction does not go with the traffic.
 ``open_traffic``: The others of a scenario, recorded or reactive, at the ego's first step.
+``CarefulDriver``: UN R157's competent and careful driver.
+``FuzzyDriver``: The driver of the fuzzy safety model.
+``RssDriver``: The driver of Responsibility-Sensitive Safety.
+``FullBraking``: A driver that brakes fully at once.
+``KeepLane``: A driver that keeps its lane and speed.
+``ReferenceDriver``: The protocol of these drivers.
+``brakes_of``: How hard a class of vehicle brakes, and how fast that builds up.
+``DriverScene``: A reference driver in the ego's place, among others that move as they did.
+``DriverWay``: A way along which a reference driver drives.
+``NominalMotion``: How the ego moves until its reference driver reacts.
+``lane_line``: The line that keeps to the ego's lane and route, from where a planning problem begins.
+``going_on``: A track up to a later step: straight on, and braking on if it braked.
 ``RecordedTraffic``: The obstacles of a scenario, following their recordings.
 """
 
@@ -56,15 +74,17 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
+    from .driving.desired_speed import DesiredSpeed, ReferenceDesiredSpeed
     from .driving.solution import steering_of, write_solution
     from .external.check import PlannerCheck, check_on
     from .external.command import ScenarioFile
     from .external.conformance import check_planner
     from .external.found import Found, OwnPlanner, programs_named
+    from .external.program import planner_driver
     from .frenetix.costs import CandidateBatch, responsibility
     from .frenetix.planner import Frenetix
-    from .goal import DesiredSpeed, Goal, goal_with_path, progress_to_goal
-    from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
+    from .goal import Goal, goal_with_path, progress_to_goal
+    from .interface import DebugValues, EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
     from .prediction import Predictor, follows, predictor
     from .rbfn.network import (
         PRIMITIVE_INPUTS,
@@ -75,9 +95,22 @@ if TYPE_CHECKING:
         motion_primitives,
         straight_lines,
     )
+    from .reference_drivers.drives import DriverScene, NominalMotion, going_on
+    from .reference_drivers.lanes import lane_line
+    from .reference_drivers.models import (
+        CarefulDriver,
+        FullBraking,
+        FuzzyDriver,
+        KeepLane,
+        ReferenceDriver,
+        RssDriver,
+        brakes_of,
+    )
+    from .reference_drivers.ways import DriverWay
     from .reference_path import BEYOND_GOAL_M, ReferencePath, build_reference_path
     from .registry import (
         PLANNERS,
+        built_in_version,
         check_modes,
         known_planner,
         make_planner,
@@ -86,6 +119,8 @@ if TYPE_CHECKING:
         planner_names,
         planner_version,
         refused_planners,
+        source_that_drives,
+        version_that_drives,
     )
     from .runs import run_planner, run_steps
     from .simulation import DrivenRun, simulate

@@ -32,16 +32,15 @@ from ..scene import (
     TURN_RAD,
     EgoLane,
     Scene,
-    aligned_lanelets,
     center_line,
     ego_lane,
     ego_route,
     goal_center_lanelets,
     goal_centers,
     is_own_recording,
-    lanelets_at,
+    lanelets_of_pose,
 )
-from ..vehicles import EGO_SIZE_M
+from ..vehicles import MODEL_WORDS, ego_class
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
@@ -215,7 +214,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
         return None
     problem = scene.loaded.problem(scene.ego.problem_id)
     network, point = scene.network, scene.ego.position
-    under = lanelets_at(network, point)
+    lanelets = lanelets_of_pose(network, point, scene.ego.heading_rad)
     route = ego_route(network, scene.lanelet_graph, problem)
     goals = goal_center_lanelets(network, problem)
     way = "the goal has no place" if not goals else "no way leads to the goal"
@@ -224,14 +223,22 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
         way += ", with a lane change" if route.changes_lane else ""
     return DescribedEgo(
         problem_id=scene.ego.problem_id,
+        vehicle_class=scene.ego.vehicle_class,
+        vehicle=vehicle_words(scene.ego.vehicle_class),
         speed_mps=round(scene.ego.speed_mps, 4),
-        lanelets=aligned_lanelets(network, under, point, scene.ego.heading_rad) or under,
-        lanes=max((len(scene.lanelet_graph.beside([key])) for key in under), default=0),
+        lanelets=lanelets,
+        lanes=max((len(scene.lanelet_graph.beside([key])) for key in lanelets), default=0),
         goal=_goal_words(problem, scene.step_s, point, goals),
         goal_lanelets=goals,
         route=route.lanelets if route else (),
         way=way,
     )
+
+
+def vehicle_words(name: str) -> str:
+    """What an ego of a class is, its motion model, and where its limits come from."""
+    known = ego_class(name)
+    return f"{known.in_words}, {MODEL_WORDS[known.motion_model]}; limits: {known.source}"
 
 
 def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets: tuple[int, ...]) -> str:
@@ -344,7 +351,7 @@ def _goal(scene: Scene) -> str:
 def _overlaps(scene: Scene) -> str:
     if scene.ego is None:
         return "ok: no ego that could overlap"
-    own = oriented_rectangle(np.asarray(scene.ego.position), scene.ego.heading_rad, EGO_SIZE_M)
+    own = oriented_rectangle(np.asarray(scene.ego.position), scene.ego.heading_rad, scene.ego.size_m)
     step = scene.ego.step
     there = [(track, track.index_at(step)) for _, track in sorted((scene.tracks | scene.standing).items())]
     boxes = [(track.obstacle_id, track.corners_at(index)) for track, index in there if index is not None]

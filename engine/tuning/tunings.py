@@ -117,7 +117,7 @@ def _declared(declaration: PlannerDeclaration) -> PlannerTuning:
         name: Preset(name, name, preset.intent or "as it says", defaults | preset.weights)
         for name, preset in declaration.presets.items()
     }
-    return PlannerTuning(declaration.summary, weights, {}, presets)
+    return PlannerTuning(declaration.summary, weights, {}, presets, idle_settings=("search",))
 
 
 def _preset(weights: tuple[Weight, ...], name: str, short_name: str, intent: str, values: tuple[float, ...]) -> Preset:
@@ -250,26 +250,143 @@ observations and microscopic simulations, Physical Review E 62, 2000, table I); 
 lateral accelerations are those that passengers judged on a test track (Optimal Lateral Acceleration for Different
 Levels of Automated Driving, preprint 10.31234/osf.io/kcw2d): 2 m/s² often too slow, 3 balanced, 4 often too fast."""
 
+_FISS_WEIGHTS = (
+    Weight("time", "horizon − duration, s", "plans farther ahead", "core"),
+    Weight("speed", "(final − desired or following speed)²", "keeps the desired speed", "core"),
+    Weight("acceleration", "mean acceleration², along and across", "gentler speed changes", "core"),
+    Weight("jerk", "mean jerk², along and across", "smoother", "core"),
+    Weight("lateral", "(final offset from the lane's centre)²", "ends at the lane's centre", "core"),
+    Weight("lane_change", "lanes changed", "stays in its lane", "core"),
+    Weight(
+        "history", "squared distance to the last end state; in fiss's first guess", "searches near its last", "core"
+    ),
+    Weight("headway", "mean (1 − gap / desired gap)² ahead", "keeps its distance ahead", "core"),
+    Weight("time_to_collision", "mean (1 − TTC / desired TTC)² ahead", "slows down earlier for others", "core"),
+    Weight("clearance", "mean (1 − lateral gap / desired)² alongside", "passes others farther away", "core"),
+    Weight("desired_gap_m", "desired gap at standstill, m", "stops farther behind others", "core", 0.1, 30.0),
+    Weight("desired_headway_s", "desired time gap ahead, s", "follows farther away", "core", 0.0, 10.0),
+    Weight("desired_time_to_collision_s", "desired TTC, s", "slows down earlier for others", "core", 0.1, 30.0),
+    Weight("desired_clearance_m", "desired lateral gap, m", "passes others farther away", "core", 0.1, 10.0),
+    Weight(
+        "follow_time_s", "time to close to the desired gap, s; 0: never slower", "closes up slower", "core", 0.0, 30.0
+    ),
+    Weight("least_gap_m", "smallest gap ahead, m; hard", "rejects closer following", "core", 0.0, 30.0),
+    Weight("least_headway_s", "smallest time gap ahead, s; hard", "rejects closer following", "core", 0.0, 10.0),
+    Weight("least_time_to_collision_s", "smallest TTC, s; hard", "rejects faster approaching", "core", 0.0, 30.0),
+    Weight("reaction_time_s", "grace after one cuts in, s", "hard distances hold later", "core", 0.0, 5.0),
+    Weight("crossing_gap_s", "smallest time to crossing traffic, s; hard", "waits for larger gaps", "core", 0.0, 5.0),
+)
+"""The weights and distances of FISS's core that are set; meanings from its documentation, defaults of version 1.0.0."""
+_FISS_DEFAULT = (1.0, 1.0, 0.1, 0.1, 2.0, 5.0, 1.0, 10.0, 5.0, 5.0, 3.0, 1.5, 4.0, 1.0, 3.0, 2.0, 0.3, 1.5, 0.5, 0.75)
+_FISS_PRESETS = (
+    _preset(_FISS_WEIGHTS, "Default", "Default", "the defaults of its authors", _FISS_DEFAULT),
+    _preset(
+        _FISS_WEIGHTS,
+        "Plain",
+        "Plain",
+        "without keeping distance, as in its papers; collisions alone count",
+        (1.0, 1.0, 0.1, 0.1, 2.0, 5.0, 1.0, 0.0, 0.0, 0.0, 3.0, 1.5, 4.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0),
+    ),
+)
+"""Plain: what its authors call "without the safety envelope and proximity cost" in their ablations."""
+_FOLLOWING = (
+    Weight(
+        "follows",
+        "1: drives to the goal and keeps its distance like idm; 0: keeps the speed of the start",
+        "drives on its own while its model does not react",
+        "ours",
+        0.0,
+        1.0,
+    ),
+    Weight("time_headway_s", "desired time gap to the leader, s", "follows farther away", "ours", 0.1, 10.0),
+)
+"""What a reference driver does while its model does not react."""
+_CAREFUL = (
+    *_FOLLOWING,
+    Weight("wandering_m", "lateral motion that is noticed, m", "notices a cut-in later", "ours", 0.05, 2.0),
+    Weight("perception_s", "risk perception, s", "reacts later", "ours", 0.0, 3.0),
+    Weight("delay_s", "from the decision to braking, s", "brakes later", "ours", 0.0, 3.0),
+    Weight("critical_ttc_s", "critical time to collision, s", "brakes earlier", "ours", 0.5, 10.0),
+    Weight("critical_thw_s", "critical time headway, s", "brakes earlier", "ours", 0.5, 10.0),
+    Weight("hard_mps2", "leader's braking that is noticed, m/s²", "notices braking later", "ours", 0.5, 10.0),
+)
+_FUZZY = (
+    *_FOLLOWING,
+    Weight("response_s", "response time, s", "reacts later", "ours", 0.0, 3.0),
+    Weight("gentle_mps2", "comfortable braking, m/s²", "begins later", "ours", 0.5, 9.0),
+    Weight("hard_mps2", "hardest braking, m/s²", "begins later, brakes harder", "ours", 0.5, 9.0),
+    Weight("front_mps2", "braking expected of the one ahead, m/s²", "begins earlier", "ours", 0.5, 10.0),
+    Weight("standstill_m", "gap when standing, m", "stops earlier", "ours", 0.0, 10.0),
+    Weight("margin_m", "margin of the safe distance, m", "begins earlier", "ours", 0.0, 10.0),
+)
+_RSS = (
+    *_FOLLOWING,
+    Weight("response_s", "response time ρ, s", "reacts later", "ours", 0.0, 3.0),
+    Weight("own_mps2", "its own braking that it counts on, m/s²", "smaller safe distance", "ours", 0.5, 9.0),
+    Weight("front_mps2", "hardest braking of the one ahead, m/s²", "larger safe distance", "ours", 0.5, 10.0),
+    Weight("across_mps2", "lateral acceleration of others, m/s²", "smaller or larger lateral gap", "ours", 0.1, 5.0),
+    Weight("fluctuation_m", "lateral fluctuation µ, m", "larger lateral gap", "ours", 0.0, 2.0),
+)
+
+
+def _reference(weights: tuple[Weight, ...], values: tuple[float, ...], summary: str) -> "PlannerTuning":
+    """The tuning of a reference driver: its source's parameters, with and without following others."""
+    presets = (
+        _preset(weights, "Default", "Default", "its source's parameters; follows others like idm", (1.0, 2.0, *values)),
+        _preset(weights, "Verdict", "Verdict", "as in verdicts: keeps its speed until it reacts", (0.0, 2.0, *values)),
+    )
+    return PlannerTuning(summary, _by_name(weights), {}, _by_name(presets), idle_settings=_PATH_FOLLOWERS_IGNORE)
+
+
+_PATH_FOLLOWERS_IGNORE = ("sampling_level", "switching_speed_mps", "maximum_steering_rate_radps", "search")
+"""Settings that do nothing in planners that follow the reference path."""
+_NO_PARAMETERS = {"Default": Preset("Default", "Default", "it has no parameters", {})}
+
 TUNINGS = {
     "frenetix": PlannerTuning(
         summary="sampling planner of TUM",
         weights=_by_name(_COST_WEIGHTS),
         external=_by_name(_EXTERNAL_WEIGHTS),
         presets=_by_name(_FRENETIX_PRESETS),
+        idle_settings=("search",),
     ),
     "mp_rbfn": PlannerTuning(
         summary="learned motion primitives (radial basis functions); presets are ours",
         weights=_by_name(_CHANNELS),
         external={},
         presets=_by_name(_CHANNEL_PRESETS),
-        idle_settings=("switching_speed_mps",),
+        idle_settings=("switching_speed_mps", "search"),
     ),
     "idm": PlannerTuning(
         summary="lane-following Intelligent Driver Model, a baseline; no cost terms",
         weights=_by_name(_IDM_PARAMETERS),
         external={},
         presets=_by_name(_IDM_PRESETS),
-        idle_settings=("sampling_level", "switching_speed_mps", "maximum_steering_rate_radps"),
+        idle_settings=_PATH_FOLLOWERS_IGNORE,
+    ),
+    "fiss": PlannerTuning(
+        summary="fast iterative search over sampled end states (FISS; search=0 to 3: fop, fop_plus, fiss, fiss_plus)",
+        weights=_by_name(_FISS_WEIGHTS),
+        external={},
+        presets=_by_name(_FISS_PRESETS),
+        idle_settings=("switching_speed_mps", "maximum_steering_rate_radps"),
+    ),
+    "r157_careful": _reference(
+        _CAREFUL,
+        (0.375, 0.4, 0.75, 2.0, 2.0, 5.0),
+        "reference driver: the careful and competent human driver of UN R157",
+    ),
+    "fsm": _reference(_FUZZY, (0.75, 4.0, 6.0, 7.0, 2.0, 2.0), "reference driver: the fuzzy safety model of UN R157"),
+    "rss": _reference(_RSS, (0.75, 4.0, 8.0, 1.0, 0.3), "reference driver: Responsibility-Sensitive Safety"),
+    "full_braking": PlannerTuning(
+        "reference driver: brakes fully from the start", {}, {}, _NO_PARAMETERS, idle_settings=_PATH_FOLLOWERS_IGNORE
+    ),
+    "keep_lane": PlannerTuning(
+        "reference driver: keeps its lane and speed, whatever happens",
+        {},
+        {},
+        _NO_PARAMETERS,
+        idle_settings=_PATH_FOLLOWERS_IGNORE,
     ),
 }
 """The planners by name, as in ``engine/planners/registry.py``."""

@@ -139,7 +139,24 @@ class Judge:
             run_id
             for run_id, by in judged.items()
             if by is not None and by["by_braking_until_s"] is None and not any(by[key] for key in keys)
+            if not any(one["prevents"] and one["driver"] != "evading" for one in by.get("drivers", ()))
         }
+
+    @cached_property
+    def not_attributable(self) -> set[str]:
+        """Collisions that neither the careful nor the fuzzy driver prevents from both starts."""
+        found = set()
+        for run_id, contact in self.contacts.items():
+            by = contact["prevention"]
+            if by is None:
+                continue
+            prevented = {(one["driver"], one["start"]) for one in by.get("drivers", ()) if one["prevents"]}
+            starts = ("before_contact", "start")
+            by_both = any(all((name, start) in prevented for start in starts) for name in ("r157_careful", "fsm"))
+            earlier = not by.get("drivers") and (by["by_careful_driver"] or by["by_fuzzy_driver"])
+            if not by_both and not earlier:
+                found.add(run_id)
+        return found
 
     @cached_property
     def the_others(self) -> set[str]:
@@ -178,7 +195,7 @@ class Judge:
                 found["recording"] += 1
             elif contact["prevention"] is None:
                 continue
-            elif one.run_id in self.unprevented:
+            elif one.run_id in self.not_attributable:
                 found["neither"] += 1
             elif one.prediction == "ground_truth" or gap == 0:
                 found["planning"] += 1
@@ -668,7 +685,8 @@ class Judge:
             own = [test[key] for key in ("before", "after", "shift", "low", "high", "effect", "p")]
             medians = own[:1] if match[3] is None else own[:2]
             scenarios = [] if test["scenarios"] == test["pairs"] else [test["scenarios"]]
-            return [*medians, *own[2:], adjusted.get(match[1]), test["pairs"], *scenarios]
+            holm_p = [] if match[9] is None else [adjusted.get(match[1])]
+            return [*medians, *own[2:], *holm_p, test["pairs"], *scenarios]
 
         def medians(match: re.Match[str]) -> list[float | None]:
             test = pairs.tested(match[1])
@@ -682,25 +700,32 @@ class Judge:
             test = pairs.tested(match[1])
             if test is None:
                 return [0]
-            p = [test["p"]] if test["scenarios"] > 5 else []
-            return [test["pairs"], *(test[key] for key in ("before", "after", "shift", "low", "high")), *p]
+            p = [test["p"]] if test["scenarios"] > 5 and match[8] is not None else []
+            holm_p = [adjusted.get(match[1])] if match[9] is not None else []
+            return [test["pairs"], *(test[key] for key in ("before", "after", "shift", "low", "high")), *p, *holm_p]
 
         return [
-            (rf"{N} flips to success, {N} to failure", lambda _: flips),
-            (rf"none of {N} pairs flipped", lambda _: [len(pairs.pairs)]),
+            (
+                rf"{N} of {N} pairs flipped to success(?:, {N} to failure)?",
+                lambda match: [flips[0], len(pairs.pairs), *(flips[1:] if match[3] is not None else [])],
+            ),
+            (rf"{N} of {N} pairs flipped to failure", lambda _: [flips[1], len(pairs.pairs)]),
+            (rf"None of {N} pairs flipped", lambda _: [len(pairs.pairs)]),
+            (rf"needs ({6}) scenarios that differ", lambda _: [6]),
+            (rf"chance alone does as much \(p={N}\)", lambda _: [success["p"]]),
             (rf"about {N} scenarios would show (10) points", lambda _: [success["needed"], 10]),
             (r"less than (10) points", lambda _: [10]),
-            (rf"p {N} alone", lambda _: [success["p"]]),
+            (rf"p={N} alone, {N} once", lambda _: [success["p"], adjusted.get("success")]),
             (rf"(\w+) (?:rises|falls) by {N}", shift),
             (rf"^- {N} pairs:", lambda _: [len(pairs.pairs)]),
             (rf"({'|'.join(cells)}) {N}(?=[,;]|$)", lambda match: [cells[match[1]]]),
             (
-                rf"{N} points \(95 %: {N} to {N}\), (?:McNemar|{N} scenarios) exact p={N} \(Holm {N}\)",
+                rf"{N} points \(95 %: {N} to {N}\), (?:McNemar|{N} scenarios) exact p={N}(?: \(Holm {N}\))?",
                 lambda match: [
                     *(success[key] for key in ("difference", "low", "high")),
                     *([success["scenarios"]] if match[4] else []),
                     success["p"],
-                    adjusted["success"],
+                    *([adjusted.get("success")] if match[6] is not None else []),
                 ],
             ),
             (rf"mean total cost {N} → {N}, not compared", lambda _: self._uncompared(pairs)),
@@ -709,15 +734,19 @@ class Judge:
             (rf"; {N} more: limit={N}", lambda match: [float(match[2]) - 3, *flips[_failing(match) :][:1]]),
             (
                 (
-                    rf"^- ({words})[^:]*: median {N}(?: → {N})? .*?shift {N} \(95 %: {N} to {N}\), effect {N}, p={N} "
-                    rf"\(Holm {N}\).*\(n={N} [a-z ]*?(?: of {N} scenarios)?\)"
+                    rf"^- ({words})[^:]*: median {N}(?: → {N})? .*?shift {N} \(95 %: {N} to {N}\), effect {N}, p={N}"
+                    rf"(?: \(Holm {N}\))?.*\(n={N} [a-z ]*?(?: of {N} scenarios)?\)"
                 ),
                 tested,
             ),
             (rf"({words})(?: \(0 [^)]*\))? {N}(?: → {N})?(?= |,|$)", medians),
             (rf"(?<=[:,] )(\w+) {N} → {N}", lambda match: [before.get(match[1]), after.get(match[1])]),
             (rf"left out: {N} runs .* {N} pairs", lambda _: [pairs.unpaired, pairs.invalid]),
-            (rf"^({words})(?: \([^|]*\))? \| {N} \| {N} \| {N} \| {N} \[{N}, {N}\] \| (?:{N}|–)", report_row),
+            (
+                rf"^({words})(?: \([^|]*\))? \| {N} \| {N} \| {N} \| {N} \[{N}, {N}\]"
+                rf" \| (?:{N}|–|<0.001) \| (?:{N}|–|<0.001)",
+                report_row,
+            ),
             (rf"^(\w+) \| {N} \| {N}$", lambda match: [before.get(match[1]), after.get(match[1])]),
         ]
 

@@ -19,9 +19,9 @@ from ...schemas.analysis.suite import (
     SuiteFiles,
     SuiteReport,
 )
+from ...schemas.artifacts import ImportFilesArguments
 from ...schemas.catalog import FindScenariosArguments
 from ...schemas.errors import Faults, InvalidRequest, NotPossible, PlannerForgeError, UnknownName, closest
-from ...schemas.importing import ImportFilesArguments
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import BatchRecord, ReviewRequest, RunRecord, RunReview, RunSource, ending
 from ...schemas.text import counted, one_line, quoted
@@ -279,6 +279,7 @@ async def _verdicts(
             lost=len(group) - len(records),
             unpreventable=frozenset(run_id for run_id, review in reviews.items() if _is_unpreventable(review)),
             against=against,
+            roots={one.scenario_id: one.root for one in lineages((record.scenario_id for record in records), call)},
         )
         verdicts += [limit.judge(runs) for limit in own]
     return verdicts

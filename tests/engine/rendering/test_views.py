@@ -22,7 +22,16 @@ from plannerforge.engine.rendering.content import content_of
 from plannerforge.engine.rendering.views.data import BoardView, DriveView, PlayerView, TrackView
 from plannerforge.engine.rendering.views.scenes import track_view
 from plannerforge.schemas.rendering import ViewKind, ViewPane, ViewRequest
-from plannerforge.schemas.runs import BatchRecord, LostCell, Outcome, RunRecord, RunSource, ScenarioSource
+from plannerforge.schemas.runs import (
+    BatchRecord,
+    DebugPolygon,
+    LostCell,
+    Outcome,
+    RunRecord,
+    RunSeries,
+    RunSource,
+    ScenarioSource,
+)
 
 TOWN = "ZAM_Builder-1_1_T-1"
 
@@ -101,6 +110,38 @@ def test_run_has_its_costs_moments_and_contact(folder: Path, town: ScenarioSourc
     assert np.cumsum(drive.ego.speed_cmps).tolist() == [1000] * 41
     assert len(drive.gap_cm) == len(drive.nearest) == len(drive.collision_cs) == len(drive.acceleration_cmps2) == 41
     assert ("mean speed", "10 m/s") in drive.figures
+
+
+def test_run_has_its_series_and_the_debug_values_of_its_planner(tmp_path: Path, town: ScenarioSource) -> None:
+    run = source(collided(), tmp_path, velocity_offset=3.0)
+    planned = len(range(0, 41, 3))
+    series = RunSeries(
+        lateral_offset_m=(0.25,) * 41,
+        heading_error_rad=(0.1,) * 41,
+        steering_rad=(0.0,) * 41,
+        desired_speed_mps=(9.0,) * planned,
+        numbers={"gap_m": (None, *(5.0,) * (planned - 1))},
+        texts={"why": ("free",) * planned},
+        polygons=(DebugPolygon(step=3, name="corridor", x_m=(40.0, 60.0, 60.0), y_m=(-1.0, -1.0, 1.0)),),
+    )
+    assert run.steps_path is not None
+    Path(run.steps_path).with_name("series.json").write_text(series.model_dump_json(), encoding="utf-8")
+    shown = player(tmp_path, ViewPane(scenario=town, run=run))
+    (drive,) = (pane.drive for pane in shown.panes)
+    assert drive is not None
+    assert drive.series["lateral offset (m)"] == (0.25,) * 41
+    assert drive.series["heading error (°)"][0] == pytest.approx(5.73)
+    assert drive.planned["desired speed (m/s)"] == (9.0,) * planned
+    assert drive.planned["gap_m"][:2] == (None, 5.0)
+    assert drive.told == {"why": ("free",) * planned}
+    (area,) = drive.areas
+    corners = np.cumsum(np.reshape(area.outline, (-1, 2)), axis=0) / 100 + shown.scenes[0].origin_m
+    assert (area.step, area.name, corners.tolist()) == (3, "corridor", [[40.0, -1.0], [60.0, -1.0], [60.0, 1.0]])
+
+
+def test_run_that_was_stored_without_series_is_shown_without(folder: Path, town: ScenarioSource) -> None:
+    drive = driven_view(folder, town)
+    assert (drive.series, drive.planned, drive.told, drive.areas) == ({}, {}, {}, ())
 
 
 def test_reactive_traffic_stands_beside_the_recording(folder: Path, town: ScenarioSource) -> None:

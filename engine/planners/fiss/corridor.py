@@ -1,0 +1,205 @@
+"""The lanes along a reference path as the core of FISS sees them: bands of lateral offsets, one value a station.
+
+Lane 0 is the band around the path itself, as wide as the lane under it, so that a path that changes lanes leads the
+planner from one to the other. Lanes −1 and +1 are the lanes of the same direction to its right and left, where a change
+is allowed. Where there is no such lane, its band has no width: the core samples no end states in bands that are
+narrower than the vehicle, and they add nothing to the road.
+"""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import fiss_planner
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geometry import Points, Values, arc_length, interpolate
+from ...network import LaneletGraph
+from ..reference_path import BEYOND_GOAL_M, ReferencePath
+
+if TYPE_CHECKING:
+    from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
+
+_SPACING_M = 2.0
+"""Chosen: distance of the stations of a band; lanes change their width over tens of metres."""
+_BESIDE_M, _AHEAD_M = 10.0, 1.0
+"""A lane's cross-section belongs to a station within this beside the path and along it: the nearest lanes only."""
+_ALIGNED = 0.5
+"""Cosine of 60°: a lanelet whose direction differs by less from the path's is one of its direction."""
+_TOUCHING_M = 0.75
+"""Chosen: neighbouring lanes of recorded maps overlap, or leave a gap, by up to this."""
+_USUAL_HALF_WIDTH_M = 1.75
+"""Half of the lane width of 3.5 m that CommonRoad's hand-crafted roads have, for a path that lies on no lane."""
+_NOT_CROSSED = frozenset({"solid", "solid_solid", "broad_solid", "curb", "lowered_curb"})
+"""CommonRoad's line markings that a vehicle must not cross."""
+
+
+@dataclass(frozen=True)
+class LaneBand:
+    """Edges of a lane as offsets from the path in m, left positive, one a station (n,)."""
+
+    right_m: Values
+    left_m: Values
+
+
+@dataclass(frozen=True)
+class Bands:
+    """The lane under the path and the two beside it, at stations (n,) in m along the path."""
+
+    stations_m: Values
+    under: LaneBand
+    right: LaneBand
+    left: LaneBand
+
+    def corridor(self) -> "fiss_planner.Corridor":
+        """The bands as the core takes them."""
+        corridor = fiss_planner.Corridor(self.stations_m.tolist())
+        for offset, band in ((-1, self.right), (0, self.under), (1, self.left)):
+            lane = fiss_planner.LaneBand()
+            lane.offset = offset
+            lane.center = ((band.left_m + band.right_m) / 2).tolist()
+            lane.left, lane.right = band.left_m.tolist(), band.right_m.tolist()
+            corridor.add_lane(lane)
+        return corridor
+
+    def half_width_at(self, station_m: float) -> float:
+        """Half of the width in m of the lane under the path."""
+        return float(np.interp(station_m, self.stations_m, self.under.left_m))
+
+
+def lane_bands(network: "LaneletNetwork", reference: ReferencePath) -> Bands:
+    """The bands along a reference path, from its beginning to its end.
+
+    Only lanes that belong to the route count, those that follow it, and those to which a change of lane leads from
+    them. A marking that must not be crossed keeps a lane out unless the route itself changes to it.
+    """
+    length_m = float(arc_length(reference.points)[-1])
+    stations = np.linspace(0.0, length_m, max(round(length_m / _SPACING_M), 1) + 1)
+    points = interpolate(reference.points, arc_length(reference.points), stations)
+    along = np.gradient(points, axis=0)
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    graph = LaneletGraph.of(network)
+    route = _route_and_beyond(graph, reference.lanelets)
+    sections = [
+        section
+        for key in sorted(graph.beside(route))
+        for section in _sections(network.find_lanelet_by_id(key), points, along, is_route=key in route)
+    ]
+    return _bands(stations, sections)
+
+
+def _route_and_beyond(graph: LaneletGraph, lanelets: tuple[int, ...]) -> frozenset[int]:
+    """The lanelets of a route, those before its first, and those that follow its last as far as a path goes on."""
+    keys, ends = set(lanelets), {lanelets[-1]: 0.0}
+    keys.update(graph.predecessors[lanelets[0]])
+    while ends:
+        key, driven_m = ends.popitem()
+        for following in graph.successors[key] if driven_m < BEYOND_GOAL_M else ():
+            if following not in keys:
+                keys.add(following)
+                ends[following] = driven_m + graph.length_m[following]
+    return frozenset(keys)
+
+
+@dataclass(frozen=True)
+class _Section:
+    """Where a lane crosses the normal of the path at one station: its edges as offsets in m."""
+
+    station: int
+    right_m: float
+    left_m: float
+    is_route: bool
+    crossed_right: bool
+    crossed_left: bool
+
+    @property
+    def center_m(self) -> float:
+        return (self.right_m + self.left_m) / 2
+
+
+def _sections(lanelet: "Lanelet", points: Points, along: Points, *, is_route: bool) -> Iterator[_Section]:
+    """The sections of a lanelet, at most one a station: the nearest of its cross-sections, about 1 m apart."""
+    left, right = np.asarray(lanelet.left_vertices, dtype=float), np.asarray(lanelet.right_vertices, dtype=float)
+    center = np.asarray(lanelet.center_vertices, dtype=float)
+    lengths = arc_length(center)
+    wanted = np.linspace(0.0, lengths[-1], max(round(float(lengths[-1])), 1) + 1)
+    left, right, center = (interpolate(line, lengths, wanted) for line in (left, right, center))
+    directions = np.gradient(center, axis=0)
+    directions /= np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-9)
+    near = _near(points, center)
+    if not len(near):
+        return
+    away = center[None] - points[near, None]
+    ahead = np.abs((away * along[near, None]).sum(axis=2))
+    aligned = directions @ along[near].T > _ALIGNED
+    ahead[~aligned.T | (np.linalg.norm(away, axis=2) > _BESIDE_M)] = np.inf
+    nearest = ahead.argmin(axis=1)
+    crossed_left = _may_cross(lanelet.line_marking_left_vertices)
+    crossed_right = _may_cross(lanelet.line_marking_right_vertices)
+    for row, index in enumerate(nearest.tolist()):
+        if ahead[row, index] > _AHEAD_M:
+            continue
+        station = int(near[row])
+        normal = np.array([-along[station, 1], along[station, 0]])
+        edges = (float((edge[index] - points[station]) @ normal) for edge in (right, left))
+        yield _Section(station, *edges, is_route, crossed_right, crossed_left)
+
+
+def _near(points: Points, center: Points) -> NDArray[np.intp]:
+    """The points within ``_BESIDE_M`` of the box around a line."""
+    low, high = center.min(axis=0) - _BESIDE_M, center.max(axis=0) + _BESIDE_M
+    return np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+
+
+def _may_cross(marking: object) -> bool:
+    return getattr(marking, "value", None) not in _NOT_CROSSED
+
+
+def _bands(stations: Values, sections: Collection[_Section]) -> Bands:
+    by_station: dict[int, list[_Section]] = {}
+    for section in sections:
+        by_station.setdefault(section.station, []).append(section)
+    count = len(stations)
+    half, right, left = np.full(count, np.nan), np.full((count, 2), np.nan), np.full((count, 2), np.nan)
+    for station, here in by_station.items():
+        under = _under(here)
+        if under is None:
+            continue
+        half[station] = (under.left_m - under.right_m) / 2
+        for beside, is_left in ((right, False), (left, True)):
+            neighbour = _neighbour(under, here, is_left=is_left)
+            if neighbour is not None:
+                beside[station] = neighbour.right_m, neighbour.left_m
+    known = np.isfinite(half)
+    half = np.interp(stations, stations[known], half[known]) if known.any() else np.full(count, _USUAL_HALF_WIDTH_M)
+    under_band = LaneBand(-half, half)
+    return Bands(stations, under_band, _beside(right, -half), _beside(left, half))
+
+
+def _under(here: list[_Section]) -> _Section | None:
+    """The lane under the path: one of the route before others, then the one whose centre is nearest."""
+    holding = [section for section in here if section.right_m <= 0.0 <= section.left_m]
+    return min(holding, key=lambda section: (not section.is_route, abs(section.center_m)), default=None)
+
+
+def _neighbour(under: _Section, here: list[_Section], *, is_left: bool) -> _Section | None:
+    """The lane that touches the one under the path on a side, if it may be entered."""
+    edge = under.left_m if is_left else under.right_m
+    crossed = under.crossed_left if is_left else under.crossed_right
+    candidates = [
+        section
+        for section in here
+        if section is not under
+        and (section.center_m > edge if is_left else section.center_m < edge)
+        and abs((section.right_m if is_left else section.left_m) - edge) < _TOUCHING_M
+        and (crossed or section.is_route)
+    ]
+    return min(candidates, key=lambda section: abs(section.center_m - edge), default=None)
+
+
+def _beside(edges: Points, inner_m: Values) -> LaneBand:
+    """A band that has no width where there is no lane, along the edge of the lane under the path."""
+    missing = ~np.isfinite(edges[:, 0])
+    right, left = np.where(missing, inner_m, edges[:, 0]), np.where(missing, inner_m, edges[:, 1])
+    return LaneBand(np.minimum(right, left), np.maximum(right, left))

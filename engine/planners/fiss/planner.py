@@ -1,0 +1,238 @@
+"""FISS: iterative search over sampled end states (Sun et al.), its C++ core driven by our own loop.
+
+The core samples end states in the lanes along the reference path and searches them for the cheapest trajectory that it
+finds valid; it makes and checks only the candidates that its search comes to. Four searches can be chosen (setting
+``search``). What it chooses is checked once more, for the limits of the vehicle and against the exact bodies and the
+edge of the road; where that fails, the cheapest other candidate that passes is driven.
+
+Where none passes, the planner goes on as its authors' does: the rest of its last plan, a plan without the hard
+distances to those ahead, one that looks at collisions for 2.5 s alone, and then it brakes.
+
+Sources: Sun, Liu, Yin, Ang: FISS: A Trajectory Planning Framework Using Fast Iterative Search and Sampling Strategy for
+Autonomous Driving, RA-L 2022 (10.1109/LRA.2022.3191940); Sun et al.: FISS+, IROS 2023 (10.1109/IROS55552.2023.10341498).
+"""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from time import perf_counter
+
+import fiss_planner
+import numpy as np
+
+from ...geometry import Points
+from ...vehicles import rear_axle
+from ..driving.desired_speed import DesiredSpeed
+from ..driving.drivability import violated_limit
+from ..driving.following import FOLLOWED_WITHIN_M, follow
+from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
+from ..safety import SafetyCheck
+from .core import (
+    LOW_SPEED_MPS,
+    REJECTIONS,
+    DrivenPlan,
+    PathLine,
+    braking_trajectory,
+    copied_trajectory,
+    core_configuration,
+    core_obstacles,
+    costs_of,
+    vehicle_limits,
+)
+from .corridor import lane_bands
+
+_STANDSTILL_MPS = 0.1
+"""Chosen: an ego as slow as this that has no safe candidate stands still."""
+_SHORT_HORIZON_S = 2.5
+"""The core's default: how far collisions count where nothing is free for longer."""
+_BRAKING_SHARES = (1.0, 0.75, 0.5, 0.35, 0.2)
+"""Shares of the vehicle's braking that are tried in turn: in a curve its tyres hold the ego on its path too."""
+_REST_S = 1.0
+"""The least that a plan lasts, by the contract of planners."""
+
+
+@dataclass
+class _Step:
+    """One planning step in progress: where the ego is, and what was found so far."""
+
+    observation: Observation
+    start: "fiss_planner.FrenetState"
+    target_mps: float
+    reach_m: float
+    safety: SafetyCheck
+    found: list["fiss_planner.Trajectory"] = field(default_factory=list)
+    rejected: Counter[str] = field(default_factory=Counter)
+    candidates: int = 0
+    core_s: float = 0.0
+
+
+class Fiss:
+    """The planner; see :class:`plannerforge.engine.planners.interface.Planner`."""
+
+    def reset(self, task: PlanningTask) -> None:
+        """Prepare for a new run."""
+        self._task = task
+        limits = vehicle_limits(task.vehicle)
+        self._path = PathLine(task.reference, limits.max_lat_accel)
+        self._bands = lane_bands(task.network, task.reference)
+        self._corridor = self._bands.corridor()
+        self._desired_speed = DesiredSpeed.of(task)
+        self._cores: dict[tuple[bool, bool], fiss_planner.Planner] = {}
+        self._station_m: float | None = None
+        self._driven: DrivenPlan | None = None
+        self._step: _Step | None = None
+
+    def plan(self, observation: Observation) -> Plan:
+        """Search; take the cheapest candidate that the vehicle can drive and that is safe."""
+        ego, task = observation.ego, self._task
+        index = self._driven.index_of(ego) if self._driven else None
+        start = self._start(observation, index)
+        if start is None:
+            self._step = None
+            return Plan(None, rejected={"initial_state": 1}, candidates=1)
+        self._station_m = start.s
+        horizon_s = task.configuration.settings.horizon_s
+        desired_mps = min(self._desired_speed.at(ego), task.vehicle.maximum_speed_mps)
+        reach_m = max(ego.speed_mps, desired_mps, 5.0) * horizon_s
+        target_mps = max(min(desired_mps, self._path.curve_speed_mps(start.s, reach_m)), 0.0)
+        step = self._step = _Step(observation, start, target_mps, reach_m, SafetyCheck(task, observation))
+        return (
+            self._searched(step)
+            or self._rest(step, index)
+            or self._searched(step, keeps_distance=False)
+            or self._searched(step, keeps_distance=False, until_s=_SHORT_HORIZON_S)
+            or self._braking(step)
+        )
+
+    def shown_candidates(self, most: int) -> Sequence[Points]:
+        """Of the candidates of the last planning step that the core made, by cost."""
+        if self._step is None:
+            return []
+        chosen = evenly_chosen(len(self._step.found), most)
+        return [self._trajectory(self._step.found[i], self._step).positions for i in chosen]
+
+    def _start(self, observation: Observation, index: int | None) -> "fiss_planner.FrenetState | None":
+        """Where the ego's centre is in the frame of the path: on the plan that it follows, or as observed."""
+        ego = observation.ego
+        if index is not None and self._driven is not None and index < len(self._driven.candidate.t):
+            return self._driven.candidate.frenet_state_at(index)
+        near_m = self._station_m
+        if near_m is None:
+            near_m = self._path.first_station(rear_axle(ego.position, ego.heading_rad, self._task.vehicle))
+        return self._path.start(ego, self._task.vehicle, near_m)
+
+    def _core(self, *, slow: bool, keeps_distance: bool) -> "fiss_planner.Planner":
+        """The core for an ego at low speed or not, with the hard distances or without; each remembers its last plan."""
+        key = slow, keeps_distance
+        if key not in self._cores:
+            configuration = core_configuration(
+                self._task.configuration.weights,
+                self._task.configuration.settings,
+                self._task.step_s,
+                offsets=1 if slow else None,
+                keeps_distance=keeps_distance,
+            )
+            self._cores[key] = fiss_planner.make_planner(configuration, vehicle_limits(self._task.vehicle))
+        return self._cores[key]
+
+    def _searched(self, step: _Step, *, keeps_distance: bool = True, until_s: float = math.inf) -> Plan | None:
+        """The plan of one search; None where nothing that it came to can be driven and is safe."""
+        task, ego = self._task, step.observation.ego
+        slow = ego.speed_mps < LOW_SPEED_MPS
+        corridor = self._kept_offset(step) if slow else self._corridor
+        obstacles = core_obstacles(step.observation.obstacles, ego, step.reach_m, task.step_s, until_s)
+        core = self._core(slow=slow, keeps_distance=keeps_distance)
+        began = perf_counter()
+        result = core.plan(step.start, self._path.line, corridor, obstacles, target_speed=step.target_mps)
+        step.core_s += perf_counter() - began
+        step.candidates += result.stats.num_generated
+        for name, count in result.stats.rejections.items():
+            if count:
+                step.rejected[REJECTIONS[name]] += count
+        step.found = sorted(result.candidates, key=_total_cost)
+        first = [result.trajectory] if result.success else []
+        valid = (one for one in step.found if one.is_cartesian and one.rejection == fiss_planner.Rejection.OK)
+        for candidate in (*first, *valid):
+            plan = self._driven_if_safe(candidate, step, until_s)
+            if plan is not None:
+                return plan
+        return None
+
+    def _kept_offset(self, step: _Step) -> "fiss_planner.Corridor":
+        """A corridor about the offset that a slow ego has, or drifts to."""
+        horizon_s = self._task.configuration.settings.horizon_s
+        offset = step.start.d + step.start.d_d * horizon_s / 4
+        half = self._bands.half_width_at(step.start.s)
+        begin, end = step.start.s - 10.0, step.start.s + step.reach_m + 10.0
+        return fiss_planner.Corridor.uniform(begin, end, offset - half, offset + half, 10.0)
+
+    def _driven_if_safe(self, candidate: "fiss_planner.Trajectory", step: _Step, until_s: float) -> Plan | None:
+        trajectory = self._trajectory(candidate, step)
+        reason: str | None = violated_limit(trajectory, self._task.vehicle, self._task.step_s)
+        if reason is None:
+            counted = None if until_s == math.inf else 1 + round(until_s / self._task.step_s)
+            followed = step.safety.followed(trajectory, FOLLOWED_WITHIN_M, counted)
+            if not isinstance(followed, str):
+                self._driven = DrivenPlan(step.observation.ego.step, candidate, trajectory)
+                return self._plan_of(followed.trajectory, step, costs_of(candidate))
+            reason = followed
+        step.rejected[reason] += 1
+        return None
+
+    def _followed(self, trajectory: PlannedTrajectory, step: _Step) -> PlannedTrajectory:
+        """The motion with which the vehicle follows a trajectory, however far from it."""
+        return follow(trajectory, step.observation.ego, self._task.vehicle, self._task.step_s).trajectory
+
+    def _trajectory(self, candidate: "fiss_planner.Trajectory", step: _Step) -> PlannedTrajectory:
+        return copied_trajectory(candidate, step.observation.ego, self._task.vehicle, self._task.step_s)
+
+    def _plan_of(
+        self,
+        trajectory: PlannedTrajectory,
+        step: _Step,
+        costs: dict[str, float] | None = None,
+        kind: PlanKind = "regular",
+    ) -> Plan:
+        return Plan(trajectory, costs or {}, dict(step.rejected), step.candidates, kind, step.core_s)
+
+    def _rest(self, step: _Step, index: int | None) -> Plan | None:
+        """What is left of the plan that the ego follows, while it is long enough and still safe."""
+        if index is None or self._driven is None:
+            return None
+        rest = self._driven.rest(index)
+        if (len(rest.positions) - 1) * self._task.step_s < _REST_S - 1e-9:
+            return None
+        followed = step.safety.followed(rest, FOLLOWED_WITHIN_M)
+        if isinstance(followed, str):
+            return None
+        return self._plan_of(followed.trajectory, step, costs_of(self._driven.candidate))
+
+    def _braking(self, step: _Step) -> Plan:
+        """Stand still, or brake as hard as the tyres allow on the path; no plan if no braking can be driven."""
+        ego, task = step.observation.ego, self._task
+        self._driven = None
+        horizon_s = task.configuration.settings.horizon_s
+        if ego.speed_mps <= _STANDSTILL_MPS:
+            count = round(horizon_s / task.step_s) + 1
+            positions, headings = np.repeat(ego.position[None, :], count, axis=0), np.full(count, ego.heading_rad)
+            still = PlannedTrajectory(positions, headings, np.zeros(count), np.zeros(count))
+            return self._plan_of(self._followed(still, step), step, kind="standstill")
+        hardest = task.vehicle.maximum_acceleration_mps2
+        for trajectory in self._brakings(step, (share * hardest for share in _BRAKING_SHARES)):
+            limit = violated_limit(trajectory, task.vehicle, task.step_s)
+            if limit is None:
+                return self._plan_of(self._followed(trajectory, step), step, kind="stopping")
+            step.rejected[limit] += 1
+        return Plan(None, {}, dict(step.rejected), max(step.candidates, 1), core_s=step.core_s)
+
+    def _brakings(self, step: _Step, decelerations: Iterable[float]) -> Iterable[PlannedTrajectory]:
+        task, ego = self._task, step.observation.ego
+        horizon_s = task.configuration.settings.horizon_s
+        line, start = self._path.line, step.start
+        for hard in decelerations:
+            yield braking_trajectory(line, start, hard, ego, task.vehicle, task.step_s, horizon_s)
+
+
+def _total_cost(candidate: "fiss_planner.Trajectory") -> float:
+    return float(candidate.total_cost())
