@@ -13,7 +13,7 @@ from types import MappingProxyType
 import anyio
 
 from ..engine.execution import JobProgress
-from ..engine.planners import planner_version
+from ..engine.planners import PLANNERS, planner_version
 from ..engine.workspace import Recipe, versions_of, write_text
 from ..schemas.errors import NotPossible, PlannerForgeError, UnexpectedFailure
 from ..schemas.jobs import JobState
@@ -389,6 +389,9 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
         span = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
         where = counted(len(lengths_m), "run")
         yield f"the ego's start allows no way along the lane's centre in {where}: joined within {span}"
+    versions = {record.planner: record.planner_version for record in records if record.planner not in PLANNERS}
+    for planner, version in versions.items():
+        yield f"{planner} drove in version {version}"
     beyond = [(record.run_id, record.beyond_vehicle) for record in records if record.beyond_vehicle]
     if len(records) == 1 and beyond:
         yield excesses_in_words(beyond[0][1])

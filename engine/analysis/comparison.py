@@ -86,7 +86,10 @@ def compare(request: CompareRequest, report: ProgressReporter) -> CompareResults
         for couple in ranked
         if couple not in couples
     }
-    adjusted = iter(_with_holm([*(test for one in drafts for test in (one.success, *one.metrics)), *others.values()]))
+    own: list[SuccessTest | MetricTest] = []
+    for draft in drafts:
+        own += [draft.success, *draft.metrics]
+    adjusted = iter(_with_holm([*own, *others.values()]))
     comparisons = [_finished(draft, adjusted, runs, request) for draft in drafts]
     tests = {couple: one.success for couple, one in zip(couples, comparisons, strict=False)}
     tests |= {couple: test for couple, test in zip(others, adjusted, strict=True) if isinstance(test, SuccessTest)}
@@ -256,7 +259,7 @@ def _notes(request: CompareRequest) -> tuple[str, ...]:
 
 def _across_rules(request: CompareRequest, records: dict[str, RunRecord]) -> tuple[str, ...]:
     """What to bear in mind where the sides' runs were judged by different rules of success."""
-    rules = {side.label: sorted({records[run_id].success_rule for run_id in side.runs}) for side in request.sides}
+    rules = {side.label: sorted({records[run_id].success_rule for run_id in side.run_ids}) for side in request.sides}
     if len({rule for named in rules.values() for rule in named}) < 2:
         return ()
     told = ", ".join(f"{label} by {' and '.join(named)}" for label, named in rules.items())

@@ -168,14 +168,18 @@ class _Search:
         if presets:
             await self.tried(presets, prune=not self.plan.arguments.pareto)
         enqueued, rounds = [self._told(trial) for trial in self.trials], list[tuple[ToldTrial, ...]]()
-        while len(self.trials) < self.candidates:
-            count = min(_ROUND, self.candidates - len(self.trials))
+        while (count := min(_ROUND, self._wanted())) > 0:
             points = await self._proposed(enqueued, rounds, count)
             made = await self.tried(
                 [(self.plan.at(point), point) for point in points], prune=not self.plan.arguments.pareto
             )
             rounds.append(tuple(self._told(trial) for trial in made))
         return await self._ended()
+
+    def _wanted(self) -> int:
+        """How many candidates more are tried: what is kept for taking back goes to them while nothing is better."""
+        wanted = self.candidates - len(self.trials)
+        return max(wanted, self.left - _LOOK) if self.best().number == 0 else wanted
 
     def _presets(self) -> list[tuple[PlannerConfiguration, tuple[float, ...]]]:
         """The other presets with the base's settings; none where only some weights are varied."""

@@ -16,7 +16,7 @@ from .found import Found
 
 SHORT_DIGEST = 7
 """Characters of a digest that are shown, as git abbreviates object ids."""
-_GIT_LIMIT_S = 5.0
+GIT_LIMIT_S = 5.0
 """The longest that git may take for one answer; chosen: it takes milliseconds on a local disk."""
 _LONGEST = 40
 """Characters of a version that are shown; chosen: tags and version numbers are shorter."""
@@ -100,7 +100,7 @@ def _git(folder: Path, *arguments: str) -> str:
         ["git", *_SETTINGS, "-C", str(folder), *arguments],
         stdin=subprocess.DEVNULL,
         capture_output=True,
-        timeout=_GIT_LIMIT_S,
+        timeout=GIT_LIMIT_S,
         check=True,
         env=environment,
     )

@@ -14,6 +14,7 @@ from support.builders import town_road
 from support.hostile import HOSTILE
 from support.runs import DEFAULT, SAFE, driven, record, source
 
+from plannerforge.engine.analysis import RunSet
 from plannerforge.engine.commonroad import kept_recording
 from plannerforge.engine.execution import silent
 from plannerforge.engine.rendering import empty_page, filled_page, write_view
@@ -25,6 +26,7 @@ from plannerforge.schemas.rendering import ViewKind, ViewPane, ViewRequest
 from plannerforge.schemas.runs import (
     BatchRecord,
     DebugPolygon,
+    Lineage,
     LostCell,
     Outcome,
     RunRecord,
@@ -205,6 +207,27 @@ def test_board_has_a_column_a_configuration_and_says_what_flipped(folder: Path, 
     assert view.lost == (f"{TOWN} under cfg_c: the worker died",)
     speed = [metric.words for metric in view.metrics].index("mean speed")
     assert view.runs[0].values[speed] == 10.0
+
+
+def test_a_board_has_the_intervals_of_an_analysis(folder: Path, town: ScenarioSource) -> None:
+    runs = source(record(TOWN), folder), source(record("ZAM_Edited-1_1_T-2", "timeout"), folder)
+    scenarios = (town, town.model_copy(update={"scenario_id": "ZAM_Edited-1_1_T-2"}))
+    lineage = (Lineage(scenario_id="ZAM_Edited-1_1_T-2", ancestors=(TOWN,), edits=("remove_vehicle 2",)),)
+    request = ViewRequest(
+        kind="board",
+        title="b",
+        batches=(batch(*runs),),
+        runs=runs,
+        scenarios=scenarios,
+        lineage=lineage,
+        whole=False,
+        path=str(folder / "b.json"),
+    )
+    view = BoardView.model_validate_json(Path(write_view(request, silent).path).read_bytes())
+    success = RunSet(runs, lineage=lineage).rate(run.record for run in runs)
+    assert success.low is not None
+    assert success.high is not None
+    assert f"{100 * success.low:.0f} to {100 * success.high:.0f} %" in view.columns[0].success
 
 
 def test_board_that_is_whole_holds_what_its_player_shows(folder: Path, town: ScenarioSource) -> None:

@@ -112,5 +112,5 @@ def test_git_that_hangs_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     slow.write_text("#!/bin/sh\nexec sleep 60\n")
     slow.chmod(0o755)
     monkeypatch.setenv("PATH", f"{slow.parent}{os.pathsep}{os.environ['PATH']}")
-    monkeypatch.setattr("plannerforge.engine.planners.external.versions._GIT_LIMIT_S", 0.2)
+    monkeypatch.setattr("plannerforge.engine.planners.external.versions.GIT_LIMIT_S", 0.2)
     assert described_by_git([source]) == ""
