@@ -31,7 +31,7 @@ from ..vehicles import HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2, Motion, Vehic
 from .conflicts import CONFLICT_S, nearest_crossing, times_left_to_crossing, worst_times_s
 from .moments import AGREES_M, relative_heading, side_of
 from .prevention import safe_distance_m
-from .run_set import RunSet, ego_track, tracks_in
+from .run_set import RunSet, drawn, ego_track, tracks_in
 
 LONGEST_S = 100.0
 """As in the criticality figures: a longer time is none."""
@@ -47,7 +47,7 @@ _MASSES_KG = {"pedestrian": 75.0, "bicycle": 90.0, "motorcycle": 250.0, "truck":
 _CAR_KG = 1500.0
 """Chosen, with driver: files hold no masses. All other classes count as cars."""
 MOST_MEASURED = 60
-"""Runs of a set that are measured (chosen): each reads its scenario, and an answer has 50 s."""
+"""Runs of a set that are measured (chosen): each reads its scenario, and an answer has 50 s. Drawn at random."""
 
 
 def measures_of(runs: RunSet, record: RunRecord) -> tuple[MeasuredValue, ...]:
@@ -67,8 +67,8 @@ def measures_of(runs: RunSet, record: RunRecord) -> tuple[MeasuredValue, ...]:
 
 
 def measure_spreads(runs: RunSet, report: ProgressReporter) -> tuple[MeasureSpread, ...]:
-    """Every measure over the first valid runs of a set, with the run in which it is worst."""
-    records = runs.valid[:MOST_MEASURED]
+    """Every measure over the valid runs of a set, or a random sample of them, with the run in which it is worst."""
+    records = drawn(runs.valid)[:MOST_MEASURED] if len(runs.valid) > MOST_MEASURED else runs.valid
     measured: dict[str, list[tuple[str, MeasuredValue]]] = {measure.name: [] for measure in MEASURES}
     for number, record in enumerate(records):
         for one in measures_of(runs, record):

@@ -194,10 +194,10 @@ def _notes(
         notes.append(f"{_MOST_ROWS} of {len(runs.sources)} runs shown, failures first; narrow with where")
     if request.detail == "rules" and len(runs.valid) > MOST_RUNS:
         notes.append(
-            f"traffic rules of {MOST_RUNS} of {len(runs.valid)} valid runs, the first scenarios; narrow with where"
+            f"traffic rules of a random {MOST_RUNS} of {len(runs.valid)} valid runs, by scenario; narrow with where"
         )
     if request.detail == "measures" and len(runs.valid) > MOST_MEASURED:
-        notes.append(f"the first {MOST_MEASURED} of {len(runs.valid)} valid runs are measured; narrow with where")
+        notes.append(f"a random {MOST_MEASURED} of {len(runs.valid)} valid runs are measured; narrow with where")
     if group_count > _MOST_GROUPS:
         notes.append(f"{_MOST_GROUPS} of {group_count} groups shown; narrow with where")
     gone = sorted({config.planner for config in runs.configs if config.default_weights is None})
