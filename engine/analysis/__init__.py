@@ -9,8 +9,6 @@
 ``write_run_table``: an operation: writes the table of a batch, a row a run.
 ``Course``: a run over time: motions, gap to the nearest other, time to collision.
 ``course_of``: a run over time, or None without its steps.
-``drawn``: runs in a random order that depends on their ids alone.
-``is_worth_a_look``: whether an analysis asks for the moments of a run.
 ``look_at_runs``: an operation: a look at each run, for what is kept beside it.
 ``known_contacts``: who hit whom in the collisions of runs.
 ``METRICS``: the metrics of a run with unit, direction and the runs in which they may be compared.
@@ -39,23 +37,13 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .causes import is_worth_a_look, known_contacts, look_at_runs
+    from .causes import known_contacts, look_at_runs
     from .comparison import compare
     from .limits import Judged, Limit, parse_limit
     from .moments import Course, course_of, review_runs
     from .prevention import Surroundings, prevention_of
     from .ruled_drive import RuledDrive
-    from .run_set import (
-        METRICS,
-        MetricSpec,
-        RunSet,
-        cost_shares,
-        drawn,
-        driven_tracks,
-        mean_terms,
-        read_series,
-        read_steps,
-    )
+    from .run_set import METRICS, MetricSpec, RunSet, cost_shares, driven_tracks, mean_terms, read_series, read_steps
     from .run_table import write_run_table, write_step_table
     from .statistics import SignedRank, mcnemar_exact, rate, signed_rank, success_rates, wilson_interval
     from .summary import analyse

@@ -8,12 +8,12 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
 from ...schemas.results import BeyondVehicle, CauseMoment, CollisionCauses, Rate, TrivialGoals, TrivialKind
-from ...schemas.runs import Contact, LooksResponse, ReviewRequest, RunLook, RunRecord
+from ...schemas.runs import Contact, LooksResponse, ReviewRequest, RunLook, RunRecord, drawn
 from ..commonroad import kept_recording
 from ..execution import ProgressReporter
 from .moments import FROM_BEHIND, contact_of, review
 from .reach import cannot_be_reached
-from .run_set import RunSet, drawn, hit_another, most_frequent_first, reached_goal
+from .run_set import RunSet, hit_another, most_frequent_first, reached_goal
 from .statistics import rate
 
 MOST_COLLISIONS, MOST_GOALS = 60, 200
@@ -37,25 +37,6 @@ def look_at_runs(request: ReviewRequest, report: ProgressReporter) -> LooksRespo
         )
         report((number + 1) / len(runs.records), record.run_id)
     return LooksResponse(looks=tuple(looks))
-
-
-CRITICAL_GAP_M = 0.5
-"""Gap between rectangles below which a run was close (chosen)."""
-CRITICAL_TIME_TO_COLLISION_S = 1.5
-"""Encounters below it are critical (van der Horst and Hogema 1993, "Time-to-collision and collision avoidance")."""
-
-
-def is_close(record: RunRecord) -> bool:
-    """Whether another came critically near in a run, in space or in time."""
-    if record.metrics is None:
-        return False
-    gap, time = record.metrics.minimum_distance_m, record.metrics.minimum_time_to_collision_s
-    return (gap is not None and gap < CRITICAL_GAP_M) or (time is not None and time < CRITICAL_TIME_TO_COLLISION_S)
-
-
-def is_worth_a_look(record: RunRecord) -> bool:
-    """Whether an analysis asks for the moments of a run: of those that failed on their way, and of close successes."""
-    return record.outcome != "invalid" and (not reached_goal(record) or is_close(record))
 
 
 def sample_of(runs: RunSet, records: Iterable[RunRecord], most: int) -> list[RunRecord]:

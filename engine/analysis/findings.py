@@ -13,10 +13,20 @@ from statistics import median
 import numpy as np
 
 from ...schemas.results import Finding, FindingMoment, Suggestion
-from ...schemas.runs import Contact, Encounter, PaceCode, PaceMoment, RunRecord, RunReview
+from ...schemas.runs import (
+    CRITICAL_GAP_M,
+    CRITICAL_TIME_TO_COLLISION_S,
+    Contact,
+    Encounter,
+    PaceCode,
+    PaceMoment,
+    RunRecord,
+    RunReview,
+    is_close,
+)
 from ...schemas.text import p_figure
 from ..geometry import wrap_angles
-from .causes import CRITICAL_GAP_M, CRITICAL_TIME_TO_COLLISION_S, is_close, sample_of
+from .causes import sample_of
 from .moments import FROM_BEHIND, contact_of, review
 from .pace import pace_of
 from .reach import cannot_be_reached

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...schemas.errors import UnknownName
 from ...schemas.measures import MEASURES, Measure, MeasuredValue, MeasureSpread, Relation
-from ...schemas.runs import RunRecord, RunSteps
+from ...schemas.runs import RunRecord, RunSteps, drawn
 from ..commonroad import Track, kept_recording
 from ..criticality import (
     MovingRectangles,
@@ -31,7 +31,7 @@ from ..vehicles import HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2, Motion, Vehic
 from .conflicts import CONFLICT_S, nearest_crossing, times_left_to_crossing, worst_times_s
 from .moments import AGREES_M, relative_heading, side_of
 from .prevention import safe_distance_m
-from .run_set import RunSet, drawn, ego_track, tracks_in
+from .run_set import RunSet, ego_track, tracks_in
 
 LONGEST_S = 100.0
 """As in the criticality figures: a longer time is none."""

@@ -3,7 +3,6 @@
 Step files are read when they are first asked for. ``METRICS`` lists the metrics of a run with unit and direction.
 """
 
-import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -33,16 +32,6 @@ def reached_goal(record: RunRecord) -> bool:
 def hit_another(record: RunRecord) -> bool:
     """Whether a run ended in a collision with another; leaving the road is none."""
     return record.collision is not None and record.collision.obstacle_id is not None
-
-
-def drawn(records: Iterable[RunRecord]) -> list[RunRecord]:
-    """The runs in a random order that depends on nothing but their ids: the first n are a random sample of them all."""
-    return sorted(records, key=lambda record: drawn_place(record.run_id))
-
-
-def drawn_place(name: str) -> bytes:
-    """Where a name stands in a random order that depends on nothing but the names."""
-    return hashlib.sha256(name.encode()).digest()
 
 
 @dataclass(frozen=True)

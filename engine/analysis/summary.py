@@ -24,10 +24,10 @@ from ...schemas.results import (
     RunRow,
     UndefinedMetric,
 )
-from ...schemas.runs import AT_GOAL, Encounter, Outcome, RunRecord, RunReview
+from ...schemas.runs import AT_GOAL, CRITICAL_TIME_TO_COLLISION_S, Encounter, Outcome, RunRecord, RunReview
 from ..commonroad import parse_benchmark_id
 from ..execution import ProgressReporter, silent
-from .causes import CRITICAL_TIME_TO_COLLISION_S, beyond_vehicle, collision_causes, trivial_goals
+from .causes import beyond_vehicle, collision_causes, trivial_goals
 from .correlations import correlations
 from .filters import matching, window_of
 from .findings import find_all

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...schemas.results import RuleShare
-from ...schemas.runs import RuleVerdict, RunRecord
+from ...schemas.runs import RuleVerdict, RunRecord, drawn_place
 from ..commonroad import kept_recording, signs_of
 from ..geometry import Points, Values, arc_length, project_all
 from .ruled_drive import Ahead, RuledDrive, YieldsBy
-from .run_set import RunSet, drawn_place, tracks_in
+from .run_set import RunSet, tracks_in
 from .temporal_logic import (
     always,
     conjunction,

@@ -7,9 +7,8 @@ from time import monotonic
 
 import anyio
 
-from ...engine.analysis import drawn, is_worth_a_look
 from ...schemas.errors import PlannerForgeError
-from ...schemas.runs import ReviewRequest, RunSource
+from ...schemas.runs import ReviewRequest, RunSource, drawn, is_worth_a_look
 from ..call import ToolCall
 from ..operations import LOOK_AT_RUNS
 from ..results import keep_look, scenario_sources
