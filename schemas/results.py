@@ -588,7 +588,12 @@ def _several_runs(result: AnalyzeResultsResult) -> Answer:
     return Answer(head, figures=figures, listed=[*listed, *_noted(result)], next_step=main)
 
 
-_SAID_ABOVE = frozenset(["main_failure", "dominating_cost", "near_misses", "uncomfortable_turns", "idle_weights"])
+_SAID_ABOVE = frozenset(
+    [
+        *("main_failure", "dominating_cost", "near_misses", "uncomfortable_turns", "idle_weights"),
+        *("stood_without_cause", "braked_without_cause"),
+    ]
+)
 """Findings that repeat, of a single run, what its moments and its cost say."""
 
 

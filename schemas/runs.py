@@ -499,8 +499,9 @@ class PaceMoment(Model):
 
 LaidTo = Literal["ego", "recording", "prediction", "planning", "neither"]
 """What a collision is laid to: what the ego did before it without a reason; another that follows a recording and would
-have braked; a prediction that had the other elsewhere; a plan that had it there, although the collision is attributable; nothing, since it is not attributable
-(neither UN R157's careful nor its fuzzy driver prevents it from both starts)."""
+have braked; a prediction that had the other elsewhere; a plan that had it there, although the collision is
+attributable; nothing, since it is not attributable (neither UN R157's careful nor its fuzzy driver prevents it from
+both starts)."""
 OwnFault = Literal["slowed", "cut_in", "wrong_side", "red_light", "right_of_way"]
 """How an ego makes a collision that no reference driver on its path prevents: it stood or braked without a reason, cut
 in, was on the lane of oncoming traffic, passed a red light, or took the right of way."""
@@ -841,7 +842,7 @@ def is_close(record: RunRecord) -> bool:
 
 def is_worth_a_look(record: RunRecord) -> bool:
     """Whether an analysis asks for the moments of a run: of those that failed on their way, and of close successes."""
-    return record.outcome != "invalid" and (not record.outcome == "goal_reached" or is_close(record))
+    return record.outcome != "invalid" and (record.outcome != "goal_reached" or is_close(record))
 
 
 class ReviewRequest(Model):

@@ -77,6 +77,10 @@ class Evidence:
     def _sampled_hits(self) -> frozenset[str]:
         return frozenset(one.run_id for one in self.sample(filter(hit_another, self.runs.failures)))
 
+    def is_known(self, record: RunRecord) -> bool:
+        """Whether a collision is in the sample that is looked at."""
+        return record.run_id in self._sampled_hits
+
     @cached_property
     def among_hits(self) -> str:
         """What is to be said of collisions if a sample of them was looked at; empty if all were."""
@@ -95,9 +99,23 @@ class Evidence:
 
 
 def find_all(runs: RunSet) -> tuple[Finding, ...]:
-    """What every finding states of these runs, in the order of the registry."""
+    """What every finding states of these runs, in the order of the registry.
+
+    One that is about no moment of its own has the ends of its runs.
+    """
     evidence = Evidence(runs)
-    return tuple(finding for find in FINDINGS for finding in find(evidence))
+    ends = {
+        record.run_id: FindingMoment(run_id=record.run_id, time_s=record.metrics.duration_s, code=record.outcome)
+        for record in runs.valid
+        if record.metrics is not None
+    }
+    return tuple(
+        finding
+        if finding.moments
+        else finding.model_copy(update={"moments": tuple(ends[key] for key in finding.run_ids if key in ends)})
+        for find in FINDINGS
+        for finding in find(evidence)
+    )
 
 
 def _main_failure(evidence: Evidence) -> Iterator[Finding]:
@@ -170,6 +188,7 @@ def _weight_off(evidence: Evidence) -> Iterator[Finding]:
         for name, default in off.items():
             outcomes = [outcome for outcome, guards in _GUARDS.items() if name in guards]
             failed = [one for one in records if one.outcome in outcomes and not evidence.is_the_others(one)]
+            failed = [one for one in failed if not hit_another(one) or evidence.is_known(one)]
             if len(failed) < _FEW or len(failed) * 10 < len(records):
                 continue
             words = " or ".join(outcome.replace("_", " ") for outcome in outcomes)
@@ -177,7 +196,7 @@ def _weight_off(evidence: Evidence) -> Iterator[Finding]:
                 name="weight_off",
                 statement=(
                     f"{name} is {weights.get(name, 0.0):g} under {records[0].config_name}, {default:g} by default, and "
-                    f"{len(failed)} of {len(records)} runs end as it works against ({words})."
+                    f"{len(failed)} of {len(records)} runs end as it works against ({words}){evidence.among_hits}."
                 ),
                 run_ids=_ids(failed),
                 alternatives="these scenarios are hard under the default too: run it beside",
@@ -585,7 +604,7 @@ def _harder_group(evidence: Evidence) -> Iterator[Finding]:
     reached: dict[str, list[bool]] = {}
     groups: dict[str, set[str]] = {}
     for record in runs.valid:
-        if record.collision is not None and evidence.is_the_others(record):
+        if hit_another(record) and (not evidence.is_known(record) or evidence.is_the_others(record)):
             continue
         root, known = runs.root(record), runs.scenario(record)
         reached.setdefault(root, []).append(reached_goal(record))
