@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ...commonroad import Track
 from ...geometry import Values, arc_length, headings, resample, without_repeats
 from ...vehicles import COMFORTABLE_MPS2
-from ..idm import curve_speeds_mps
+from ..driving.desired_speed import curve_speeds_mps
 from .models import Brakes, Moment, ReferenceDriver, Seen
 from .ways import DriverWay, OnWay, rectangles, with_hidden
 

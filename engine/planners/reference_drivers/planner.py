@@ -113,7 +113,7 @@ class ReferencePlanner(IntelligentDriver):
         in_bend = self._before_curve(speed, rear_m + speed * step_s)
         if not self._weights["follows"]:
             return min((kept_mps - speed) / step_s, self._weights["acceleration_mps2"], in_bend)
-        acceleration = self._free(speed, min(self._desired(ego), self._allowed(center_m), top))
+        acceleration = self._free(speed, min(self._desired_speed.at(ego), self._allowed(center_m), top))
         leaders = [
             one
             for one in seen
