@@ -97,6 +97,8 @@ EXPECTED = {
 _LIMITS = {"start_time_s": 2.0, "step_time_s": 1.5, "time_s": 3.0, "memory_mb": 256, "folder_mb": 4, "output_mb": 1}
 _LONGEST_S = _LIMITS["start_time_s"] + _LIMITS["time_s"]
 """The limits of each program, and the longest that a run may wait for it."""
+_MARKER = "PROTOCOL_BENCH"
+"""The variable by which the processes of this measurement are told from those of others."""
 _SPEED_MPS, _SECONDS, _LANE_M, _LANES = 10.0, 20, 3.5, 5
 _GOAL = (110.0, 140)
 """Where the goal of the made road begins, in m, and its last step."""
@@ -116,7 +118,7 @@ def measure(bench: LoopBench) -> Figures:
     named, beyond_s = [], [0.0]
     for behaviour, reason in kinds.items():
         began = perf_counter()
-        told = _reason(behaviour, empty)
+        told = _reason(behaviour, empty, str(folder))
         beyond_s.append(perf_counter() - began - _LONGEST_S)
         named.append(told == reason)
         if told != reason:
@@ -126,18 +128,23 @@ def measure(bench: LoopBench) -> Figures:
         "protocol_named": share(named),
         "protocol_kinds": len(kinds),
         "protocol_slowest_s": round(max(beyond_s), 2),
-        "protocol_left": len(list(_left())),
+        "protocol_left": len(list(_left(str(folder)))),
         "protocol_step_ms": round(median(np.subtract(program_ms, class_ms).tolist()), 3),
         "protocol_program_ms": round(median(program_ms), 3),
         "protocol_class_ms": round(median(class_ms), 3),
     }
 
 
-def _reason(behaviour: str, path: Path) -> str:
+def _reason(behaviour: str, path: Path, marker: str) -> str:
     """The reason by which the run of a program fails; empty if it does not fail."""
     program = Path(__file__).with_name("stepwise_program.py")
-    command = (sys.executable, "-S", str(program), behaviour)
-    declared = CommandPlanner(summary=f"a program that {behaviour}", command=command, protocol="stepwise", **_LIMITS)
+    declared = CommandPlanner(
+        summary=f"a program that {behaviour}",
+        command=(sys.executable, "-S", str(program), behaviour),
+        protocol="stepwise",
+        environment={_MARKER: marker},
+        **_LIMITS,
+    )
     request = RunRequest(
         run_id="run_0", scenario_path=str(path), scenario_id=path.stem, configuration=_configuration("faulty")
     )
@@ -153,12 +160,11 @@ def _configuration(planner: str) -> PlannerConfiguration:
     return PlannerConfiguration(config_id="cfg_bench", planner=planner, name=planner, preset="Default", weights={})
 
 
-def _left() -> Iterator[psutil.Process]:
-    """Processes of the programs that still run."""
-    for process in psutil.process_iter(["cmdline", "status"]):
-        words = process.info["cmdline"] or ()
-        is_ours = any("stepwise_program.py" in word for word in words) or "import time; time.sleep(600)" in words
-        if is_ours and process.info["status"] != psutil.STATUS_ZOMBIE:
+def _left(marker: str) -> Iterator[psutil.Process]:
+    """Processes that were started with a marker among their variables and still run."""
+    for process in psutil.process_iter(["environ", "status"]):
+        variables = process.info["environ"] or {}
+        if variables.get(_MARKER) == marker and process.info["status"] != psutil.STATUS_ZOMBIE:
             yield process
 
 
