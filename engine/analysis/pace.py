@@ -19,7 +19,17 @@ from ...schemas.errors import UnknownName
 from ...schemas.runs import PaceCode, PaceMoment, RunRecord, RunSteps
 from ..commonroad import Track, kept_recording, signs_of
 from ..criticality import SAME_DIRECTION_RAD
-from ..geometry import Points, Values, arc_length, curvatures, headings, project_all, project_along, wrap_angle, wrap_angles
+from ..geometry import (
+    Points,
+    Values,
+    arc_length,
+    curvatures,
+    headings,
+    project_all,
+    project_along,
+    wrap_angle,
+    wrap_angles,
+)
 from ..planners import Goal, ReferencePath, goal_with_path
 from .ruled_drive import Ahead, RuledDrive, meeting_m
 from .run_set import RunSet, ego_track, tracks_in

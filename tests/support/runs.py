@@ -82,7 +82,6 @@ def record(
         collision=collision,
         rejected_candidates=rejected or {},
         metrics=None if outcome == "invalid" else figures or metrics(),
-        success_rule="accepted@2",
     )
 
 
