@@ -158,6 +158,11 @@ class Judge:
         }
 
     @cached_property
+    def judged_own(self) -> int:
+        """Collisions that the ego made, of those whose course is known."""
+        return sum(one.get("laid_to") == "ego" and one["prevention"] is not None for one in self.contacts.values())
+
+    @cached_property
     def not_attributable(self) -> set[str]:
         """Collisions that neither the careful nor the fuzzy driver prevents from both starts."""
         found = set()
@@ -368,7 +373,11 @@ class Judge:
             (rf"(?:ended as|,) {N} ({'|'.join(outcomes) or '-'})(?=[,;.])", lambda match: [outcomes[match[2]]]),
             (rf"(?<!of )(?<!\d){N} collisions[ ,]", lambda _: [hits]),
             (rf"(?:\(|, ){N} ({'|'.join(kinds) or '-'})(?=[,)])", lambda match: [kinds[match[2]]]),
-            (rf"prevents {N} of the {N} that could", lambda _: [judged - len(self.unprevented), judged]),
+            (
+                rf"prevents {N} of the {N} that could",
+                lambda _: [judged - len(self.unprevented) - self.judged_own, judged],
+            ),
+            (rf"The ego made {N} by itself", lambda _: [self.laid_to["ego"]]),
             (rf"prevents the other {N}", lambda _: [len(self.unprevented)]),
             (rf"in {N} of these another drove", lambda _: [len(behind)]),
             (rf"^\S+ \((cfg_\w+)\) \| {N} \| {N} \({N} %\) \| {N} to {N} % \|.*\| {N}$", configuration),
