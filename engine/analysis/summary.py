@@ -184,7 +184,8 @@ def _notes(
         )
     if request.where:
         notes.append(f"{len(runs.sources)} of {len(request.runs)} runs meet {' and '.join(request.where)}")
-    if older := sum(record.success_rule == "driven@1" for record in runs.valid):
+    older = sum(record.success_rule == "driven@1" for record in runs.valid) if request.detail == "summary" else 0
+    if older and len(runs.sources) > 1:
         notes.append(f"{older} of {len(runs.valid)} valid runs are judged by {_OLD_RULE}")
     if correlation and request.detail == "findings" and len(runs.sources) > 1:
         notes.append(correlation)

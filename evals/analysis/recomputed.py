@@ -8,15 +8,14 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations_with_replacement
 from statistics import fmean, median
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from commonroad.common.file_reader import CommonRoadFileReader
-from commonroad.scenario.scenario import Scenario
 from scipy.stats import binomtest, norm, rankdata, spearmanr, t
-from shapely import LineString, Point
+from shapely import Point
 
-from ...schemas.runs import RunRecord, RunSteps
+from ...schemas.runs import RunRecord
 from .public_runs import RawRuns
 
 METRICS = {

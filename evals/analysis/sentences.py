@@ -500,8 +500,10 @@ class Judge:
                 for words, codes in _OWN_WORDS.items()
             ),
             (
-                rf"in (?P<run>run_[\w-]+) it [a-z ]+?(?P<hardest> by up to {N} m/s²)? from (?P<since>[\d.]+) s to {N} s"
-                rf"(?P<before>, {N} m before)?(?:, much harder than [a-z_A-Z]+ (?P<whom>\d+) asked)?",
+                (
+                    rf"in (?P<run>run_[\w-]+) it [a-z ]+?(?P<hardest> by up to {N} m/s²)? from (?P<since>[\d.]+) s"
+                    rf" to {N} s(?P<before>, {N} m before)?(?:, much harder than [a-z_A-Z]+ (?P<whom>\d+) asked)?"
+                ),
                 self._stretch,
             ),
             (rf"{N} of {N} successes of (\S+) exceeded {N} m/s² of lateral acceleration \(largest {N}\)", harsh),
@@ -817,8 +819,10 @@ class Judge:
             (rf"(?<=[:,] )(\w+) {N} → {N}", lambda match: [before.get(match[1]), after.get(match[1])]),
             (rf"left out: {N} runs .* {N} pairs", lambda _: [pairs.unpaired, pairs.invalid]),
             (
-                rf"^({words})(?: \([^|]*\))? \| {N} \| {N} \| {N} \| {N} \[{N}, {N}\]"
-                rf" \| (?:{N}|–|<0.001) \| (?:{N}|–|<0.001)",
+                (
+                    rf"^({words})(?: \([^|]*\))? \| {N} \| {N} \| {N} \| {N} \[{N}, {N}\]"
+                    rf" \| (?:{N}|–|<0.001) \| (?:{N}|–|<0.001)"
+                ),
                 report_row,
             ),
             (rf"^(\w+) \| {N} \| {N}$", lambda match: [before.get(match[1]), after.get(match[1])]),
