@@ -277,7 +277,8 @@ class CollisionCauses(Model):
         if self.is_sample:
             count = f"{self.unpreventable_share.in_words()}{some}"
             without = f"; without such ones goal about {_estimate(left)}" if without and left is not None else ""
-        none = f"; no reference driver prevents {count}" if self.judged else ""
+        made = " (without those that the ego made)" if "ego" in self.laid_to else ""
+        none = f"; no reference driver prevents {count}{made}" if self.judged else ""
         laid = ", ".join(f"{cause} {count}" for cause, count in self.laid_to.items())
         told = f"{kinds}{f'; laid to {laid}' if laid else ''}{none}{without}."
         sample = f"Of {self.collisions} collisions a random {self.looked_at} were looked at: " if self.is_sample else ""

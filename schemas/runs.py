@@ -577,8 +577,9 @@ class Contact(Model):
             return f"{where} at {self.time_s:.1f} s, at {self.ego_speed_mps:.1f} m/s{self._braked}"
         speeds = f"ego {self.ego_speed_mps:.1f} m/s, {self._other} {self.other_speed_mps:.1f} m/s"
         also = f"; also touched then: {', '.join(map(str, self.also_touched))}" if self.also_touched else ""
-        known = self.prevention is not None and (self.prevention.possible or self.laid_to != "ego")
-        judged = f"; {self.prevention.in_words()}" if self.prevention is not None and known else ""
+        # What drivers on the ego's path prevent says nothing where the ego made it by how it drove along that path.
+        told = self.prevention if self.laid_to != "ego" else None
+        judged = "" if told is None else f"; {told.in_words()}"
         if self.unforeseen:
             judged += f"; unforeseen: {self.predicted_gap_m:.1f} m apart as predicted a second before"
         if self.fault is not None:

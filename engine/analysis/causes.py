@@ -90,7 +90,7 @@ def collision_causes(runs: RunSet, *, with_rate: bool = True) -> CollisionCauses
                 kind=contact.kind,
                 laid_to=contact.laid_to,
                 fault=None if contact.fault is None else contact.fault.code,
-                preventable=None if contact.prevention is None else not contact.is_unpreventable,
+                preventable=None if contact.prevention is None else contact.prevention.possible,
             )
             for run_id, contact in contacts.items()
         ),

@@ -129,13 +129,16 @@ def _whose_fault(result: AnalyzeResultsResult) -> str:
     others = f"; in {causes.from_behind} of these another drove into the ego from behind" if causes.from_behind else ""
     recorded = ", and followed a recording that cannot brake" if causes.from_behind and causes.recorded_traffic else ""
     edge = ", the road's edge included" if "road_boundary" in causes.kinds else ""
-    prevented = causes.judged - none
+    sample = f"; a random {causes.looked_at} of them were looked at" if causes.is_sample else ""
+    own = causes.laid_to.get("ego", 0)
+    prevented = sum(one.preventable is True and one.laid_to != "ego" for one in causes.evidence)
+    made = f"The ego made {own} by itself. " if own else ""
     learn = ": these are the planner's to learn from" if prevented else ""
     left = causes.success_without
     without = f" Without these runs {_reached(left)} reached the goal." if none and left is not None else ""
     return (
-        f"{causes.collisions} collisions{edge} ({kinds}). A reference driver in the ego's place prevents "
-        f"{prevented} of the {causes.judged} that could be judged{learn}. "
+        f"{causes.collisions} collisions{edge} ({kinds}{sample}). A reference driver in the ego's place prevents "
+        f"{prevented} of the {causes.judged} that could be judged{learn}. {made}"
         f"None prevents the other {none}{others}{recorded}.{without}"
     )
 

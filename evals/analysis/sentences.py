@@ -158,6 +158,11 @@ class Judge:
         }
 
     @cached_property
+    def judged_own(self) -> int:
+        """Collisions that the ego made, of those whose course is known."""
+        return sum(one.get("laid_to") == "ego" and one["prevention"] is not None for one in self.contacts.values())
+
+    @cached_property
     def not_attributable(self) -> set[str]:
         """Collisions that neither the careful nor the fuzzy driver prevents from both starts."""
         found = set()
@@ -313,7 +318,7 @@ class Judge:
             ),
             (rf"\b([a-z]+(?:_[a-z]+)*) {N} \(((?:run_[\w-]+ ?)+?)(?: \+{N})?\)", failed),
             (
-                rf"without them goal {RATE}(?=\.$)",
+                rf"without them goal {RATE}(?=\.(?:$| See))",
                 lambda match: self.goals_without(self.trivial if "no driving" in match.string else self.unprevented),
             ),
             (
@@ -336,6 +341,12 @@ class Judge:
                 r"laid to (\w+) (\d+)(?:, (\w+) (\d+))?(?:, (\w+) (\d+))?(?:, (\w+) (\d+))?",
                 lambda match: [self.laid_to[name] for name in match.groups()[::2] if name],
             ),
+            (
+                rf"By the paper's rule, a goal by any motion: {RATE}",
+                lambda _: rate(
+                    [(one.scenario_id, float(one.outcome in ("goal_reached", "goal_refused"))) for one in valid]
+                ),
+            ),
             (rf"can drive: {N} of {N} driven motions", lambda _: [len(beyond), sum(known)]),
             (
                 rf"(?:\(|, )(speed|acceleration|friction|steering angle|steering rate|rolling) {N}(?=[,)])",
@@ -355,6 +366,8 @@ class Judge:
         tested = [len(self.raw.batch.configs), len(self.raw.batch.scenarios), len(records)]
 
         def reached(match: re.Match[str]) -> list[float]:
+            if match["config"]:
+                return goals(one for one in valid if one.config_id == match["config"])
             return self.goals_without(self.unprevented) if "Without these" in match.string else goals(valid)
 
         def configuration(match: re.Match[str]) -> list[float]:
@@ -364,11 +377,18 @@ class Judge:
 
         return [
             (rf"\| {N} configurations? \(.*\) on {N} scenarios?, {N} runs;", lambda _: tested),
-            (rf"{N} of {N} valid runs \({N} %, 95 % interval {N} to {N} %\) reached", reached),
+            (
+                rf"(?:\((?P<config>cfg_\w+)\): )?{N} of {N} valid runs \({N} %, 95 % interval {N} to {N} %\) reached",
+                reached,
+            ),
             (rf"(?:ended as|,) {N} ({'|'.join(outcomes) or '-'})(?=[,;.])", lambda match: [outcomes[match[2]]]),
             (rf"(?<!of )(?<!\d){N} collisions[ ,]", lambda _: [hits]),
             (rf"(?:\(|, ){N} ({'|'.join(kinds) or '-'})(?=[,)])", lambda match: [kinds[match[2]]]),
-            (rf"prevents {N} of the {N} that could", lambda _: [judged - len(self.unprevented), judged]),
+            (
+                rf"prevents {N} of the {N} that could",
+                lambda _: [judged - len(self.unprevented) - self.judged_own, judged],
+            ),
+            (rf"The ego made {N} by itself", lambda _: [self.laid_to["ego"]]),
             (rf"prevents the other {N}", lambda _: [len(self.unprevented)]),
             (rf"in {N} of these another drove", lambda _: [len(behind)]),
             (rf"^\S+ \((cfg_\w+)\) \| {N} \| {N} \({N} %\) \| {N} to {N} % \|.*\| {N}$", configuration),

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from plannerforge.evals.loop.standing import Answer, Made, asked, braking, is_right, standing
+from plannerforge.schemas.runs import Contact, EgoFault, PaceMoment, Prevention
 
 
 def made_of(kind: str) -> Made:
@@ -54,3 +55,16 @@ def test_a_follower_is_no_reason_to_brake(tmp_path: Path) -> None:
 
 def test_the_bench_finds_a_wrong_answer() -> None:
     assert not is_right(made_of("red"), Answer((), None, ()), is_braking=False)
+
+
+def test_what_drivers_prevent_is_not_said_of_what_the_ego_made() -> None:
+    never = Prevention(by_braking_until_s=None, by_careful_driver=False, by_rss=False)
+    hit = Contact(kind="rear_end_by_other", time_s=3.0, ego_speed_mps=1.0, other_speed_mps=9.0, prevention=never)
+    moment = PaceMoment(code="braked_without_cause", since_s=1.0, until_s=2.0, largest_mps2=10.3)
+    fault = EgoFault(code="slowed", time_s=1.0, moment=moment)
+    own = hit.model_copy(update={"laid_to": "ego", "fault": fault})
+    assert hit.is_unpreventable
+    assert not own.is_unpreventable
+    assert "reference driver" in hit.in_words()
+    assert "reference driver" not in own.in_words()
+    assert moment.in_words() in own.in_words()
