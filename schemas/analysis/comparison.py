@@ -47,7 +47,7 @@ class CompareResultsArguments(Arguments):
     results: list[str] = Field(
         [],
         max_length=50,
-        description="run or batch ids, baseline first, or one batch with several configurations; default: the newest",
+        description="run or batch ids, baseline first, or one batch of configurations; default: the newest",
     )
     metrics: list[UnlistedMetric] = Field([], description="risk_score, duration_s …; default: all that can be compared")
     limit: int = Field(10, ge=1, le=100, description="flipped scenarios shown per direction")
