@@ -1,7 +1,7 @@
 """Whether verdicts of reference drivers on collisions are right, by an implementation apart.
 
 Encounters are drawn at random (a seed) in the frame of a road, straight or a bend of 40 to 200 m: a leader that brakes,
-a slower one, a cut-in, a cut-out before a standing car, a pedestrian and a cyclist that cross, a car that turns across
+a slower one, a follower that catches up, a cut-in, a cut-out before a standing car, a pedestrian and a cyclist that cross, a car that turns across
 the way from ahead, and egos that speed up before they meet another. The egos are cars, trucks and buses. Everything is
 given in closed form along the road, so that the judge projects nothing. It moves each driver in steps of 10 ms, tells
 contacts by separating axes, and follows each drive until the ego stands and the other is gone. What it takes from the
@@ -113,6 +113,24 @@ def braking(at: float, speed: float, begins: float, by: float) -> Body:
     )
 
 
+def catching_up(at: float, speed: float, begins: float, by: float, gain: float) -> Body:
+    """A car behind that is slower at first and then speeds up for good."""
+
+    def along(t: float) -> float:
+        faster = min(max(t - begins, 0.0), gain / by)
+        return at + speed * t + by * faster**2 / 2 + gain * max(t - begins - gain / by, 0.0)
+
+    return Body(
+        "car",
+        4.5,
+        1.8,
+        along,
+        lambda _: 0.0,
+        lambda _: 0.0,
+        lambda t: speed + by * min(max(t - begins, 0.0), gain / by),
+    )
+
+
 def changing(at: float, speed: float, begins: float, across: float, before: float, after: float) -> Body:
     """A car that moves evenly across from one offset to another from a time on."""
     ends = begins + abs(after - before) / across
@@ -192,6 +210,8 @@ def drawn(choice: random.Random) -> Iterator[Made]:
     comes, turns = u(4, 9), u(2.5, 4.5)
     meets = town * (turns + 1.2 + u(-0.2, 1.0)) + half
     yield Made("turning", 0.0, ego, lambda _: town, turning(meets + comes * turns, turns, comes))
+    back, hurry, gains = u(20, 60), u(1.5, 4), u(4, 10)
+    yield Made("follower", 0.0, ego, lambda _: town, catching_up(-half - back, town - u(0, 2), begins, hurry, gains))
     first, gain, until = u(4, 8), u(2, 4), u(2, 3)
 
     def faster(t: float) -> float:
@@ -429,7 +449,7 @@ def prevents(made: Made, driver: str, start: str, variant: Variant, touch: float
         if any(touches(made, variant, other, way, t, 0.0 if free else TOUCH_M) for other in others):
             return False
         met = views[0]
-        if met.past <= 0 and met.speed <= v:
+        if made.name != "follower" and met.past <= 0 and met.speed <= v:
             return True
     return True
 
@@ -533,7 +553,7 @@ def _brakes_in_time(made: Made, start: str, variant: Variant, touch: float) -> b
 
 
 def measure(bench: LoopBench) -> Figures:
-    """Draw 16 collisions of each of the 8 kinds, or the bench's limit, and compare all verdicts with the truth."""
+    """Draw 16 collisions of each of the 9 kinds, or the bench's limit, and compare all verdicts with the truth."""
     choice, each = random.Random(bench.seed), bench.limit or 16  # noqa: S311 - reproducible, not secret
     right, edges, window = list[bool](), 0, 0
     counts, tried, kinds = Counter[str](), 0, Counter[str]()

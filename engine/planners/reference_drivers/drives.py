@@ -2,7 +2,7 @@
 
 Until the driver reacts, the ego moves as a :class:`NominalMotion` says: as it was driven, or along its lane at the
 speed that it began with. From then on it brakes as the driver wants, keeps its speed in between, and follows the same
-way. A drive is followed until the ego stands or has passed the other: an ego that still rolls towards it has not
+way. A drive is followed until the ego stands or both cannot meet any more: an ego that still rolls has not
 prevented anything. Where a track ends before that, the other goes on straight at its last speed, and one that braked
 goes on braking until it stands.
 """
@@ -184,13 +184,12 @@ class DriverScene:
         return Driven(np.array(stations), np.array(speeds), brakes_from, stands=False)
 
     def _is_over(self, index: int, met: Seen | None, speed: float, wanted: float | None) -> bool:
-        """Whether the ego is past the one that it met, which does not catch up, or will never reach it."""
-        if met is None:
+        """Whether the one that was met goes on evenly and neither reaches the ego nor is reached by it any more."""
+        if met is None or self.first_step + index <= self.met_until or met.slowing_mps2 > 0:
             return False
-        if met.is_passed and met.along_mps <= speed:
-            return True
-        goes_on_evenly = self.first_step + index > self.met_until and met.slowing_mps2 <= 0
-        return goes_on_evenly and wanted is None and met.gap_m > 0 and speed <= met.along_mps
+        if met.is_passed:
+            return met.along_mps <= speed
+        return wanted is None and met.gap_m > 0 and speed <= met.along_mps
 
     def undisturbed(self, count: int) -> Driven:
         """Return the nominal motion over so many states."""

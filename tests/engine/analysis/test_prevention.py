@@ -304,3 +304,12 @@ def test_verdicts_of_earlier_versions_are_read_as_they_were() -> None:
     assert old.possible
     assert old.attributable
     assert "from the start" not in old.in_words()
+
+
+def test_a_follower_that_falls_back_first_still_catches_up_with_every_driver() -> None:
+    speeds = np.concatenate([np.full(30, 8.0), np.full(270, 14.0)])
+    ego, follower = track(-1, (30.0, 0.0), 10.0, 300), track(7, (0.0, 0.0), 8.0, 300)
+    follower.speeds_mps[:] = speeds
+    follower.positions[1:, 0] = np.cumsum((speeds[1:] + speeds[:-1]) / 2 * STEP_S)
+    hit = first_touch(ego, follower)
+    assert not prevention_of(ego.part(0, hit + 1), follower, hit, STEP_S).possible
