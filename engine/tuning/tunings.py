@@ -257,7 +257,10 @@ _FISS_WEIGHTS = (
     Weight("jerk", "mean jerk², along and across", "smoother", "core"),
     Weight("lateral", "(final offset from the lane's centre)²", "ends at the lane's centre", "core"),
     Weight("lane_change", "lanes changed", "stays in its lane", "core"),
-    Weight("history", "squared distance to the last end state; in fiss's first guess", "searches near its last", "core"),
+    Weight("route", "how soon a lane leaves the route: 1 at once, 0 beyond 80 m", "stays on its route", "ours"),
+    Weight(
+        "history", "squared distance to the last end state; in fiss's first guess", "searches near its last", "core"
+    ),
     Weight("headway", "mean (1 − gap / desired gap)² ahead", "keeps its distance ahead", "core"),
     Weight("time_to_collision", "mean (1 − TTC / desired TTC)² ahead", "slows down earlier for others", "core"),
     Weight("clearance", "mean (1 − lateral gap / desired)² alongside", "passes others farther away", "core"),
@@ -265,7 +268,9 @@ _FISS_WEIGHTS = (
     Weight("desired_headway_s", "desired time gap ahead, s", "follows farther away", "core", 0.0, 10.0),
     Weight("desired_time_to_collision_s", "desired TTC, s", "slows down earlier for others", "core", 0.1, 30.0),
     Weight("desired_clearance_m", "desired lateral gap, m", "passes others farther away", "core", 0.1, 10.0),
-    Weight("follow_time_s", "time to close to the desired gap, s; 0: never slower", "closes up slower", "core", 0.0, 30.0),
+    Weight(
+        "follow_time_s", "time to close to the desired gap, s; 0: never slower", "closes up slower", "core", 0.0, 30.0
+    ),
     Weight("least_gap_m", "smallest gap ahead, m; hard", "rejects closer following", "core", 0.0, 30.0),
     Weight("least_headway_s", "smallest time gap ahead, s; hard", "rejects closer following", "core", 0.0, 10.0),
     Weight("least_time_to_collision_s", "smallest TTC, s; hard", "rejects faster approaching", "core", 0.0, 30.0),
@@ -273,7 +278,9 @@ _FISS_WEIGHTS = (
     Weight("crossing_gap_s", "smallest time to crossing traffic, s; hard", "waits for larger gaps", "core", 0.0, 5.0),
 )
 """The weights and distances of FISS's core that are set; meanings from its documentation, defaults of version 1.0.0."""
-_FISS_DEFAULT = (1.0, 1.0, 0.1, 0.1, 2.0, 5.0, 1.0, 10.0, 5.0, 5.0, 3.0, 1.5, 4.0, 1.0, 3.0, 2.0, 0.3, 1.5, 0.5, 0.75)
+_KEPT = (10.0, 5.0, 5.0, 3.0, 1.5, 4.0, 1.0, 3.0, 2.0, 0.3, 1.5, 0.5, 0.75)
+_NOT_KEPT = (0.0, 0.0, 0.0, 3.0, 1.5, 4.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0)
+_FISS_DEFAULT = (1.0, 1.0, 0.1, 0.1, 2.0, 5.0, 10.0, 1.0, *_KEPT)
 _FISS_PRESETS = (
     _preset(_FISS_WEIGHTS, "Default", "Default", "the defaults of its authors", _FISS_DEFAULT),
     _preset(
@@ -281,7 +288,7 @@ _FISS_PRESETS = (
         "Plain",
         "Plain",
         "without keeping distance, as in its papers; collisions alone count",
-        (1.0, 1.0, 0.1, 0.1, 2.0, 5.0, 1.0, 0.0, 0.0, 0.0, 3.0, 1.5, 4.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0),
+        (1.0, 1.0, 0.1, 0.1, 2.0, 5.0, 10.0, 1.0, *_NOT_KEPT),
     ),
 )
 """Plain: what its authors call "without the safety envelope and proximity cost" in their ablations."""

@@ -26,6 +26,7 @@ Traps (``tests/engine/planners/test_fiss_traps.py`` holds them):
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import fiss_planner
 import numpy as np
@@ -41,7 +42,7 @@ LOW_SPEED_MPS = 2.0
 """Chosen: the same as in Frenetix; below it lateral motions by time are no motions of a vehicle."""
 _SHORTEST_SHARE, _DURATIONS = 0.6, 5
 """The core's default: durations from 3 s to 5 s, five of them."""
-_HARDEST_MPS2, _BRISKEST_MPS2 = 8.0, 4.0
+_HARDEST_MPS2, BRISKEST_MPS2 = 8.0, 4.0
 """Limits that the core's authors plan with: 8 m/s² of braking and across (0.8 g), 4 m/s² of accelerating; at most what
 the vehicle can."""
 _STANDING_MPS = 1e-3
@@ -87,6 +88,10 @@ _SAFETY_FIELDS = {
     "crossing_gap_s": "crossing_time_gap",
 }
 """Our weights by the core's names."""
+_HARD_DISTANCES = ("least_gap_m", "least_headway_s", "least_time_to_collision_s", "crossing_gap_s")
+Care = Literal["full", "margins", "bodies"]
+"""What a candidate must keep of others: the hard distances, the core's margins (0.5 m before and behind, 0.3 m beside),
+or only that bodies do not touch; ``margins`` and ``bodies`` leave out what stands before them."""
 
 
 def vehicle_limits(vehicle: VehicleParameters) -> "fiss_planner.VehicleParams":
@@ -95,7 +100,7 @@ def vehicle_limits(vehicle: VehicleParameters) -> "fiss_planner.VehicleParams":
     limits.length, limits.width = vehicle.length_m, vehicle.width_m
     limits.wheelbase, limits.rear_axle_to_center = vehicle.wheelbase_m, vehicle.rear_axle_behind_center_m
     limits.max_speed = vehicle.maximum_speed_mps
-    limits.max_accel = min(_BRISKEST_MPS2, vehicle.maximum_acceleration_mps2)
+    limits.max_accel = min(BRISKEST_MPS2, vehicle.maximum_acceleration_mps2)
     limits.max_decel = limits.max_lat_accel = min(_HARDEST_MPS2, vehicle.maximum_acceleration_mps2)
     limits.max_steer, limits.max_steer_rate = vehicle.maximum_steering_rad, vehicle.maximum_steering_rate_radps
     return limits
@@ -108,9 +113,9 @@ def core_configuration(
     *,
     search: str | None = None,
     offsets: int | None = None,
-    keeps_distance: bool = True,
+    care: "Care" = "full",
 ) -> "fiss_planner.PlannerConfig":
-    """The core's configuration; its margins to obstacles and the road's edge are those of the core.
+    """The core's configuration.
 
     Args:
         weights: those of the planner, by our names.
@@ -118,7 +123,7 @@ def core_configuration(
         step_s: time step of the plans.
         search: another search than that of the settings.
         offsets: another number of lateral offsets a lane.
-        keeps_distance: whether the hard distances to those ahead hold.
+        care: which distances to others a candidate must keep.
     """
     configuration = fiss_planner.PlannerConfig()
     configuration.type = fiss_planner.planner_type_from_string(search or SEARCHES[settings.search])
@@ -131,7 +136,9 @@ def core_configuration(
         setattr(configuration.cost, field, weights[name])
     for name, field in _SAFETY_FIELDS.items():
         setattr(configuration.safety, field, weights[name])
-    configuration.safety.enabled = keeps_distance
+    configuration.safety.enabled = care == "full" and any(weights[name] > 0 for name in _HARD_DISTANCES)
+    if care == "bodies":
+        configuration.collision.margin_lon = configuration.collision.margin_lat = 0.0
     configuration.keep_candidates = True
     return configuration
 
