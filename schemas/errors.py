@@ -35,12 +35,13 @@ class PlannerForgeError(Exception):
         message: what was wrong, naming the value that was given.
         valid: the values that would be accepted, most useful first (at most twelve are shown).
         next_step: what to call or change next; by default what usually helps (``usual_step`` of the class).
-        reason: a stable word for the kind of refusal, for code that decides by it; never shown.
+        reason: a stable word for the kind of refusal, for code that decides by it; shown with ``shows_reason`` alone.
     """
 
     code: ClassVar[str] = "error"
     usual_step: ClassVar[str] = "correct what is named and call again"
     shown_values: ClassVar[int] = 12
+    shows_reason: ClassVar[bool] = False
     longest_message: ClassVar[int] = 2000
     """Characters; chosen: the longest of our own, with a dozen problems, has half as many."""
 
@@ -53,7 +54,8 @@ class PlannerForgeError(Exception):
     @property
     def text(self) -> str:
         """The whole error in one line: ``[code] what. Valid: …. Next: ….``"""
-        parts = [f"[{self.code}] {self.message.rstrip('.')}."]
+        reason = f" ({self.reason})" if self.shows_reason and self.reason else ""
+        parts = [f"[{self.code}] {self.message.rstrip('.')}{reason}."]
         if self.valid:
             shown = ", ".join(self.valid[: self.shown_values])
             more = len(self.valid) - self.shown_values
@@ -175,9 +177,13 @@ class ServiceFailure(PlannerForgeError):
 
 
 class PlannerFailure(PlannerForgeError):
-    """A planner that is not part of this program broke its contract: it crashed, hung, or answered nonsense."""
+    """A planner that is not part of this program broke its contract: it crashed, hung, or answered nonsense.
+
+    Its text names the reason, one of those in ``docs/own_planner.md``.
+    """
 
     code = "planner_failure"
+    shows_reason = True
     usual_step = "mend the planner; `plannerforge planner check` says what it breaks"
 
 

@@ -441,9 +441,13 @@ class SiteFacts(Model):
 
 
 class GeneratedEgo(Model):
-    """The ego's start and goal: step and distance on its own recorded path, speed, the goal's lanelet and window."""
+    """The ego's start and goal: step and distance on its own recorded path, speed, the goal's lanelet and window.
+
+    ``cars_to_choose_from``: how many vehicles of its class there are, which is a car unless another was asked for.
+    """
 
     vehicle: str
+    vehicle_class: str = Field("car", exclude_if=lambda name: name == "car")
     cars_to_choose_from: int
     speed_mps: float
     goal_step: int
@@ -541,9 +545,7 @@ class GenerateScenariosArguments(Arguments):
     )
     duration_s: float = Field(20, ge=5, le=120)
     """How long the scenario lasts, in s."""
-    ego: str = Field(
-        "first", description="first, index:N (cars, from 0), type:CLASS (joins traffic, the ego stays a car)"
-    )
+    ego: str = Field("first", description="first, index:N (cars, from 0), type:truck (motor vehicles)")
     goal: str = Field("through", description="through; steps:N, distance_m:X on its track, lanelet:ID:POSITION")
     count: int = Field(1, ge=1, le=5000)
     """How many scenarios; each is made at another site or with other traffic."""

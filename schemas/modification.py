@@ -57,7 +57,9 @@ EDITS: Final[dict[EditOperation, EditKind]] = {
     ),
     "remove_vehicle": EditKind("P", ("vehicles",)),
     "set_goal": EditKind("G", ("to", "turn", "position", "rectangle_m", "goal_time", "goal_speed")),
-    "set_ego": EditKind("G", ("vehicles", "at", "lane", "offset_m", "position", "speed", "former_ego")),
+    "set_ego": EditKind(
+        "G", ("vehicles", "vehicle_class", "at", "lane", "offset_m", "position", "speed", "former_ego")
+    ),
 }
 """All operations; any argument of another one is refused. The engine's function of an edit has the operation's name."""
 
@@ -81,7 +83,7 @@ class Edit(Arguments):
     preset: str | None = Field(None, description="aggressive, cautious, emergency (urgent), eco, balanced, speeder")
     params: list[str] = Field([], description="SUMO names: 'tau=0.7', 'minGap=1'")
     vehicle_class: str | None = None
-    """The class of what is added, or `pedestrian`."""
+    """The class of what is added, or `pedestrian`; with `set_ego`, what the ego is: `truck`, `bus`, `motorcycle` …"""
     count: int | None = Field(None, ge=1, le=20)
     """How many are added, one behind the other."""
     spacing_m: float | None = Field(None, gt=0)

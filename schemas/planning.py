@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator, model_validator
 
 from .base import Answer, Arguments, Model, Result
-from .runs import LostCell, Outcome, Prediction, RunRecord, RunReview, RunSteps, RunTiming, Traffic, ending
+from .runs import LostCell, Outcome, Prediction, RunRecord, RunReview, RunSeries, RunSteps, RunTiming, Traffic, ending
 
 WEIGHT_NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
 """Names of weights that assignments can name."""
@@ -17,13 +17,15 @@ LISTED_RUNS, LISTED_FAILURES, LISTED_CONFIGURATIONS = 20, 3, 8
 class PlannerSettings(Model):
     """Settings of a run; ranges and meanings are in ``engine/tuning/settings.py``.
 
-    ``vehicle``: CommonRoad's vehicle 1 to 4; a parameter of it that is None here is that vehicle's own. Lengths in m,
-    speeds in m/s, accelerations in m/s², angles in rad. The plan is renewed every ``replan_steps`` time steps of the
-    scenario. ``search`` is one of FISS's four searches; where it has its default it is not written, so that the ids of
-    configurations stay as they were before there was a choice.
+    ``vehicle``: CommonRoad's vehicle 1 to 4; a parameter of it that is None here is that vehicle's own. If no vehicle
+    is stated, the ego's class decides, and vehicle 2 stands for a car. Lengths in m, speeds in m/s, accelerations in
+    m/s², angles in rad. The plan is renewed every ``replan_steps`` time steps of the scenario. ``vehicle_stated``: the
+    configuration names vehicle 2 itself. ``search`` is one of FISS's four searches; it is not written if it has its
+    default, so that the ids of configurations stay as they were before there was a choice.
     """
 
     vehicle: int = 2
+    vehicle_stated: bool = Field(False, exclude_if=lambda stated: not stated)
     length_m: float | None = None
     width_m: float | None = None
     wheelbase_m: float | None = None
@@ -37,6 +39,17 @@ class PlannerSettings(Model):
     replan_steps: int = 3
     sampling_level: int = 2
     search: int = Field(2, exclude_if=lambda number: number == 2)
+
+    @property
+    def states_vehicle(self) -> bool:
+        """Whether the configuration names the vehicle, so that the ego's class does not decide."""
+        return self.vehicle_stated or self.vehicle != 2
+
+    @property
+    def stated_values(self) -> dict[str, float]:
+        """The settings by name as a file or a call writes them: without those that the ego's class decides."""
+        left_out = {"vehicle_stated"} if self.states_vehicle else {"vehicle_stated", "vehicle"}
+        return self.model_dump(exclude_none=True, exclude=left_out)
 
 
 class PlannerConfiguration(Model):
@@ -77,6 +90,7 @@ class RunResponse(Model):
     record: RunRecord
     steps: RunSteps
     timing: RunTiming
+    series: RunSeries | None = Field(None, description="None: the run has no driven motion on a route")
     planner_log: str = Field("", description="the end of what a command-line planner wrote to standard error")
 
 
@@ -373,21 +387,28 @@ class RunPlannerResult(Result):
 
 
 def _rate_line(item: ConfigurationSummary) -> str:
-    """``frenetix:Default (cfg_…): goal 3 of 4; collision 1; invalid, in no rate: 2``."""
+    """``frenetix:Default (cfg_…): goal 3 of 4; collision 1; invalid, in no rate: 2``.
+
+    Where a motion to the goal is refused, the rate by the paper's rule stands beside it.
+    """
     counts = dict(item.outcomes)
     invalid, reached = counts.pop("invalid", 0), counts.pop("goal_reached", 0)
-    parts = [
-        f"goal {reached} of {reached + sum(counts.values())}",
-        *(f"{key} {count}" for key, count in counts.items()),
-    ]
+    valid, refused = reached + sum(counts.values()), counts.get("goal_refused", 0)
+    by_paper = f" ({reached + refused} of {valid} by any motion, the paper's rule)" if refused else ""
+    parts = [f"goal {reached} of {valid}{by_paper}", *(f"{key} {count}" for key, count in counts.items())]
     parts += [f"invalid, in no rate: {invalid}"] if invalid else []
     return f"{item.config_name} ({item.config_id}): {'; '.join(parts)}"
 
 
 class DeclaredWeight(Model):
-    """A weight or parameter of a planner of one's own: its default, its range, and what it does, in words."""
+    """A weight or parameter of a planner of one's own: its default, its range, and what it does, in words.
+
+    ``kind``: a ``weight`` of the cost acts on every choice between candidates; any other ``parameter``, such as a
+    threshold or a gain, may act only in some situations.
+    """
 
     meaning: str = Field(min_length=1)
+    kind: Literal["weight", "parameter"] = "weight"
     raising: str = Field("", description="what a larger value does")
     default: float
     lowest: float = 0.0
@@ -439,11 +460,18 @@ class CommandPlanner(PlannerDeclaration):
     """A planner that is a program: ``[planners.NAME]`` in the settings file; see docs/own_planner.md."""
 
     command: tuple[str, ...] = Field(min_length=1, description="program and arguments; paths are absolute")
+    protocol: Literal["one_shot", "stepwise"] = Field(
+        "one_shot", description="one_shot: asked once, for the whole run; stepwise: asked at every planning step"
+    )
     stays: bool = Field(False, description="one process for many runs, a request a line; else one process a run")
-    time_s: float = Field(60.0, gt=0, le=3600, description="time limit of one run")
+    time_s: float = Field(60.0, gt=0, le=3600, description="time limit of one run, all its steps together")
+    start_time_s: float = Field(10.0, gt=0, le=3600, description="stepwise: time limit until it is ready")
+    step_time_s: float = Field(1.0, gt=0, le=3600, description="stepwise: time limit of one step")
     memory_mb: int = Field(2048, ge=16, description="address space of each of its processes")
     folder_mb: int = Field(64, ge=1, description="largest file, and all files together in its working folder")
-    output_mb: int = Field(16, ge=1, le=256, description="largest answer on standard output")
+    output_mb: int = Field(
+        16, ge=1, le=256, description="largest answer on standard output; stepwise: log of a run, too"
+    )
     environment: dict[str, str] = Field(default_factory=dict, description="variables beside PATH, HOME, LANG, TMPDIR")
 
     @field_validator("command")
@@ -482,6 +510,7 @@ class CommandRequest(Model):
     weights: dict[str, float]
     settings: dict[str, float] = Field(description="all settings, with the ego's size and limits")
     ego: EgoStart
+    ego_class: str = Field("car", description="what the ego is: car, truck, bus, motorcycle …")
     first_step: int
     last_step: int
     step_s: float

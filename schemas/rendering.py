@@ -124,7 +124,7 @@ class ReportWritten(Model):
 
 ViewKind = Literal["player", "board"]
 """``player``: a scenario or a run in motion, or two side by side; ``board``: the runs of batches at a glance."""
-VIEW_FORMAT = 2
+VIEW_FORMAT = 3
 """Of the data of views; it rises when their meaning changes."""
 
 

@@ -23,7 +23,12 @@ from .runs import (
     ending,
     excesses_in_words,
 )
+from .text import figure as figure
+from .text import measured, p_figure, p_in_words
 
+SIGNIFICANCE_LEVEL = 0.05
+"""The level of every test and of every interval (95 %), in answers, reports, charts and searches: the usual one (Fisher
+1925, "Statistical Methods for Research Workers", section 12)."""
 Breakdown = Literal[
     "none", "planner", "config", "prediction", "country", "scenario", "obstacle_count", "obstacle_class"
 ]
@@ -139,8 +144,8 @@ class Correlation(Model):
     @property
     def stands(self) -> bool:
         """Whether it differs from 0 after Holm's adjustment, and still does with the others held fixed."""
-        left = not self.held_fixed or (self.p_fixed is not None and self.p_fixed < _LEVEL)
-        return self.p_holm < _LEVEL and left
+        left = not self.held_fixed or (self.p_fixed is not None and self.p_fixed < SIGNIFICANCE_LEVEL)
+        return self.p_holm < SIGNIFICANCE_LEVEL and left
 
     def left_in_words(self) -> str:
         """What is left of it once the others are held fixed; empty where nothing could be."""
@@ -149,7 +154,7 @@ class Correlation(Model):
         fixed = ", ".join(self.held_fixed)
         if self.rho_fixed is None:
             return f"; with {fixed} held fixed nothing is left"
-        return f"; with {fixed} held fixed ρ={self.rho_fixed:+.2f}, p={figure(self.p_fixed)}"
+        return f"; with {fixed} held fixed ρ={self.rho_fixed:+.2f}, {p_in_words(self.p_fixed)}"
 
 
 class TriedChange(Model):
@@ -290,7 +295,7 @@ class RuleShare(Model):
         rate = self.violated.in_words()
         if self.worst is None:
             return f"{self.rule} {self.name}: kept in all, broken in {rate}"
-        worst = f"by {figure(self.worst)} {self.unit} at worst ({self.run_ids[0]})"
+        worst = f"by {measured(self.worst)} {self.unit} at worst ({self.run_ids[0]})"
         return f"{self.rule} {self.name}: broken in {rate}, {worst}"
 
 
@@ -368,6 +373,9 @@ class AnalyzeResultsResult(Result):
     runs: int = Field(description="runs behind the figures")
     detail: AnalysisDetail = Field("summary", description="the section that is shown beside the summary")
     success: Rate = Field(description="share of valid runs that reached the goal")
+    by_any_motion: Rate | None = Field(
+        None, description="the same by the paper's rule, refused motions included; null where none was refused"
+    )
     outcomes: tuple[OutcomeShare, ...] = Field(description="valid runs by how they ended")
     invalid: tuple[InvalidItem, ...] = Field((), description="at most ten; invalid_count has them all")
     invalid_count: int = Field(0, description="runs that could not be attempted")
@@ -472,7 +480,7 @@ def _noted(result: AnalyzeResultsResult) -> list[str]:
 def _rest_of_metrics(result: AnalyzeResultsResult, above: frozenset[str]) -> list[str]:
     """The metrics that stand in no other line, in one; those that there are not, with the reason."""
     parts = [
-        f"{metric_words(item.name)} {with_unit(figure(item.median), item.unit)}"
+        f"{metric_words(item.name)} {with_unit(measured(item.median), item.unit)}"
         for item in result.metrics
         if item.name not in above
     ]
@@ -494,7 +502,7 @@ def _main_cost(result: AnalyzeResultsResult) -> list[str]:
 def _several_runs(result: AnalyzeResultsResult) -> Answer:
     valid = result.success.of
     head = f"{result.runs} runs ({valid} valid, {result.invalid_count} invalid): goal {result.success.in_words()}"
-    figures = _failures(result)
+    figures = _by_any_motion(result) + _failures(result)
     told = (result.causes, result.trivial, result.beyond_vehicle)
     figures += [part.in_words() for part in told if part is not None]
     if result.detail == "summary":
@@ -537,6 +545,12 @@ def _stated(result: AnalyzeResultsResult) -> list[Finding]:
         return list(result.findings)
     above = _SAID_ABOVE if result.runs == 1 else {"main_failure"}
     return [finding for finding in result.findings if finding.name not in above]
+
+
+def _by_any_motion(result: AnalyzeResultsResult) -> list[str]:
+    """The rate by the paper's rule, where it is another one."""
+    rate = result.by_any_motion
+    return [] if rate is None else [f"By the paper's rule, a goal by any motion: {rate.in_words()}."]
 
 
 def _failures(result: AnalyzeResultsResult) -> list[str]:
@@ -586,20 +600,12 @@ def _metrics(result: AnalyzeResultsResult) -> list[str]:
     valid = result.success.of
     parts = []
     for item in result.metrics:
-        low, high, middle = _plain(item.lowest), _plain(item.highest), _plain(item.median)
+        low, high, middle = measured(item.lowest), measured(item.highest), measured(item.median)
         text = middle if low == high else f"{low}–{high}" if item.n == 2 else f"{middle} ({low}–{high})"
         some = "" if item.n == valid else f" in {item.n} runs"
         parts.append(f"{metric_words(item.name)} {with_unit(text, item.unit)}{some}")
     parts += [f"{metric_words(item.name)} none: {item.why}" for item in result.undefined]
     return [f"{'Median (range)' if valid > 2 else 'Range'} over {valid} valid runs: {'; '.join(parts)}."]
-
-
-def _plain(value: float) -> str:
-    return figure(0.0 if abs(value) < _NEARLY_NOTHING else value)
-
-
-_NEARLY_NOTHING = 5e-4
-"""Figures below it are shown as 0: no metric is measured that finely."""
 
 
 def _costs(result: AnalyzeResultsResult) -> list[str]:
@@ -618,7 +624,7 @@ def _rules(result: AnalyzeResultsResult) -> list[str]:
     if result.runs == 1:
         lines = [f"- broken: {one.in_words()}" for one in result.rules if one.violated]
         kept = [
-            f"{one.rule} {one.name} (by {one.robustness:.3g} {one.unit})"
+            f"{one.rule} {one.name} (by {measured(one.robustness)} {one.unit})"
             for one in result.rules
             if one.robustness is not None and not one.violated
         ]
@@ -642,15 +648,11 @@ def _correlations(result: AnalyzeResultsResult) -> list[str]:
     """All of them where findings were asked for; else those that stand after Holm's adjustment, by themselves."""
     shown = [item for item in result.correlations if result.detail == "findings" or item.stands]
     lines = [
-        f"- success × {item.feature}: ρ={item.rho:+.2f}, p={figure(item.p)}, Holm {figure(item.p_holm)} "
+        f"- success × {item.feature}: ρ={item.rho:+.2f}, {p_in_words(item.p)}, Holm {p_figure(item.p_holm)} "
         f"(n={item.n} scenarios){item.left_in_words()}"
         for item in shown
     ]
     return ["Spearman correlations:", *lines] if lines else []
-
-
-_LEVEL = 0.05
-"""The usual level of significance."""
 
 
 def _rows(result: AnalyzeResultsResult) -> list[str]:
@@ -658,7 +660,7 @@ def _rows(result: AnalyzeResultsResult) -> list[str]:
         return []
     lines = [
         f"- {row.run_id} {row.scenario_id} {row.config_name}: {ending(row.outcome, row.reason, contact=row.contact)}; "
-        f"{figure(row.duration_s)} s, gap {figure(row.minimum_distance_m)} m"
+        f"{figure(row.duration_s)} s, gap {measured(row.minimum_distance_m)} m"
         for row in result.rows
     ]
     return ["The hardest first: failed runs, then by risk score, time and distance to a collision:", *lines]
@@ -700,8 +702,8 @@ def _spreads(spreads: Sequence[MeasureSpread]) -> list[str]:
         if not one.runs or known is None:
             absent.setdefault(one.why, []).append(_short_words(one.name))
             continue
-        spread = "" if one.lowest == one.highest else f" ({figure(one.lowest)}–{figure(one.highest)})"
-        span = with_unit(f"{figure(one.median)}{spread}", known.unit)
+        spread = "" if one.lowest == one.highest else f" ({measured(one.lowest)}–{measured(one.highest)})"
+        span = with_unit(f"{measured(one.median)}{spread}", known.unit)
         beside = "" if one.worst is None else one.worst.partner
         worst = f"; {one.worst_run_id}{f' {beside}' if beside else ''}" if one.worst_run_id else ""
         lines.append(f"- {_short_words(one.name)} {span}, n={one.runs}{worst}")
@@ -718,7 +720,7 @@ def _short_words(name: str) -> str:
 def measured_figure(one: MeasuredValue) -> str:
     """A measured value with its unit; a dash where there is none."""
     known = measure_named(one.name)
-    return figure(one.value) if known is None or one.value is None else with_unit(figure(one.value), known.unit)
+    return measured(one.value) if known is None or one.value is None else with_unit(measured(one.value), known.unit)
 
 
 _ONE_PERCENT = 0.01
@@ -729,21 +731,6 @@ def _percent(share: float | None) -> str:
     if share is None:
         return "–"
     return "<1 %" if 0 < share < _ONE_PERCENT / 2 else f"{100 * share:.0f} %"
-
-
-_LONGEST = 1e7
-"""Figures below it are written out."""
-_ROUNDING = 1e-9
-"""What is nearer to 0 is left by rounding, not measured."""
-
-
-def figure(value: float | None, digits: int = 3) -> str:
-    """A number with ``digits`` significant digits, a larger one as an integer; a dash for None, 0 below 1e-9."""
-    if value is None:
-        return "–"
-    if abs(value) < _ROUNDING:
-        return "0"
-    return f"{value:.0f}" if 10**digits <= abs(value) < _LONGEST else f"{value:.{digits}g}"
 
 
 def _listed(ids: Iterable[str], most: int, count: int | None = None) -> str:

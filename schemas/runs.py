@@ -6,9 +6,11 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from .base import Model
+from .text import measured
 
 Outcome = Literal[
     "goal_reached",
+    "goal_refused",
     "goal_early",
     "goal_late",
     "goal_missed",
@@ -20,12 +22,27 @@ Outcome = Literal[
 ]
 """How a run ended.
 
+``goal_reached``: at the goal, by a motion that CommonRoad's benchmark accepts (``SuccessRule``); ``goal_refused``: at
+the goal, by a motion that it refuses (``Refusal``);
 ``goal_early``, ``goal_late``: the ego was in the goal's place, but only before or after its time; ``goal_missed``: it
 passed the goal or ended elsewhere, or was there in time without the goal's speed or heading; ``timeout``: it had not
 come to the goal when 1.7 times the steps to the goal's last step were over; ``infeasible``: the planner found no
 trajectory that the vehicle can drive; ``invalid``: the problem has no solution, which is stated before the run and is
 never a planner's failure.
 """
+SuccessRule = Literal["driven@1", "accepted@2"]
+"""What makes a goal that was reached a success.
+
+``driven@1``: nothing else, as in the paper. ``accepted@2``: ``valid_solution``, the checker of CommonRoad's benchmark,
+accepts the driven motion; where it does not, the outcome is ``goal_refused``.
+"""
+Refusal = Literal["goal_not_met", "off_lanelets", "not_drivable"]
+"""Why CommonRoad's benchmark refuses a motion that reached its goal. ``goal_not_met``: by its reading of the goal no
+state meets it; ``off_lanelets``: a part of the body is outside the lanelets, be it at the start behind the end of the
+map or in a gap between two lanelets; ``not_drivable``: no acceleration and steering lead from a state to the
+next."""
+AT_GOAL: tuple[Outcome, ...] = ("goal_reached", "goal_refused")
+"""Outcomes that count as reached by the paper's rule."""
 NO_TRAJECTORY: tuple[Outcome, ...] = ("invalid", "infeasible")
 """Outcomes without a motion to speak of: the problem is broken, or the planner finds no trajectory for it."""
 InvalidReason = Literal[
@@ -100,6 +117,8 @@ class RunSteps(Model):
     ``costs``: weighted cost term name → one value per planning step; ``plan_steps``: the steps at which was planned.
     ``rejected``: constraint → candidates it rejected, one value per planning step; one more where the last attempt,
     which is no planning step, gave no trajectory.
+    ``steering_rad``: the steering angles of a vehicle that followed its plans; empty where a planner's states were
+    taken as they are.
     ``others``: the obstacles that reactive traffic moved, instead of their recordings; the rest followed theirs.
     """
 
@@ -109,10 +128,52 @@ class RunSteps(Model):
     heading_rad: tuple[float, ...]
     speed_mps: tuple[float, ...]
     acceleration_mps2: tuple[float, ...]
+    steering_rad: tuple[float, ...] = ()
     plan_steps: tuple[int, ...]
     costs: dict[str, tuple[float, ...]]
     rejected: dict[str, tuple[int, ...]] = Field(default_factory=dict)
     others: tuple[DrivenObstacle, ...] = ()
+
+
+LONGEST_DEBUG_NAME = 60
+"""Characters of the name of a debug value, as of the name of a weight."""
+MOST_DEBUG_VALUES, MOST_DEBUG_POLYGONS, MOST_DEBUG_POINTS = 32, 8, 100
+"""Debug numbers or texts, polygons, and points of a polygon that a planning step may report.
+
+A hundred planning steps with all of them take 1.2 MB (``tests/engine/planners/test_series.py``).
+"""
+MOST_DEBUG_POINTS_A_RUN = 20_000
+"""Points of all polygons that are kept with a run."""
+
+
+class DebugPolygon(Model):
+    """An outline that a planner reported at a planning step."""
+
+    step: int
+    name: str
+    x_m: tuple[float, ...]
+    y_m: tuple[float, ...]
+
+
+class RunSeries(Model):
+    """What is known of a run over time beside its motion; a file of its own beside the steps.
+
+    One value for each driven state: ``lateral_offset_m`` from the reference path (left positive), ``heading_error_rad``
+    against its direction, ``steering_rad`` that the motion asks of the front wheels. One value for each planning step
+    (``plan_steps`` of the run's steps): ``desired_speed_mps`` of the loop and ``desired_speed_reasons``, and what the
+    planner reported by name: ``numbers`` (None if it reported no finite number), ``texts`` (empty if it reported none).
+    ``left_out``: how many debug values were beyond the bounds and are not kept.
+    """
+
+    lateral_offset_m: tuple[float, ...] = ()
+    heading_error_rad: tuple[float, ...] = ()
+    steering_rad: tuple[float, ...] = ()
+    desired_speed_mps: tuple[float, ...] = ()
+    desired_speed_reasons: tuple[str, ...] = ()
+    numbers: dict[str, tuple[float | None, ...]] = Field(default_factory=dict)
+    texts: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    polygons: tuple[DebugPolygon, ...] = ()
+    left_out: int = 0
 
 
 class RunTiming(Model):
@@ -148,7 +209,7 @@ class LimitExcess(Model):
         """``steering rate 0.75 rad/s at 2.3 s (limit 0.4)``."""
         if self.name == "rolling":
             return f"wheels that slide in {100 * self.value:.0f} % of the steps, from {self.time_s:.1f} s on"
-        return f"{self.name} {self.value:.3g} {self.unit} at {self.time_s:.1f} s (limit {self.limit:.3g})"
+        return f"{self.name} {measured(self.value)} {self.unit} at {self.time_s:.1f} s (limit {measured(self.limit)})"
 
 
 def excesses_in_words(excesses: Sequence[LimitExcess]) -> str:
@@ -181,11 +242,21 @@ class RunRecord(Model):
     )
     rejected_candidates: dict[str, int] = Field(description="constraint → candidates it rejected, over the whole run")
     metrics: RunMetrics | None
+    success_rule: SuccessRule = Field("driven@1", description="the rule by which it was judged")
+    refusal: Refusal | None = Field(None, description="stable code, only where the outcome is goal_refused")
     beyond_vehicle: tuple[LimitExcess, ...] | None = Field(
         None, description="limits of the vehicle that the driven motion exceeds; null: the run is of a version before"
     )
     ego_length_m: float = 4.508
     ego_width_m: float = 1.61
+    planner_version: str = Field(
+        "", description="version of the planner: as declared or described by git, with a digest; empty: not known"
+    )
+    ego_class: str = Field(
+        "car",
+        exclude_if=lambda name: name == "car",
+        description="what the ego was: as its scenario says, or of the vehicle that the configuration states",
+    )
 
 
 ContactKind = Literal[
@@ -208,12 +279,35 @@ RelativeHeading = Literal["same", "oncoming", "crossing"]
 """How another heads, seen from the ego: within 45° of it, within 45° of against it, or between."""
 
 
+ReferenceDriverName = Literal["full_braking", "r157_careful", "fsm", "rss", "keep_lane", "evading"]
+"""Drivers in the ego's place: full braking, UN R157's careful and fuzzy ones, RSS, one that keeps lane and speed, and one
+that steers aside by a lane's width."""
+DriverStart = Literal["before_contact", "start"]
+"""What a driver does until it reacts: it follows the ego's own motion up to the contact, or it keeps the lane and the
+speed of the start."""
+
+
+class DriverVerdict(Model):
+    """Whether one reference driver prevents a collision from one start; times are those of the run, in s.
+
+    ``until_s``: the latest moment at which it may take over and still prevents it; null: it does not prevent it.
+    ``reacts_at_s``: when it first brakes or steers if it takes over at the start; null: it does not react at all.
+    """
+
+    driver: ReferenceDriverName
+    start: DriverStart
+    prevents: bool
+    until_s: float | None = None
+    reacts_at_s: float | None = None
+
+
 class Prevention(Model):
     """Whether reference drivers in the ego's place prevent a collision (``docs/runs.md``), the others as they moved.
 
-    ``by_braking_until_s``: the latest moment of the run at which full braking prevents it; None: none does.
-    ``by_steering_until_s``: the same of steering aside, which is no reference driver and stands beside them;
-    ``steering_tried``: whether it was asked, which it is not of egos that were hit from behind.
+    ``drivers``: the verdict on each driver from each start; empty in what versions before stored. The other fields are
+    those from ``before_contact``: ``by_braking_until_s``: the latest moment of the run at which full braking prevents
+    it; None: none does. ``by_steering_until_s``: the same of steering aside, which is no reference driver and stands
+    beside them; ``steering_tried``: whether it was asked, which it is not of egos that were hit from behind.
     """
 
     by_braking_until_s: float | None
@@ -222,25 +316,60 @@ class Prevention(Model):
     by_fuzzy_driver: bool = Field(False, description="whether the fuzzy driver of UN R157 prevents it")
     by_steering_until_s: float | None = None
     steering_tried: bool = False
+    drivers: tuple[DriverVerdict, ...] = Field((), description="each driver from each start; empty: an older version")
 
     @property
     def possible(self) -> bool:
-        """Whether any reference driver prevents it."""
+        """Whether any reference driver prevents it, from the moment before the contact or from the start."""
         by_driver = self.by_careful_driver or self.by_rss or self.by_fuzzy_driver
-        return self.by_braking_until_s is not None or by_driver
+        return self.by_braking_until_s is not None or by_driver or bool(self._from_start(prevents=True))
+
+    @property
+    def attributable(self) -> bool:
+        """Whether UN R157's careful or its fuzzy driver prevents it from both starts."""
+        if not self.drivers:
+            return self.by_careful_driver or self.by_fuzzy_driver
+        return any(self.prevented_by(name, "both") for name in ("r157_careful", "fsm"))
+
+    def prevented_by(self, driver: ReferenceDriverName, start: Literal["before_contact", "start", "both"]) -> bool:
+        """Whether a driver prevents it from a start, or from both."""
+        starts = ("before_contact", "start") if start == "both" else (start,)
+        found = {verdict.start for verdict in self.drivers if verdict.driver == driver and verdict.prevents}
+        return found.issuperset(starts)
 
     def in_words(self) -> str:
-        """Who prevents it, and until when braking and steering do."""
+        """Who prevents it from which start, and until when."""
         until = self.by_steering_until_s
         aside = "" if until is None else f"; steering aside until {until:.1f} s does"
+        names = "full braking, UN R157's careful and fuzzy drivers, RSS"
         if not self.possible:
-            return f"no reference driver prevents it (full braking, UN R157's careful and fuzzy drivers, RSS){aside}"
+            return f"no reference driver prevents it ({names}){aside}"
         prevents = [] if self.by_braking_until_s is None else [f"full braking until {self.by_braking_until_s:.1f} s"]
         prevents += [] if until is None else [f"steering aside until {until:.1f} s"]
-        told = _listed([*prevents, *self._drivers(prevents=True)], "and")
+        if self.by_braking_until_s is None and not self._drivers(prevents=True):
+            return f"from the moment before it no reference driver prevents it ({names}){aside}{self._start_in_words()}"
         others = [*self._drivers(prevents=False), *(["steering"] if self.steering_tried and until is None else [])]
         without = f", not by {_listed(others, 'or')}" if others else ""
-        return f"preventable by {told}{without}"
+        return f"preventable by {_listed([*prevents, *self._drivers(prevents=True)], 'and')}{without}{self._start_in_words()}"
+
+    def _start_in_words(self) -> str:
+        """Who prevents it from the start; nothing of versions that did not ask."""
+        if not self.drivers:
+            return ""
+        yes, no = self._from_start(prevents=True), self._from_start(prevents=False)
+        if not yes:
+            return "; from the start none does"
+        if not no:
+            return "; from the start all do"
+        return f"; from the start {_listed(yes, 'and')} {'do' if len(yes) > 1 else 'does'}"
+
+    def _from_start(self, *, prevents: bool) -> list[str]:
+        """The reference drivers that prevent it from the start, or do not; steering aside is none of them."""
+        return [
+            _DRIVERS_IN_WORDS[verdict.driver]
+            for verdict in self.drivers
+            if verdict.start == "start" and verdict.prevents == prevents and verdict.driver != "evading"
+        ]
 
     def _drivers(self, *, prevents: bool) -> list[str]:
         """The reference drivers beside full braking that prevent it, or do not."""
@@ -248,6 +377,16 @@ class Prevention(Model):
         of_r157 = [name for name, does in named.items() if does == prevents]
         drivers = [f"UN R157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
         return [*drivers, *(["RSS"] if self.by_rss == prevents else [])]
+
+
+_DRIVERS_IN_WORDS: dict[ReferenceDriverName, str] = {
+    "full_braking": "full braking",
+    "r157_careful": "UN R157's careful driver",
+    "fsm": "UN R157's fuzzy driver",
+    "rss": "RSS",
+    "keep_lane": "keeping lane and speed",
+    "evading": "steering aside",
+}
 
 
 def _listed(parts: Sequence[str], conjunction: str) -> str:
@@ -418,7 +557,7 @@ class RunReview(Model):
         line += f" (ego {near.ego_speed_mps:.1f}, it {near.other_speed_mps:.1f} m/s)"
         if urgent is None:
             return f"{line}; time to collision: none: never on a collision course."
-        least = f"least time to collision {urgent.time_to_collision_s:.3g} s"
+        least = f"least time to collision {measured(urgent.time_to_collision_s)} s"
         if (urgent.obstacle_id, urgent.time_s) == (near.obstacle_id, near.time_s):
             return f"{line}; {least}, then."
         whom = "it" if urgent.obstacle_id == near.obstacle_id else urgent.other
@@ -426,7 +565,7 @@ class RunReview(Model):
 
     def motion_in_words(self) -> str:
         """The largest motions with their times; empty without steps."""
-        parts = [f"{one.name} {one.value:.3g} {one.unit} at {one.time_s:.1f} s" for one in self.largest]
+        parts = [f"{one.name} {measured(one.value)} {one.unit} at {one.time_s:.1f} s" for one in self.largest]
         return f"Largest: {', '.join(parts)}." if parts else ""
 
 
@@ -463,7 +602,7 @@ class RuleVerdict(Model):
         more = [f"from {self.first_s:.1f} s on"] if self.first_s != self.time_s else []
         more += [f"obstacle {self.obstacle_id}"] if self.obstacle_id is not None else []
         told = f" ({', '.join(more)})" if more else ""
-        return f"{self.rule} {self.name} by {self.degree:.3g} {self.unit} at {self.time_s:.1f} s{told}"
+        return f"{self.rule} {self.name} by {measured(self.degree)} {self.unit} at {self.time_s:.1f} s{told}"
 
 
 def ending(outcome: Outcome, reason: str, review: RunReview | None = None, *, contact: Contact | None = None) -> str:

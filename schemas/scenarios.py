@@ -117,6 +117,7 @@ class EgoFacts(Model):
     signs: tuple[str, ...] = ()
     traffic_light: bool = False
     limits_kmh: tuple[float, ...] = ()
+    vehicle_class: str = Field("car", exclude_if=lambda name: name == "car", description="what the ego is")
 
 
 class ScenarioFacts(Model):
@@ -236,6 +237,8 @@ class DescribedEgo(Model):
     """A planning problem: start, goal in words, and the lanelets of the way to the goal."""
 
     problem_id: int
+    vehicle_class: str = Field("car", description="what the ego is")
+    vehicle: str = Field("", description="its class, size, motion model and limits, in words")
     speed_mps: float = Field(description="speed at the start")
     lanelets: tuple[int, ...] = Field(description="ids of the lanelets under the start")
     lanes: int = Field(description="lanes in the ego's direction at the start")
@@ -453,7 +456,8 @@ def ego_text(ego: DescribedEgo) -> str:
     lanes = f"{ego.lanes} lane{'' if ego.lanes == 1 else 's'} in its direction"
     lanelets = f"lanelet {', '.join(map(str, ego.lanelets))}" if ego.lanelets else "no lanelet"
     route = f" Way: {ego.way}{f', lanelets {_chain(ego.route)}' if ego.route else ''}."
-    return f"Ego: {ego.speed_mps:.1f} m/s on {lanelets}, {lanes}. Goal: {ego.goal}.{route}"
+    what = "" if ego.vehicle_class == "car" else f"{ego.vehicle}. Starts at "
+    return f"Ego: {what}{ego.speed_mps:.1f} m/s on {lanelets}, {lanes}. Goal: {ego.goal}.{route}"
 
 
 def _chain(route: tuple[int, ...]) -> str:

@@ -53,6 +53,43 @@ def counted(count: int, noun: str) -> str:
     return f"{count:,} {words}{ending}" if is_regular else f"{count:,} {words[:-1]}ies"
 
 
+_LONGEST_NUMBER = 1e7
+"""Figures below it are written out."""
+_ROUNDING = 1e-9
+"""What is nearer to 0 is left by rounding, not measured."""
+RESOLUTION = 5e-4
+"""Half of the finest step in which measured quantities are shown, 0.001 in their unit: smaller ones read as 0."""
+_SMALLEST_P = 1e-12
+"""Smaller p values are stated as a bound: sums of double-precision numbers do not resolve them."""
+
+
+def figure(value: float | None, digits: int = 3) -> str:
+    """A number with ``digits`` significant digits, a larger one as an integer; a dash for None, 0 below 1e-9."""
+    if value is None:
+        return "–"
+    if abs(value) < _ROUNDING:
+        return "0"
+    return f"{value:.0f}" if 10**digits <= abs(value) < _LONGEST_NUMBER else f"{value:.{digits}g}"
+
+
+def measured(value: float | None, digits: int = 3) -> str:
+    """A measured quantity as :func:`figure` writes it; below its resolution it is 0, as are denormal numbers."""
+    return figure(0.0 if value is not None and abs(value) < RESOLUTION else value, digits)
+
+
+def p_figure(p: float | None) -> str:
+    """A p value, or the bound ``<1e-12``: no test on a sample shows that something has no chance at all."""
+    if p is None:
+        return "–"
+    return f"<{_SMALLEST_P:g}" if p < _SMALLEST_P else f"{p:.3g}"
+
+
+def p_in_words(p: float | None) -> str:
+    """``p=0.031`` or ``p<1e-12``."""
+    shown = p_figure(p)
+    return "no test" if p is None else f"p{shown}" if shown.startswith("<") else f"p={shown}"
+
+
 def in_any_case(value: Any, words: Iterable[str]) -> Any:
     """The word that a text is in another case or among spaces; else the value as it is, for others to refuse."""
     if not isinstance(value, str):

@@ -118,6 +118,10 @@ ORIGINS: Final[dict[Origin, str]] = {
 GoalForm = Literal["region", "lanelet", "speed", "orientation", "time"]
 """What a goal states: a region (shape), a lanelet, a speed, a heading or only a time."""
 
+EGO_CLASSES: Final = (
+    *("car", "taxi", "delivery", "emergency", "truck", "bus", "coach", "motorcycle", "moped", "trailer"),
+)
+"""What an ego can be: the motor vehicles among the classes of traffic (``engine/vehicles/models.py`` has theirs)."""
 _VEHICLE_WORDS: Final[dict[str, str]] = {
     "car": (
         "auto automobile pkw wagen personenwagen voiture coche carro macchina машина автомобиль легковой "

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from ..engine.tuning import DEFAULT_CONFIGURATION, from_file, named_configuration, read_weight_file, to_yaml
 from ..engine.workspace import Artifact, Recipe, content_digest, write_text
+from ..schemas.artifacts import ImportedItem
 from ..schemas.errors import UnknownName, closest
-from ..schemas.importing import ImportedItem
 from ..schemas.planning import PlannerConfiguration
 from .call import ToolCall
 

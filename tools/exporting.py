@@ -27,6 +27,7 @@ from ..schemas.artifacts import (
     ForeignExportRequest,
     RunTableRequest,
     SolutionRequest,
+    StepTableRequest,
 )
 from ..schemas.errors import Faults, InvalidRequest, NotPossible
 from ..schemas.measures import MeasuredValue
@@ -38,11 +39,18 @@ from ..schemas.scenarios import ScenarioRecord
 from ..schemas.text import printable
 from .analysis.tool import analyze_results, compare_results
 from .call import ToolCall
-from .operations import WRITE_OPENDRIVE, WRITE_OPENSCENARIO, WRITE_REPORT, WRITE_RUN_TABLE, WRITE_SOLUTION
+from .operations import (
+    WRITE_OPENDRIVE,
+    WRITE_OPENSCENARIO,
+    WRITE_REPORT,
+    WRITE_RUN_TABLE,
+    WRITE_SOLUTION,
+    WRITE_STEP_TABLE,
+)
 from .rendering import draw, make_view, named_artifact
 from .results import run_sources, scenario_sources
 
-_FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "goal_late", "goal_early")
+_FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "goal_late", "goal_early", "goal_refused")
 """Outcomes whose run a report shows first, whatever the order: any of them is a failure of the planner."""
 
 
@@ -118,6 +126,8 @@ async def _compute(call: ToolCall, export: Export, target: Path) -> None:
     """
     if export.format == "solution":
         await call.run(WRITE_SOLUTION, _solution(call, export, target))
+    elif export.artifact.kind == "run":
+        await call.run(WRITE_STEP_TABLE, _steps_table(call, export, target))
     else:
         await call.run(WRITE_RUN_TABLE, _table(call, export, target))
 
@@ -137,6 +147,16 @@ def _solution(call: ToolCall, export: Export, target: Path) -> SolutionRequest:
         configuration=call.workspace.get(record.config_id, "config").read(PlannerConfiguration),
         scenario_path=str(call.workspace.file("scenario", record.scenario_id, "scenario.xml")),
         steps_path=str(call.workspace.file("run", record.run_id, "steps.json")),
+        target_path=str(target),
+    )
+
+
+def _steps_table(call: ToolCall, export: Export, target: Path) -> StepTableRequest:
+    record = export.artifact.read(RunRecord)
+    return StepTableRequest(
+        record=record,
+        steps_path=str(call.workspace.file("run", record.run_id, "steps.json")),
+        form="csv" if export.format == "csv" else "parquet",
         target_path=str(target),
     )
 

@@ -15,8 +15,8 @@ from ..engine.catalog import open_catalogue
 from ..engine.execution import Job, JobProgress, OnProgress
 from ..engine.maps import MAP_ENDINGS, is_binary, is_net
 from ..engine.workspace import Recipe
+from ..schemas.artifacts import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
 from ..schemas.errors import InvalidRequest, PlannerForgeError, UnexpectedFailure, as_told
-from ..schemas.importing import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
 from ..schemas.jobs import JobState
 from ..schemas.text import one_line, quoted
 from .call import ToolCall

@@ -20,9 +20,9 @@ from ..engine.maps import (
     unpacked,
 )
 from ..engine.workspace import Artifact, Recipe
+from ..schemas.artifacts import ImportedItem
 from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnsafeInput, WorkerFailure
 from ..schemas.generation import MAP_FACTS_VERSION, ConvertMapRequest, MapFacts, ReadMapRequest
-from ..schemas.importing import ImportedItem
 from ..schemas.text import counted, one_line
 from .call import ToolCall
 from .extracts import KnownAs, extract_index, map_recipe, start_indexing, told_of

@@ -24,6 +24,7 @@ from ..schemas.artifacts import (
     ForeignExportRequest,
     RunTableRequest,
     SolutionRequest,
+    StepTableRequest,
     SuccessRates,
     SuccessRequest,
 )
@@ -97,6 +98,7 @@ WRITE_SOLUTION = Operation("plannerforge.engine.planners:write_solution", Soluti
 WRITE_RUN_TABLE = Operation(
     "plannerforge.engine.analysis:write_run_table", RunTableRequest, FileWritten, timeout_s=1800.0
 )
+WRITE_STEP_TABLE = Operation("plannerforge.engine.analysis:write_step_table", StepTableRequest, FileWritten)
 ANALYSE = Operation("plannerforge.engine.analysis:analyse", AnalyseRequest, AnalyzeResultsResult, timeout_s=50.0)
 SUCCESS_RATES = Operation("plannerforge.engine.analysis:success_rates", SuccessRequest, SuccessRates, timeout_s=50.0)
 REVIEW_RUNS = Operation("plannerforge.engine.analysis:review_runs", ReviewRequest, ReviewResponse, timeout_s=50.0)

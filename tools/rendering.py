@@ -31,6 +31,7 @@ from .call import Image, ImageAnswer, ToolCall
 from .configurations import resolve_configuration, store_configuration
 from .operations import RENDER, REPLAY_PLANS, WRITE_VIEW
 from .results import WORDS, choose_results, chosen_runs, config_weights, result_named, run_sources, scenario_sources
+from .runs import version_key
 
 FOLDER = "pictures"
 """The folder of the drawn pictures in the workspace."""
@@ -270,8 +271,9 @@ async def _replayed(record: RunRecord, scenario_path: str, steps_path: str, path
     Raises:
         PlannerForgeError: its planner or configuration is gone, or a worker failed.
     """
-    if planner_version(record.planner):
-        return Replayed(note="plans of planners of others are not shown")
+    driven_by = call.workspace.get(record.run_id, "run").recipe.versions.get(version_key(record.planner), "")
+    if planner_version(record.planner) != driven_by:
+        return Replayed(note=f"{record.planner} was edited since this run, so its plans are not shown")
     run = RunRequest(
         run_id=record.run_id,
         scenario_path=scenario_path,
@@ -281,6 +283,7 @@ async def _replayed(record: RunRecord, scenario_path: str, steps_path: str, path
         prediction=record.prediction,
         traffic=record.traffic,
         seed=record.seed,
+        planner_version=driven_by,
     )
     return await call.run(REPLAY_PLANS, ReplayRequest(run=run, steps_path=steps_path, path=str(path)))
 

@@ -51,6 +51,11 @@ GO_ON, DO_NOT = "go on", "do not"
 logger = logging.getLogger(__name__)
 
 
+def version_key(planner: str) -> str:
+    """What a recipe calls the version of a planner of others; a planner may be named as a package is."""
+    return f"planner {planner}"
+
+
 @dataclass(frozen=True)
 class Cell:
     """One run to make: ``problem_id`` None is the first planning problem."""
@@ -88,8 +93,8 @@ class Cell:
 
     @property
     def own_planner(self) -> str:
-        """What a recipe calls a planner of others; a planner may be named as a package is."""
-        return f"planner {self.configuration.planner}"
+        """What a recipe calls a planner of others."""
+        return version_key(self.configuration.planner)
 
 
 @dataclass(frozen=True)
@@ -181,6 +186,8 @@ async def _made(call: ToolCall, cell: Cell, recipe: Recipe, *, tell_client: bool
     response = await run(RUN_PLANNER, request)
     with call.workspace.scratch() as folder:
         files = {"steps.json": response.steps.model_dump_json(), "timing.json": response.timing.model_dump_json()}
+        if response.series is not None:
+            files["series.json"] = response.series.model_dump_json()
         if response.planner_log:
             files["planner.log"] = response.planner_log
         for name, content in files.items():

@@ -12,8 +12,8 @@ from anyio.streams.memory import MemoryObjectReceiveStream, MemoryObjectSendStre
 
 from ..engine.catalog import ReadFile, ScenarioIntake, net_beside, put_scenario
 from ..engine.workspace import Artifact, Recipe, content_digest
+from ..schemas.artifacts import ImportedItem
 from ..schemas.errors import PlannerForgeError, WorkerFailure, WorkerTimeout, as_told
-from ..schemas.importing import ImportedItem
 from ..schemas.scenarios import Origin, ReadFactsRequest, ScenarioFacts
 from ..schemas.vocabulary import CIRCUMSTANCES
 from .call import ToolCall

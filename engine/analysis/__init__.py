@@ -5,6 +5,7 @@
 ``Limit``: a bound on what runs show, or that they are not worse than a baseline.
 ``Judged``: the runs of a configuration that limits are judged on.
 ``parse_limit``: what the text of a limit says; refused where it says nothing.
+``write_step_table``: an operation: writes the steps of a run as a table, with its series and debug values.
 ``write_run_table``: an operation: writes the table of a batch, a row a run.
 ``Course``: a run over time: motions, gap to the nearest other, time to collision.
 ``course_of``: a run over time, or None without its steps.
@@ -18,6 +19,7 @@
 ``judged_by_rules``: what a drive makes of each traffic rule.
 ``RunSet``: a set of runs with their steps, configurations and scenarios.
 ``driven_tracks``: how the obstacles of reactive traffic moved in a run, by id.
+``read_series``: the series of a run beside its steps, or None if it was stored without them.
 ``read_steps``: the steps of a run, or None where none were kept.
 ``SignedRank``: result of the signed-rank test on differences after − before.
 ``mcnemar_exact``: two-sided p of the exact McNemar test on discordant pairs.
@@ -37,8 +39,8 @@ if TYPE_CHECKING:
     from .limits import Judged, Limit, parse_limit
     from .moments import Course, course_of, review_runs
     from .ruled_drive import RuledDrive
-    from .run_set import METRICS, MetricSpec, RunSet, cost_shares, driven_tracks, mean_terms, read_steps
-    from .run_table import write_run_table
+    from .run_set import METRICS, MetricSpec, RunSet, cost_shares, driven_tracks, mean_terms, read_series, read_steps
+    from .run_table import write_run_table, write_step_table
     from .statistics import SignedRank, mcnemar_exact, rate, signed_rank, success_rates, wilson_interval
     from .summary import analyse
     from .traffic_rules import judged_by_rules

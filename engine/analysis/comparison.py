@@ -2,13 +2,14 @@
 
 The scenario is the unit of all tests (``statistics.py``). Success is tested by McNemar's exact test or, where scenarios
 have several pairs, by flipping the signs of scenarios; each metric by Wilcoxon's signed-rank test on the means of
-scenarios; all p values of one comparison are adjusted by Holm. Of three and more sides all pairs of sides are tested as
-one family. The verdict states in words what these figures allow to say.
+scenarios. All p values of one answer are adjusted together (``_with_holm``), those between the sides of a ranking
+included, so that headline, table and ranking cannot contradict each other. The verdict states what happened, then what
+the tests allow to say of it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, islice
 from statistics import median
 from typing import Literal
 
@@ -18,6 +19,8 @@ from ...schemas.analysis.comparison import (
     Comparison,
     EditedPair,
     Flip,
+    HeadlineCode,
+    MetricsCode,
     MetricTest,
     PairedRun,
     RankedSide,
@@ -28,8 +31,9 @@ from ...schemas.analysis.comparison import (
     WeightChange,
 )
 from ...schemas.errors import InvalidRequest, NotPossible
-from ...schemas.results import ConfigWeights, MetricName, figure
+from ...schemas.results import ConfigWeights, MetricName
 from ...schemas.runs import Lineage, RunRecord
+from ...schemas.text import figure, measured, p_figure, p_in_words
 from ..execution import ProgressReporter
 from .moments import contact_of, review
 from .run_set import METRICS, MetricSpec, RunSet, reached_goal
@@ -41,6 +45,8 @@ _MARGIN = 0.10
 """Ten points of success (chosen): two planners that differ by less are alike for most purposes."""
 _EXPLAINED = 6
 """Flips whose collision is looked at (chosen): each reads its scenario, and an answer has 50 s."""
+_CHECKED = 8
+"""Runs that stand for a headline (chosen)."""
 _LISTED_EDITED = 10
 """Pairs by lineage whose edits the structured answer holds (chosen)."""
 _COST: MetricName = "mean_total_cost"
@@ -49,43 +55,60 @@ _Pairs = Sequence[tuple[RunRecord, RunRecord]]
 
 
 def compare(request: CompareRequest, report: ProgressReporter) -> CompareResultsResult:
-    """Compare every side with the first one.
+    """Compare every side with the first one, or the couples of sides that the request names.
 
     Raises:
         NotPossible: fewer than two sides, or not one pair in common.
         InvalidRequest: a side holds the same problem twice.
     """
-    if len(request.sides) < 2:
+    sides = request.sides
+    if len(sides) < 2:
         raise NotPossible(
-            f"'{request.sides[0].label if request.sides else 'nothing'}' has nothing to be compared with",
+            f"'{sides[0].label if sides else 'nothing'}' has nothing to be compared with",
             next_step="name two runs or batches, or one batch with several configurations",
         )
     runs = RunSet(request.runs, request.configs, request.scenarios, request.lineage)
     records = {record.run_id: record for record in runs.records}
-    baseline, *others = request.sides
-    comparisons = []
-    for number, other in enumerate(others):
-        comparisons.append(_compare(baseline, other, runs, records, request))
-        report((number + 1) / len(others), f"{other.label} against {baseline.label}")
+    couples = request.couples or tuple((0, place) for place in range(1, len(sides)))
+    drafts = []
+    for number, (first, second) in enumerate(couples):
+        drafts.append(_drafted(sides[first], sides[second], runs, records, request))
+        report((number + 1) / (len(couples) + 1), f"{sides[second].label} against {sides[first].label}")
+    lineages = {lineage.scenario_id: lineage for lineage in runs.lineage}
+    ranked = list(combinations(range(len(sides)), 2)) if len(sides) > 2 and not request.couples else []
+    others = {
+        couple: _success(_pair(sides[couple[0]], sides[couple[1]], records, lineages).pairs, runs)
+        for couple in ranked
+        if couple not in couples
+    }
+    adjusted = iter(_with_holm([*(test for one in drafts for test in (one.success, *one.metrics)), *others.values()]))
+    comparisons = [_finished(draft, adjusted, runs, request) for draft in drafts]
+    tests = {couple: one.success for couple, one in zip(couples, comparisons, strict=True)}
+    tests |= {couple: test for couple, test in zip(others, adjusted, strict=True) if isinstance(test, SuccessTest)}
+    report(1.0, "compared")
     return CompareResultsResult(
-        sides=request.sides,
+        sides=sides,
         comparisons=tuple(comparisons),
-        ranking=_ranking(request.sides, runs, records) if len(request.sides) > 2 else (),
-        notes=_notes(request),
+        ranking=_ranking(sides, runs, records, {couple: tests[couple] for couple in ranked}) if ranked else (),
+        notes=(*_notes(request), *_across_rules(request, records)),
     )
 
 
-def _ranking(sides: Sequence[Side], runs: RunSet, records: dict[str, RunRecord]) -> tuple[RankedSide, ...]:
-    """The sides by success, with ties: every side against every other, one family of tests (Holm 1979)."""
-    lineages = {lineage.scenario_id: lineage for lineage in runs.lineage}
-    couples = list(combinations(range(len(sides)), 2))
-    tests = [_success(_pair(sides[i], sides[j], records, lineages).pairs, runs) for i, j in couples]
-    tested = [(couple, test) for couple, test in zip(couples, tests, strict=True) if test.p is not None]
-    adjusted = holm([test.p for _, test in tested if test.p is not None])
+def _is_shown(test: "SuccessTest") -> bool:
+    """Whether success differs: by the exact test after Holm's adjustment, and by the interval."""
+    if test.p_holm is None or test.low is None or test.high is None:
+        return False
+    return test.p_holm < LEVEL and not test.low <= 0 <= test.high
+
+
+def _ranking(
+    sides: Sequence[Side], runs: RunSet, records: dict[str, RunRecord], tests: Mapping[tuple[int, int], SuccessTest]
+) -> tuple[RankedSide, ...]:
+    """The sides by success, with ties, by the adjusted tests of every side against every other."""
     worse: dict[int, list[int]] = {}
-    for ((first, second), test), p in zip(tested, adjusted, strict=True):
-        if p < LEVEL and test.difference:
-            loser, winner = (first, second) if test.difference > 0 else (second, first)
+    for (first, second), test in tests.items():
+        if _is_shown(test):
+            loser, winner = (first, second) if (test.difference or 0) > 0 else (second, first)
             worse.setdefault(loser, []).append(winner)
     ranked = [
         RankedSide(
@@ -99,24 +122,46 @@ def _ranking(sides: Sequence[Side], runs: RunSet, records: dict[str, RunRecord])
     return tuple(sorted(ranked, key=lambda side: (side.rank, -(side.success.share or 0.0))))
 
 
-def _compare(
-    before: Side, after: Side, runs: RunSet, records: dict[str, RunRecord], request: CompareRequest
-) -> Comparison:
-    lineages = {lineage.scenario_id: lineage for lineage in request.lineage}
-    pairing = _pair(before, after, records, lineages)
+@dataclass(frozen=True)
+class _Draft:
+    """A comparison whose tests are not adjusted yet: what is paired, and the tests of success and of each metric."""
+
+    sides: tuple[Side, Side]
+    pairing: "_Pairing"
+    success: SuccessTest
+    metrics: tuple[MetricTest, ...]
+
+
+def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunRecord], request: CompareRequest) -> _Draft:
+    """Pair two sides and test them.
+
+    Raises:
+        NotPossible: they have no problem in common.
+    """
+    pairing = _pair(before, after, records, {lineage.scenario_id: lineage for lineage in request.lineage})
     if not pairing.pairs and not pairing.invalid:
         raise NotPossible(
             f"{before.label} and {after.label} have no scenario and planning problem in common, nor versions of one",
             valid=[_conditions(side, records) for side in (before, after)],
             next_step="run both configurations on the same scenarios in one run_planner call, or analyze_results them",
         )
-    weights = _weight_changes(before.config_id, after.config_id, request.configs)
     incomparable = before.config_id != after.config_id or any(
         name.startswith("prediction") for name in pairing.differing
     )
     specs = [spec for spec in METRICS if _wanted(spec, request, incomparable=incomparable)]
-    tested = _success(pairing.pairs, runs)
-    success, metrics = _with_holm(tested, [_metric(spec, pairing.pairs, runs) for spec in specs])
+    metrics = tuple(_metric(spec, pairing.pairs, runs) for spec in specs)
+    return _Draft((before, after), pairing, _success(pairing.pairs, runs), metrics)
+
+
+def _finished(
+    draft: _Draft, adjusted: "Iterator[SuccessTest | MetricTest]", runs: RunSet, request: CompareRequest
+) -> Comparison:
+    """The comparison of a draft, whose adjusted tests come next."""
+    (before, after), pairing = draft.sides, draft.pairing
+    own = list(islice(adjusted, 1 + len(draft.metrics)))
+    (success,) = (test for test in own if isinstance(test, SuccessTest))
+    metrics = [_judged(test, pairing.pairs) for test in own if isinstance(test, MetricTest)]
+    lineages = {lineage.scenario_id: lineage for lineage in request.lineage}
     strata = _strata(pairing.pairs)
     edited = [pair for pair in pairing.pairs if pair[0].scenario_id != pair[1].scenario_id]
     to_success = [pair for pair in pairing.pairs if _mastered(pair) == (False, True)]
@@ -131,16 +176,53 @@ def _compare(
         to_success_count=len(to_success),
         to_failure=tuple(_flip(pair, runs, i) for i, pair in enumerate(to_failure[: request.limit])),
         to_failure_count=len(to_failure),
-        weights=weights,
-        conditions=pairing.differing,
+        weights=_weight_changes(before.config_id, after.config_id, request.configs),
+        conditions=(*pairing.differing, *_versions(before, after)),
         unpaired=pairing.unpaired,
         invalid_pairs=pairing.invalid,
         strata=strata,
+        headline_code=_headline_code(success, pairing.pairs, strata),
+        metrics_code=_metrics_code(metrics),
         verdict=_verdict(success, metrics, pairing.pairs, strata),
+        run_ids=_evidence([*to_success, *to_failure], metrics, pairing.pairs),
+        paired=_paired(before, after, pairing),
         edited=tuple(_edited(pair, lineages) for pair in edited[:_LISTED_EDITED]),
         edited_count=len(edited),
         single=_single(pairing.pairs[0], request) if len(pairing.pairs) == 1 else None,
     )
+
+
+def _versions(before: Side, after: Side) -> tuple[str, ...]:
+    """That another version of the same planner drove on either side; empty where that is not so or not known."""
+    versions = (before.planner_version, after.planner_version)
+    if (
+        "" in versions
+        or versions[0] == versions[1]
+        or before.config_name.split(":")[0] != after.config_name.split(":")[0]
+    ):
+        return ()
+    return (f"planner version: {versions[0]} → {versions[1]}",)
+
+
+def _paired(before: Side, after: Side, pairing: "_Pairing") -> str:
+    """What was paired with what, where the sides come from two results."""
+    if before.result_id == after.result_id:
+        return ""
+    versions = [f" {side.planner_version}" if side.planner_version else "" for side in (before, after)]
+    named = [
+        f"{side.config_name}{version} of {side.result_id}"
+        for side, version in zip((before, after), versions, strict=True)
+    ]
+    scenarios = len({pair[0].scenario_id for pair in pairing.pairs})
+    same = f"{len(pairing.pairs)} {'pair' if len(pairing.pairs) == 1 else 'pairs'} on {scenarios} common "
+    return f"{named[0]} (baseline) with {named[1]}: {same}{'scenario' if scenarios == 1 else 'scenarios'}"
+
+
+def _evidence(flipped: _Pairs, metrics: Sequence[MetricTest], pairs: _Pairs) -> tuple[str, ...]:
+    """Runs by which a headline can be checked: those that flipped, else the pairs that differ most, else the first."""
+    told = [pair for one in metrics if one.run_ids for pair in pairs if pair[0].run_id == one.run_ids[0]]
+    chosen = {pair[0].run_id: pair for pair in (flipped or told or pairs)}
+    return tuple(record.run_id for pair in list(chosen.values())[: _CHECKED // 2] for record in pair)
 
 
 def _cost(
@@ -169,6 +251,17 @@ def _notes(request: CompareRequest) -> tuple[str, ...]:
     return tuple(notes)
 
 
+def _across_rules(request: CompareRequest, records: dict[str, RunRecord]) -> tuple[str, ...]:
+    """What to bear in mind where the sides' runs were judged by different rules of success."""
+    rules = {side.label: sorted({records[run_id].success_rule for run_id in side.runs}) for side in request.sides}
+    if len({rule for named in rules.values() for rule in named}) < 2:
+        return ()
+    told = ", ".join(f"{label} by {' and '.join(named)}" for label, named in rules.items())
+    difference = "driven@1 counts a goal by any motion, accepted@2 only by one that CommonRoad's benchmark accepts"
+    again = "run the older side again before you compare rates"
+    return (f"judged by different rules of success: {told}; {difference}: {again}",)
+
+
 def _weight_changes(before: str, after: str, configs: Sequence[ConfigWeights]) -> tuple[WeightChange, ...]:
     """Weights and settings that differ between two configurations, by name; empty where one of them is unknown.
 
@@ -195,6 +288,7 @@ def _success(pairs: _Pairs, runs: RunSet) -> SuccessTest:
     return SuccessTest(
         pairs=len(pairs),
         scenarios=len(set(roots)),
+        differing=sum(mean != 0 for mean in cluster_means(zip(roots, flips, strict=True))),
         both=mastered.count((True, True)),
         only_before=only_before,
         only_after=only_after,
@@ -228,16 +322,11 @@ def _strata(pairs: _Pairs) -> tuple[Stratum, ...]:
 
 
 def _metric(spec: MetricSpec, pairs: _Pairs, runs: RunSet) -> MetricTest:
-    kept = [pair for pair in pairs if spec.basis == "valid" or _mastered(pair) == (True, True)]
+    kept = [pair for pair in pairs if _counts(spec, pair)]
     values = [(runs.root(pair[0]), spec.value(pair[0]), spec.value(pair[1])) for pair in kept]
     defined = [(root, first, second) for root, first, second in values if first is not None and second is not None]
     means = cluster_means((root, spec.difference(first, second)) for root, first, second in defined)
     test = signed_rank(means) if means else None
-    # A one-sided look at a shift that the interval does not separate from 0 would be a guess.
-    separated = test is not None and test.low is not None and test.high is not None and (test.low > 0 or test.high < 0)
-    better: Literal["before", "after"] | None = None
-    if separated and test is not None and spec.better is not None and abs(test.shift) > spec.tolerance:
-        better = "after" if (test.shift > 0) == (spec.better == "higher") else "before"
     return MetricTest(
         name=spec.name,
         unit=spec.unit,
@@ -252,7 +341,7 @@ def _metric(spec: MetricSpec, pairs: _Pairs, runs: RunSet) -> MetricTest:
         effect=test.effect if test else None,
         p=test.p if test and test.pairs >= FEWEST_PAIRS else None,
         p_holm=None,
-        better=better,
+        better=None,
         higher=sum(mean > 0 for mean in means),
         lower=sum(mean < 0 for mean in means),
         direction=_direction(spec, *defined[0][1:]) if len(pairs) == 1 and defined else None,
@@ -301,13 +390,63 @@ def _single(pair: tuple[RunRecord, RunRecord], request: CompareRequest) -> tuple
     return before, after
 
 
-def _with_holm(success: SuccessTest, metrics: list[MetricTest]) -> tuple[SuccessTest, list[MetricTest]]:
-    """Holm's adjustment over all tests of one comparison."""
-    tests: list[SuccessTest | MetricTest] = [success, *metrics]
-    tested = [test for test in tests if test.p is not None]
-    adjusted = iter(holm([test.p for test in tested if test.p is not None]))
-    done = [test.model_copy(update={"p_holm": next(adjusted)}) if test.p is not None else test for test in tests]
-    return done[0], done[1:]  # type: ignore[return-value]
+def _with_holm(tests: "Sequence[SuccessTest | MetricTest]") -> "list[SuccessTest | MetricTest]":
+    """The tests of one answer with Holm's adjustment within success and within the metrics.
+
+    These two families share the level evenly (Bonferroni), so that an answer with many metrics can still show a
+    difference in success, and states anything wrongly in at most 5 % of all answers in which nothing differs. A test
+    that cannot fall below 5 % whatever the signs of its differences are is not counted and keeps no adjusted p (Tarone
+    1990, "A modified Bonferroni method for discrete data").
+    """
+    families = [
+        [place for place, test in enumerate(tests) if isinstance(test, kind) and _can_show(test)]
+        for kind in (SuccessTest, MetricTest)
+    ]
+    share = sum(bool(family) for family in families)
+    done = list(tests)
+    for family in families:
+        adjusted = holm([p for place in family if (p := tests[place].p) is not None])
+        for place, p in zip(family, adjusted, strict=True):
+            done[place] = tests[place].model_copy(update={"p_holm": min(1.0, share * p)})
+    return done
+
+
+def _can_show(test: "SuccessTest | MetricTest") -> bool:
+    """Whether the test can be significant at all: enough scenarios differ."""
+    differing = test.differing if isinstance(test, SuccessTest) else test.higher + test.lower
+    return test.p is not None and differing >= FEWEST_PAIRS
+
+
+_SPECS = {spec.name: spec for spec in METRICS}
+
+
+def _judged(test: MetricTest, pairs: _Pairs) -> MetricTest:
+    """The test with the side that did better, and with the pair that differs most, where a difference is shown."""
+    if not _tells(test):
+        return test
+    spec, shift = _SPECS[test.name], test.shift or 0.0
+    better: Literal["before", "after"] | None = None
+    if spec.better is not None:
+        better = "after" if (shift > 0) == (spec.better == "higher") else "before"
+
+    def moved(pair: tuple[RunRecord, RunRecord]) -> float:
+        before, after = spec.value(pair[0]), spec.value(pair[1])
+        return 0.0 if before is None or after is None else (after - before) * (1 if shift > 0 else -1)
+
+    most = max((pair for pair in pairs if _counts(spec, pair)), key=moved)
+    return test.model_copy(update={"better": better, "run_ids": (most[0].run_id, most[1].run_id)})
+
+
+def _tells(test: MetricTest) -> bool:
+    """Whether a metric is shown to differ: beyond chance (Holm), by an interval without 0, beyond its resolution."""
+    if test.p_holm is None or test.low is None or test.high is None or test.shift is None:
+        return False
+    return test.p_holm < LEVEL and not test.low <= 0 <= test.high and abs(test.shift) > _SPECS[test.name].tolerance
+
+
+def _counts(spec: MetricSpec, pair: tuple[RunRecord, RunRecord]) -> bool:
+    """Whether a pair is one that the metric is compared on."""
+    return spec.basis == "valid" or _mastered(pair) == (True, True)
 
 
 def _wanted(spec: MetricSpec, request: CompareRequest, *, incomparable: bool) -> bool:
@@ -426,31 +565,57 @@ def _by_key(label: str, side: list[RunRecord], conditions: tuple[str, ...]) -> d
     return by_key
 
 
-def _verdict(success: SuccessTest, metrics: Sequence[MetricTest], pairs: _Pairs, strata: Sequence[Stratum]) -> str:
-    """Better, worse or no difference shown, in plain words: success first, then metrics that differ after Holm's."""
+def _headline_code(success: SuccessTest, pairs: _Pairs, strata: Sequence[Stratum]) -> HeadlineCode:
+    """The code of what the pairs say of success (``HeadlineCode``)."""
+    if not pairs:
+        return "no_valid_pair"
     if len(pairs) == 1:
-        return _about_one(pairs[0], metrics)
-    return " ".join([_about_success(success), *_about_strata(success, strata), *_about_metrics(success, metrics)])
+        before, after = _mastered(pairs[0])
+        return "one_pair_same" if before == after else "one_pair_better" if after else "one_pair_worse"
+    if _is_shown(success):
+        if _turned(success, strata):
+            return "mixed"
+        return "better" if (success.difference or 0) > 0 else "worse"
+    if success.only_before + success.only_after == 0:
+        return "tie"
+    if _is_alike(success):
+        return "alike"
+    return "flips_too_few" if success.differing < FEWEST_PAIRS else "no_difference_shown"
 
 
-def _about_one(pair: tuple[RunRecord, RunRecord], metrics: Sequence[MetricTest]) -> str:
-    """What one pair shows of itself."""
+def _is_alike(test: SuccessTest) -> bool:
+    """Whether the interval of the difference lies within the margin on either side of 0."""
+    return test.low is not None and test.high is not None and -_MARGIN <= test.low <= test.high <= _MARGIN
+
+
+def _metrics_code(metrics: Sequence[MetricTest]) -> MetricsCode:
+    """The code of what the metrics say that are shown to differ (``MetricsCode``)."""
+    if all(test.p is None for test in metrics):
+        return "untested"
+    telling = [test for test in metrics if _tells(test)]
+    sides = {test.better for test in telling} - {None}
+    if not sides:
+        return "changed" if telling else "none"
+    return "mixed" if len(sides) == 2 else "better" if "after" in sides else "worse"
+
+
+def _verdict(success: SuccessTest, metrics: Sequence[MetricTest], pairs: _Pairs, strata: Sequence[Stratum]) -> str:
+    """What happened and what the tests allow to say of it: success first, then metrics that are shown to differ."""
+    code = _headline_code(success, pairs, strata)
+    if code == "no_valid_pair":
+        return "No valid pair: nothing can be compared."
+    if len(pairs) == 1:
+        return _about_one(pairs[0])
+    return " ".join([_about_success(code, success), *_about_strata(success, strata), *_about_metrics(success, metrics)])
+
+
+def _about_one(pair: tuple[RunRecord, RunRecord]) -> str:
+    """What one pair shows of itself; which metrics moved stands below, as no test is behind it."""
     only = "one pair shows what happened here, nothing in general."
     mastered = _mastered(pair)
     if mastered[0] != mastered[1]:
-        return f"{'better' if mastered[1] else 'worse'}: {pair[0].outcome} → {pair[1].outcome}; {only}"
-    both = "both reach the goal" if mastered[1] else _both_fail(pair)
-    directions = {metric.direction for metric in metrics}
-    figures = " and ".join(
-        f"{word} in {_counted(sum(metric.direction == word for metric in metrics))}"
-        for word in ("better", "worse")
-        if word in directions
-    )
-    return f"same outcome: {both}; {figures or 'no metric better or worse'}; {only}"
-
-
-def _counted(metrics: int) -> str:
-    return f"{metrics} metric{'' if metrics == 1 else 's'}"
+        return f"{'better' if mastered[1] else 'worse'} here: {pair[0].outcome} → {pair[1].outcome}; {only}"
+    return f"same outcome: {'both reach the goal' if mastered[1] else _both_fail(pair)}; {only}"
 
 
 def _both_fail(pair: tuple[RunRecord, RunRecord]) -> str:
@@ -458,33 +623,46 @@ def _both_fail(pair: tuple[RunRecord, RunRecord]) -> str:
     return f"both end as {before}" if before == after else f"neither reaches the goal ({before} → {after})"
 
 
-def _about_success(test: SuccessTest) -> str:
-    if test.pairs == 0 or test.p is None or test.low is None or test.high is None:
-        return "No valid pair: nothing can be compared."
-    flips = test.only_before + test.only_after
-    counts = f"{test.only_after} flips to success, {test.only_before} to failure"
-    p = test.p if test.p_holm is None else test.p_holm
-    if p < LEVEL and not test.low <= 0 <= test.high:
-        side, word = ("after", "Better") if (test.difference or 0) > 0 else ("before", "Worse")
-        return f"{word}: '{side}' reaches the goal more often: {counts}."
-    if test.p < LEVEL <= p:
-        return f"No difference in success shown once all tests are counted ({counts}; p {figure(test.p)} alone)."
+def _about_success(code: HeadlineCode, test: SuccessTest) -> str:
+    """The flips, then what the exact test makes of them."""
+    fact = _flipped(test)
+    if code in ("better", "worse", "mixed"):
+        side = "after" if (test.difference or 0) > 0 else "before"
+        return f"{code.capitalize()}: {fact}; '{side}' reaches the goal more often."
+    if _is_alike(test):
+        return f"{fact}; the success rates differ by less than {100 * _MARGIN:.0f} points (95 %)."
     if test.scenarios < FEWEST_PAIRS:
-        same = "none flipped" if flips == 0 else f"{flips} flipped"
-        needed = f"at least {FEWEST_PAIRS} differing pairs are needed"
-        return f"No difference shown: {test.pairs} pairs, {same}: no test can be significant ({needed})."
-    if test.needed is None:
-        alike = f"they differ by less than {100 * _MARGIN:.0f} points (95 %)"
-        return f"No difference in success: {f'none of {test.pairs} pairs flipped' if flips == 0 else counts}; {alike}."
-    more = f"about {test.needed} scenarios would show {100 * _MARGIN:.0f} points"
-    seen = f"none of {test.pairs} pairs flipped" if flips == 0 else counts
-    return f"No difference in success shown ({seen}); {more}."
+        return f"{fact}; too few {'pairs' if test.scenarios == test.pairs else 'scenarios'} for a test."
+    if code == "flips_too_few":
+        return f"{fact}; too few flips for a test, which needs {FEWEST_PAIRS} scenarios that differ."
+    enough = f"about {test.needed} scenarios would show {100 * _MARGIN:.0f} points"
+    if code == "tie":
+        return f"{fact}; {enough}."
+    if test.p is not None and test.p < LEVEL:
+        alone = f"{p_in_words(test.p)} alone, {p_figure(test.p_holm)} once all tests are counted"
+        return f"{fact}; that is not shown to be more than chance ({alone})."
+    return f"{fact}; chance alone does as much ({p_in_words(test.p)}); {enough}."
+
+
+def _flipped(test: SuccessTest) -> str:
+    """``3 of 4 pairs flipped to success, 1 to failure``, or that none did."""
+    if test.only_after == test.only_before == 0:
+        return f"None of {test.pairs} pairs flipped"
+    if test.only_after == 0:
+        return f"{test.only_before} of {test.pairs} pairs flipped to failure"
+    back = f", {test.only_before} to failure" if test.only_before else ""
+    return f"{test.only_after} of {test.pairs} pairs flipped to success{back}"
+
+
+def _turned(test: SuccessTest, strata: Sequence[Stratum]) -> list[str]:
+    """The strata in which the difference has the other sign."""
+    whole = test.difference or 0.0
+    return [stratum.name for stratum in strata if stratum.difference * whole < 0]
 
 
 def _about_strata(test: SuccessTest, strata: Sequence[Stratum]) -> list[str]:
     """That the difference turns round in some of the strata."""
-    whole = test.difference or 0.0
-    turned = [stratum.name for stratum in strata if stratum.difference * whole < 0]
+    turned = _turned(test, strata)
     apart = {stratum.difference > 0 for stratum in strata if stratum.difference}
     if turned:
         return [f"The sign turns under {', '.join(turned)}: the difference is one of the mixture."]
@@ -492,14 +670,16 @@ def _about_strata(test: SuccessTest, strata: Sequence[Stratum]) -> list[str]:
 
 
 def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[str]:
-    least = {spec.name: spec.tolerance for spec in METRICS}
-    differing = [test for test in metrics if test.p_holm is not None and test.p_holm < LEVEL]
-    telling = [test for test in differing if abs(test.shift or 0) > least[test.name]]
+    """The metrics that are shown to differ, with who did better; those that differ in some scenarios only apart."""
+    telling = [test for test in metrics if _tells(test)]
+    sides = {"after": ", better", "before": ", worse", None: ""}
     words = [
-        f"{test.name} {'rises' if (test.shift or 0) > 0 else 'falls'} by {abs(test.shift or 0):.3g} {test.unit}"
+        f"{test.name} {'rises' if (test.shift or 0) > 0 else 'falls'} by {measured(abs(test.shift or 0))}"
+        f"{'' if test.unit == '1' else f' {test.unit}'}{sides[test.better]}"
         for test in telling
     ]
     told = [f"Differs after Holm's adjustment: {'; '.join(words)}."] if words else []
+    differing = [test for test in metrics if test.p_holm is not None and test.p_holm < LEVEL]
     few = [f"{test.name} (in {test.higher} higher, in {test.lower} lower)" for test in differing if test not in telling]
     if few:
         told.append(f"In some scenarios only, the middle one is alike: {'; '.join(few)}.")

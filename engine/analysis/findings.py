@@ -11,6 +11,7 @@ from statistics import median
 
 from ...schemas.results import Finding, Suggestion
 from ...schemas.runs import Contact, Encounter, RunRecord, RunReview
+from ...schemas.text import p_figure
 from .moments import FROM_BEHIND, contact_of, held_up_share, review
 from .reach import cannot_be_reached
 from .run_set import RunSet, mean_terms, reached_goal, share_of
@@ -441,7 +442,7 @@ def _harder_group(evidence: Evidence) -> Iterator[Finding]:
             name="harder_group",
             statement=(
                 f"Scenarios {name} are harder: goal in {inside[0]} of {inside[1]}, of the others in {outside[0]} of "
-                f"{outside[1]} (Fisher's exact test, Holm p {p:.2g})."
+                f"{outside[1]} (Fisher's exact test, Holm p {p_figure(p)})."
             ),
             run_ids=_ids(record for record in runs.failures if runs.root(record) in members),
             alternatives="what comes with it, such as density or road: see the correlations with these held fixed",

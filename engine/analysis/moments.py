@@ -5,13 +5,15 @@ driven steps and the tracks of the others only.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest
+from ...schemas.errors import InvalidRequest, UnknownName
 from ...schemas.grammar import Interval
 from ...schemas.results import TimelineStep
 from ...schemas.runs import (
@@ -34,12 +36,14 @@ from ..commonroad import Track, kept_recording, static_tracks
 from ..criticality import ahead_of, encounters, gaps_m, times_to_collision_s
 from ..execution import ProgressReporter
 from ..geometry import Points, Values, oriented_rectangle, wrap_angle, wrap_angles
-from ..planners import Predictor, predictor
+from ..planners import Predictor, lane_line, predictor
+from ..vehicles import VehicleParameters, vehicle_classes
 from .prevention import Surroundings, prevention_of
 from .run_set import RunSet, driven_tracks
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
+    from shapely.geometry.base import BaseGeometry
 
 _MOMENTS, _LAST_S = 10, 3.0
 """Entries of a timeline and the span that they cover (chosen): a collision is decided in its last seconds."""
@@ -110,7 +114,18 @@ def _drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Drive":
     if path is None:
         return _Drive(record, steps, tracks_in(runs, record, steps))
     network = kept_recording(path).loaded.scenario.lanelet_network
-    return _Drive(record, steps, tracks_in(runs, record, steps), predictor(record.prediction, network), network)
+    lane = partial(_lane_in, path, record, runs.vehicle(record))
+    return _Drive(record, steps, tracks_in(runs, record, steps), predictor(record.prediction, network), network, lane)
+
+
+def _lane_in(path: Path, record: RunRecord, vehicle: VehicleParameters) -> Points | None:
+    """The line that keeps to the ego's lane and route; None where no route is known."""
+    loaded = kept_recording(path).loaded
+    try:
+        problem = loaded.problem(record.problem_id)
+    except UnknownName:  # the file was put in the place of the one that was run
+        return None
+    return lane_line(loaded.scenario, problem, vehicle)
 
 
 @dataclass(frozen=True)
@@ -166,8 +181,10 @@ class _Drive:
         tracks: dict[int, Track],
         predict: Predictor | None = None,
         network: "LaneletNetwork | None" = None,
+        lane: "Callable[[], Points | None] | None" = None,
     ) -> None:
         self._record, self._tracks, self._predict, self._network = record, tracks, predict, network
+        self._lane = lane or (lambda: None)
         self._ego = ego_track(record, steps)
         turn = wrap_angles(np.diff(self._ego.headings_rad))
         self.motion = _Motion(
@@ -260,7 +277,7 @@ class _Drive:
         met = other.index_at(hit.step)
         met = at if met is None else met
         velocities = [_velocity(self._ego, reached), _velocity(other, met)]
-        around = None if kind in FROM_BEHIND else self._surroundings(other)
+        around = self._surroundings(other, evades=kind not in FROM_BEHIND)
         prevention = prevention_of(self._ego, other, hit.step, self._record.step_s, around)
         predicted = self._predicted_gap_m(other, hit.step, reached)
         return Contact(
@@ -283,19 +300,27 @@ class _Drive:
         )
 
     def _laid_to(self, kind: ContactKind, prevention: Prevention | None, predicted_m: float | None) -> LaidTo | None:
-        """What the collision is laid to, the first that holds: the recording, nothing, prediction, planning."""
+        """What the collision is laid to, the first that holds: the recording, nothing, prediction, planning.
+
+        Nothing: neither UN R157's careful driver nor its fuzzy one prevents it from both starts.
+        """
         if kind in FROM_BEHIND and self._record.traffic == "recorded":
             return "recording"
         if prevention is None:
             return None
-        if not prevention.possible:
+        if not prevention.attributable:
             return "neither"
         if self._record.prediction == "ground_truth":
             return "planning"
         return None if predicted_m is None else "prediction" if predicted_m > 0 else "planning"
 
-    def _surroundings(self, other: Track) -> Surroundings | None:
-        """What an evading ego has to keep clear of; None without the road."""
+    def _surroundings(self, other: Track, *, evades: bool) -> Surroundings:
+        """What is around the encounter with another; the road only if the ego may evade and the road is known."""
+        others = [track for track in self._tracks.values() if track is not other]
+        return Surroundings(others, self._road() if evades else None, self._lane())
+
+    def _road(self) -> "BaseGeometry | None":
+        """What an evading ego must not leave; None without the road network."""
         import shapely
 
         if self._network is None:
@@ -305,7 +330,7 @@ class _Drive:
         road = shapely.union_all([shapely.make_valid(part) for part in parts if part.intersects(near)])
         road = road.buffer(_CLOSED_GAP_M, join_style="mitre")
         shapely.prepare(road)
-        return Surroundings([track for track in self._tracks.values() if track is not other], road)
+        return road
 
     def _predicted_gap_m(self, other: Track, hit_step: int, reached: int) -> float | None:
         """How far apart both bodies would be at the collision, had the other moved as predicted a second before."""
@@ -401,7 +426,7 @@ def ego_track(record: RunRecord, steps: RunSteps) -> Track:
     """The driven states as a track with the ego's size; its id is of no obstacle."""
     return Track(
         obstacle_id=-1,
-        kind="car",
+        kind=vehicle_classes()[record.ego_class].commonroad_type,
         length_m=record.ego_length_m,
         width_m=record.ego_width_m,
         first_step=steps.first_step,

@@ -16,7 +16,7 @@ from ...schemas.errors import ResourceFailure
 from ...schemas.measures import MEASURES, Basis
 from ...schemas.planning import PlannerSettings
 from ...schemas.results import ConfigWeights, CostShare, MetricName, Rate
-from ...schemas.runs import Lineage, RunRecord, RunSource, RunSteps, ScenarioSource
+from ...schemas.runs import Lineage, RunRecord, RunSeries, RunSource, RunSteps, ScenarioSource
 from ..commonroad import Track
 from ..vehicles import VehicleParameters, vehicle_of
 from .statistics import rate_by_scenario
@@ -111,7 +111,7 @@ class RunSet:
     def vehicle(self, record: RunRecord) -> VehicleParameters:
         """The ego's vehicle, by its configuration where that is known; CommonRoad's vehicle 2 elsewhere."""
         settings = next((config.settings for config in self.configs if config.config_id == record.config_id), {})
-        vehicle = vehicle_of(PlannerSettings.model_validate(settings))
+        vehicle = vehicle_of(PlannerSettings.model_validate(settings), record.ego_class)
         return replace(vehicle, length_m=record.ego_length_m, width_m=record.ego_width_m)
 
     def by_config(self, records: Iterable[RunRecord]) -> dict[str, list[RunRecord]]:
@@ -136,6 +136,23 @@ def read_steps(source: RunSource) -> RunSteps | None:
         raise ResourceFailure(f"The steps of {source.record.run_id} cannot be read: {error.strerror}") from error
     except ValueError as error:
         raise ResourceFailure(f"The steps of {source.record.run_id} are damaged", next_step="run it again") from error
+
+
+def read_series(source: RunSource) -> RunSeries | None:
+    """The series of a run, which lie beside its steps; None for a run that was stored without them.
+
+    Raises:
+        ResourceFailure: the file is there but cannot be read.
+    """
+    path = None if source.steps_path is None else Path(source.steps_path).with_name("series.json")
+    if path is None or not path.is_file():
+        return None
+    try:
+        return RunSeries.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise ResourceFailure(f"The series of {source.record.run_id} cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise ResourceFailure(f"The series of {source.record.run_id} are damaged", next_step="run it again") from error
 
 
 def driven_tracks(steps: RunSteps) -> dict[int, Track]:

@@ -1,7 +1,10 @@
-"""The runs of a batch as a table: CSV for people, Parquet for notebooks.
+"""The runs of a batch, or the steps of a run, as a table: CSV for people, Parquet for notebooks.
 
 One row a cell: what is stored of a run, its measures, weights and settings. A cell without a run has the outcome
 ``lost`` and the error as its reason, so that nothing is missing from the table without being said.
+
+The table of a run has one row for each driven state. What belongs to a planning step (cost terms, rejections, desired
+speed, debug values) stands in the row of that step and is empty in the others.
 """
 
 import csv
@@ -12,14 +15,16 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from ...schemas.artifacts import FileWritten, RunTableRequest
+from ...schemas.artifacts import FileWritten, RunTableRequest, StepTableRequest
+from ...schemas.errors import NotPossible
 from ...schemas.measures import MEASURES
 from ...schemas.planning import PlannerConfiguration, PlannerSettings
 from ...schemas.results import ConfigWeights
-from ...schemas.runs import CollisionRecord, LostCell, RunMetrics, RunRecord, RunSource
+from ...schemas.runs import CollisionRecord, LostCell, RunMetrics, RunRecord, RunSeries, RunSource, RunSteps
+from ...schemas.text import one_line
 from ..execution import ProgressReporter
 from .measures import measures_of
-from .run_set import RunSet
+from .run_set import RunSet, read_series, read_steps
 
 Value = str | int | float | None
 _MEASURED = tuple(f"measure_{one.name}" for one in MEASURES if not one.stored)
@@ -40,6 +45,70 @@ def write_run_table(request: RunTableRequest, report: ProgressReporter) -> FileW
         _write_parquet(rows, kinds, target)
     report(1.0, f"{len(rows)} rows written")
     return FileWritten(path=request.target_path)
+
+
+def write_step_table(request: StepTableRequest, report: ProgressReporter) -> FileWritten:
+    """Write the steps of a run, with its series and debug values, to the request's path.
+
+    Raises:
+        NotPossible: the run has no driven states.
+        ResourceFailure: its steps cannot be read.
+    """
+    source = RunSource(record=request.record, steps_path=request.steps_path)
+    steps, series = read_steps(source), read_series(source) or RunSeries()
+    if steps is None or not steps.x_m:
+        raise NotPossible(f"{request.record.run_id} has no driven states", valid=["a run that was attempted"])
+    columns = _state_columns(steps, series, request.record.step_s) | _planned_columns(steps, series)
+    rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    target = Path(request.target_path)
+    if request.form == "csv":
+        _write_csv(rows, list(columns), target)
+    else:
+        kinds = {name: _kind_of(values) for name, values in columns.items()}
+        _write_parquet(rows, kinds, target)
+    report(1.0, f"{len(rows)} rows written")
+    return FileWritten(path=request.target_path)
+
+
+Column = Sequence[Value]
+
+
+def _state_columns(steps: RunSteps, series: RunSeries, step_s: float) -> dict[str, Column]:
+    """One value for each driven state; columns of series that were not kept are empty."""
+    count = len(steps.x_m)
+    named: dict[str, Column] = {
+        "step": [steps.first_step + index for index in range(count)],
+        "time_s": [round(index * step_s, 9) for index in range(count)],
+        **{name: getattr(steps, name) for name in ("x_m", "y_m", "heading_rad", "speed_mps", "acceleration_mps2")},
+        **{name: getattr(series, name) for name in ("lateral_offset_m", "heading_error_rad", "steering_rad")},
+    }
+    return {name: values if len(values) == count else [None] * count for name, values in named.items()}
+
+
+def _planned_columns(steps: RunSteps, series: RunSeries) -> dict[str, Column]:
+    """One value for each driven state at which was planned."""
+    rows = [step - steps.first_step for step in steps.plan_steps]
+    planned: dict[str, Column] = {
+        "desired_speed_mps": series.desired_speed_mps,
+        "desired_speed_reason": series.desired_speed_reasons,
+        **{f"cost {name}": values for name, values in steps.costs.items()},
+        **{f"rejected {name}": values for name, values in steps.rejected.items()},
+        **{f"debug {name}": values for name, values in series.numbers.items()},
+        **{f"debug text {name}": values for name, values in series.texts.items()},
+    }
+
+    def spread(values: Column) -> list[Value]:
+        column: list[Value] = [None] * len(steps.x_m)
+        for row, value in zip(rows, values, strict=False):  # the last attempt, which gave no plan, has no row
+            column[row] = value
+        return column
+
+    return {one_line(name): spread(values) for name, values in planned.items()}
+
+
+def _kind_of(values: Column) -> type:
+    """The type of a column's values; of a column without any, a number."""
+    return next((type(value) for value in values if value is not None), float)
 
 
 def _measured(request: RunTableRequest) -> Iterator[dict[str, Value]]:

@@ -20,10 +20,11 @@ from ...schemas.results import (
     InvalidItem,
     MetricSummary,
     OutcomeShare,
+    Rate,
     RunRow,
     UndefinedMetric,
 )
-from ...schemas.runs import Encounter, Outcome, RunRecord, RunReview
+from ...schemas.runs import AT_GOAL, Encounter, Outcome, RunRecord, RunReview
 from ..commonroad import parse_benchmark_id
 from ..execution import ProgressReporter, silent
 from .causes import beyond_vehicle, collision_causes, trivial_goals
@@ -82,6 +83,7 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         runs=len(runs.sources),
         detail=detail,
         success=runs.rate(runs.valid),
+        by_any_motion=_by_any_motion(runs),
         outcomes=_outcome_shares(runs),
         invalid=tuple(
             InvalidItem(run_id=record.run_id, scenario_id=record.scenario_id, reason=record.reason)
@@ -169,6 +171,8 @@ def _notes(
         )
     if request.where:
         notes.append(f"{len(runs.sources)} of {len(request.runs)} runs meet {' and '.join(request.where)}")
+    if older := sum(record.success_rule == "driven@1" for record in runs.valid):
+        notes.append(f"{older} of {len(runs.valid)} valid runs are judged by {_OLD_RULE}")
     if correlation and request.detail == "findings" and len(runs.sources) > 1:
         notes.append(correlation)
     if request.detail == "summary" and finding_count > _SUMMARY_FINDINGS:
@@ -190,6 +194,12 @@ def _notes(
     if without:
         notes.append(f"{without} runs have no recorded steps and are in no cost figure")
     return tuple(notes)
+
+
+def _by_any_motion(runs: RunSet) -> Rate | None:
+    """The rate of goals by the paper's rule; None where no motion to the goal was refused."""
+    refused = any(record.outcome == "goal_refused" for record in runs.valid)
+    return runs.rate(runs.valid, lambda record: record.outcome in AT_GOAL) if refused else None
 
 
 def _outcome_shares(runs: RunSet) -> tuple[OutcomeShare, ...]:
@@ -259,6 +269,7 @@ def _group(runs: RunSet, name: str, records: list[RunRecord]) -> Group:
     )
 
 
+_OLD_RULE = "driven@1, a rule of versions before: a goal counts by whatever motion"
 _BINS = ((0, 0), (1, 4), (5, 9), (10, 19), (20, 49), (50, 10**6))
 """First and last number of obstacles of each group (chosen: about twice as many from one to the next)."""
 

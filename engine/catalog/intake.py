@@ -13,8 +13,8 @@ from pathlib import Path
 
 import anyio
 
+from ...schemas.artifacts import ImportedItem
 from ...schemas.errors import NotPossible, PlannerForgeError, as_told
-from ...schemas.importing import ImportedItem
 from ...schemas.scenarios import Origin, ScenarioFacts, ScenarioRecord
 from ...schemas.text import one_line, quoted
 from ..commonroad import derived_benchmark_id, follows_naming

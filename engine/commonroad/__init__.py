@@ -27,6 +27,7 @@
 ``static_tracks``: Static obstacles as tracks that stand still, by id in ascending order.
 ``size_of``: Length and width in metres of a CommonRoad shape.
 ``SPEED_LIMITS``: Numbers of the signs for a speed limit or the beginning of a zone with one, of all countries.
+``ego_class_instruction``: The processing instruction that says, in a planning problem, what the ego is.
 ``has_light``: Whether one of these lanelets refers to a traffic light of the file.
 ``is_known_number``: Whether CommonRoad's reader knows a sign's number in a country.
 ``limits_kmh``: Posted speed limits in km/h, ascending, rounded to 0.1.
@@ -45,7 +46,7 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .benchmark_id import derived_benchmark_id, follows_naming, parse_benchmark_id
-    from .document import ScenarioDocument, schema_errors
+    from .document import ScenarioDocument, ego_class_instruction, schema_errors
     from .reader import (
         LoadedScenario,
         RecordedScenario,

@@ -5,8 +5,13 @@ copied. Formats: CommonRoad XML 2018b (``<obstacle>`` with ``<role>``) and 2020a
 
 Nearly all of a large file are states, and an edit leaves nearly all of them as they are. So a file is split into its
 moving obstacles, each the bytes that it takes up, and the rest. Only files are split where bytes tell what a parser
-would find: in UTF-8, without comments, CDATA sections, processing instructions, document types, namespaces and
-carriage returns.
+would find: in UTF-8, without comments, CDATA sections, processing instructions (but for the one below), document types,
+namespaces and carriage returns.
+
+What class of vehicle the ego is, CommonRoad's format cannot say. A processing instruction in the planning problem does,
+``<?plannerforge ego-class="truck"?>``: XML has these for what concerns one program, the schema does not see them, and
+every other reader passes over them. A file without one has a car. commonroad-io's writer, which makes a file anew from
+its objects, leaves it out.
 """
 
 import re
@@ -27,6 +32,10 @@ _DECLARED_UTF8 = re.compile(rb"(\xef\xbb\xbf)?<\?xml version=[\"']1\.0[\"']( enc
 _NOT_PLAIN = (b"<!", b"\r", b"xmlns", _CHUNK.encode())
 _BEGIN = re.compile(rb"<(dynamicObstacle|obstacle)((?:\s+[\w.-]+\s*=\s*(?:\"[^\"<>]*\"|'[^'<>]*'))+)\s*>")
 _ATTRIBUTE = re.compile(rb"\s+([\w.-]+)\s*=\s*(?:\"([^\"<>]*)\"|'([^'<>]*)')")
+_INSTRUCTION = "plannerforge"
+"""The target of our processing instruction."""
+_EGO_CLASS = re.compile(r'ego-class="([a-z_]{1,30})"')
+_EGO_CLASS_BYTES = re.compile(rb'<\?plannerforge ego-class="[a-z_]{1,30}"\?>')
 _AN_ID = re.compile(rb"id\s*=")
 _PLAIN_ID = re.compile(rb"[^\"'<>&]*")
 _STAND_IN = re.compile(rb"<(?:dynamicObstacle|obstacle) id=\"[^\"]*\" chunk=\"(\d+)\"/>")
@@ -49,6 +58,27 @@ def moving_obstacle(root: "etree._Element") -> str:
     return "obstacle" if is_2018b(root) else "dynamicObstacle"
 
 
+def ego_classes_of(root: "etree._Element") -> dict[int, str]:
+    """What the egos of a document are, by the id of their planning problem; those that are cars are left out."""
+    found: dict[int, str] = {}
+    for problem in root.iterchildren("planningProblem"):
+        words = [match[1] for each in _instructions(problem) if (match := _EGO_CLASS.fullmatch(each.text or ""))]
+        if words and _id_of(problem) is not None:
+            found[int(problem.get("id", "0"))] = words[0]
+    return {key: word for key, word in found.items() if word != "car"}
+
+
+def ego_class_instruction(vehicle_class: str) -> "etree._ProcessingInstruction":
+    """The processing instruction that says what the ego is."""
+    return etree.ProcessingInstruction(_INSTRUCTION, f'ego-class="{vehicle_class}"')
+
+
+def _instructions(problem: "etree._Element") -> list["etree._ProcessingInstruction"]:
+    return [
+        child for child in problem if isinstance(child, etree._ProcessingInstruction) and child.target == _INSTRUCTION
+    ]
+
+
 @dataclass(frozen=True)
 class SplitDocument:
     """``chunks``: moving obstacles in the order of the file; ``rest``: the file with a stand-in for each of them.
@@ -62,7 +92,9 @@ class SplitDocument:
     @classmethod
     def of(cls, content: bytes) -> "SplitDocument | None":
         """Split a file; None for one whose bytes may mean something else."""
-        if not is_declared_utf8(content) or content.count(b"<?") != 1 or any(mark in content for mark in _NOT_PLAIN):
+        if not is_declared_utf8(content) or any(mark in content for mark in _NOT_PLAIN):
+            return None
+        if content.count(b"<?") != 1 + len(_EGO_CLASS_BYTES.findall(content)):
             return None
         chunks: list[bytes] = []
         rest: list[bytes] = []
@@ -163,6 +195,16 @@ class ScenarioDocument:
             if _id_of(element) == problem_id:
                 return element
         raise ResourceFailure(f"the file holds no planning problem {problem_id}")
+
+    def set_ego_class(self, problem_id: int, vehicle_class: str) -> None:
+        """Say what the ego of a planning problem is; of a car nothing is said."""
+        problem = self.problem(problem_id)
+        for old in _instructions(problem):
+            problem.remove(old)
+        if vehicle_class != "car":
+            made = ego_class_instruction(vehicle_class)
+            made.tail = problem.text
+            problem.insert(0, made)
 
     def remove(self, element: "etree._Element") -> None:
         """Take an element of the first level out, with the white space that follows it."""

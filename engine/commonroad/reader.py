@@ -30,7 +30,8 @@ from lxml import etree
 
 from ...schemas.errors import UnknownName, UnsafeInput
 from ...schemas.text import quoted
-from .document import SplitDocument, is_declared_utf8, moving_obstacle
+from ...schemas.vocabulary import EGO_CLASSES
+from .document import SplitDocument, ego_classes_of, is_declared_utf8, moving_obstacle
 from .lanelet_networks import scenario_of
 from .plain_states import PlainStates, cut_states, put_states, take_plain_states, take_states
 from .recordings import FOLDER_VARIABLE, Recording, RecordingStore
@@ -68,7 +69,7 @@ class LoadedScenario:
     """A CommonRoad scenario in memory, with its planning problems and the file it came from.
 
     ``plain_states``: by obstacle id, the states after the initial one of those that were read as arrays: points and
-    exact headings.
+    exact headings. ``ego_classes``: by planning problem, what the ego is where that is no car.
     """
 
     scenario: "Scenario"
@@ -76,6 +77,11 @@ class LoadedScenario:
     path: Path
     declared_id: str = ""
     plain_states: Mapping[int, PlainStates] = field(default_factory=dict)
+    ego_classes: Mapping[int, str] = field(default_factory=dict)
+
+    def ego_class(self, problem_id: int) -> str:
+        """What the ego of a planning problem is, as the file says it; a car where it does not."""
+        return self.ego_classes.get(problem_id, "car")
 
     @cached_property
     def tracks(self) -> dict[int, Track]:
@@ -138,8 +144,8 @@ def read_scenario(path: Path, limits: XmlLimits | None = None) -> LoadedScenario
         UnsafeInput: the file is hostile, broken, not a CommonRoad file, has no lanelets or an id twice, or a
             number is beyond its limits.
     """
-    root, states = _road_document(path, limits)
-    loaded = _open(path, root, states)
+    loaded = _open(path, *_road_document(path, limits))
+    states = loaded.plain_states
     put_states(loaded.scenario, states)
     return loaded
 
@@ -151,8 +157,7 @@ def read_recorded(path: Path, limits: XmlLimits | None = None) -> RecordedScenar
         UnsafeInput: the file is hostile, broken, not a CommonRoad file, has no lanelets or an id twice, or a
             number is beyond its limits.
     """
-    root, states = _road_document(path, limits)
-    recorded = RecordedScenario(_open(path, root, states))
+    recorded = RecordedScenario(_open(path, *_road_document(path, limits)))
     _ = recorded.tracks  # which refuses a state without a position
     return recorded
 
@@ -207,14 +212,23 @@ def _parsed(content: _Content) -> RecordedScenario:
     found = None if store is None else store.find(content.digest)
     if found is not None:
         return RecordedScenario(
-            LoadedScenario(found.scenario, found.planning_problems, content.path, found.declared_id, found.plain_states)
+            LoadedScenario(
+                found.scenario,
+                found.planning_problems,
+                content.path,
+                found.declared_id,
+                found.plain_states,
+                found.ego_classes,
+            )
         )
     read = read_recorded(content.path, content.limits)
     if store is not None and content.keep:
         loaded = read.loaded
         store.put(
             content.digest,
-            Recording(loaded.scenario, loaded.planning_problems, loaded.declared_id, loaded.plain_states),
+            Recording(
+                loaded.scenario, loaded.planning_problems, loaded.declared_id, loaded.plain_states, loaded.ego_classes
+            ),
         )
     return read
 
@@ -226,13 +240,18 @@ def _recordings() -> RecordingStore | None:
     return RecordingStore(Path(folder)) if folder else None
 
 
-def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[int, PlainStates]]:
-    """The checked document, and the states that were taken out of it.
+def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[int, PlainStates], dict[int, str]]:
+    """The checked document, the states that were taken out of it, and what its egos are.
 
     commonroad-io fails on a scenario without lanelets, and its error does not say why.
     """
     content, limits = _small_content(path), limits or XmlLimits()
-    whole, states = _split_document(content, limits) or (_parsed_document(path, content, limits), None)
+    whole, states = _split_document(content, limits) or (
+        _parsed_document(path, content, limits, keeps_instructions=True),
+        None,
+    )
+    ego_classes = _known_ego_classes(path, ego_classes_of(whole))
+    etree.strip_elements(whole, etree.ProcessingInstruction, with_tail=False)
     refuse_another_root(path, str(whole.tag))
     if whole.find("lanelet") is None:
         raise UnsafeInput(
@@ -242,7 +261,19 @@ def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[
     states = take_plain_states(whole) if states is None else states
     root = fromstring(etree.tostring(whole))  # noqa: S314 - serialised just now
     _check(path, root, limits, states)
-    return root, states
+    return root, states, ego_classes
+
+
+def _known_ego_classes(path: Path, found: dict[int, str]) -> dict[int, str]:
+    """The classes of a file's egos, all of which there are."""
+    for word in found.values():
+        if word not in EGO_CLASSES:
+            raise UnsafeInput(
+                f"{quoted(path.name)} says that its ego is a {quoted(word)}, which no ego can be here",
+                valid=EGO_CLASSES,
+                next_step="name one of these in the file's <?plannerforge ego-class=…?>, or take that out: a car then",
+            )
+    return found
 
 
 def _split_document(content: bytes, limits: XmlLimits) -> "tuple[etree._Element, dict[int, PlainStates]] | None":
@@ -261,7 +292,7 @@ def _split_document(content: bytes, limits: XmlLimits) -> "tuple[etree._Element,
         return read.left
 
     try:
-        whole = etree.fromstring(split.with_chunks(split.rest, taken_from), _parser())
+        whole = etree.fromstring(split.with_chunks(split.rest, taken_from), _parser(keeps_instructions=True))
     except (etree.XMLSyntaxError, ValueError, LookupError):
         return None
     name = moving_obstacle(whole)
@@ -381,14 +412,16 @@ def _refuse_duplicate_ids(path: Path, root: Element) -> None:
         seen.add(key)
 
 
-def _open(path: Path, root: Element, states: Mapping[int, PlainStates]) -> LoadedScenario:
+def _open(
+    path: Path, root: Element, states: Mapping[int, PlainStates], ego_classes: Mapping[int, str]
+) -> LoadedScenario:
     try:
         with _silence_commonroad_warnings():
             scenario, problems = _ParsedReader(path, root).open()
     except Exception as error:
         reason = f"{type(error).__name__}: {quoted(str(error))}"
         raise UnsafeInput(f"{quoted(path.name)} is not readable as CommonRoad: {reason}") from error
-    return LoadedScenario(scenario, problems, path, root.get("benchmarkID", ""), states)
+    return LoadedScenario(scenario, problems, path, root.get("benchmarkID", ""), states, ego_classes)
 
 
 @contextmanager
@@ -443,13 +476,15 @@ def parse_document(path: Path, limits: XmlLimits | None = None) -> "etree._Eleme
     return _parsed_document(path, _small_content(path), limits or XmlLimits())
 
 
-def _parsed_document(path: Path, content: bytes, limits: XmlLimits) -> "etree._Element":
+def _parsed_document(
+    path: Path, content: bytes, limits: XmlLimits, *, keeps_instructions: bool = False
+) -> "etree._Element":
     """As ``parse_document``, for a file whose bytes are read already where it is small."""
     try:
         if not _is_surely_within(content, limits, _FEW_TAGS):
             scan_xml(path, limits)
             content = path.read_bytes()
-        root = etree.fromstring(content, _parser())
+        root = etree.fromstring(content, _parser(keeps_instructions=keeps_instructions))
     except OSError as error:
         raise UnsafeInput(f"{quoted(path.name)} cannot be read: {error.strerror}") from error
     except (etree.XMLSyntaxError, ValueError, LookupError) as error:
@@ -474,10 +509,13 @@ def _is_surely_within(content: bytes, limits: XmlLimits, most_tags: int) -> bool
     )
 
 
-def _parser() -> etree.XMLParser:
-    """Elements and their texts alone; size was looked at, and a document type is refused."""
+def _parser(*, keeps_instructions: bool = False) -> etree.XMLParser:
+    """Elements and their texts, and processing instructions where they are asked for.
+
+    Size was looked at, and a document type is refused.
+    """
     return etree.XMLParser(
-        resolve_entities=False, no_network=True, huge_tree=True, remove_comments=True, remove_pis=True
+        resolve_entities=False, no_network=True, huge_tree=True, remove_comments=True, remove_pis=not keeps_instructions
     )
 
 

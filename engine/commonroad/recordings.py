@@ -15,7 +15,7 @@ import sys
 import tempfile
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
@@ -75,6 +75,7 @@ class Recording:
     planning_problems: "PlanningProblemSet"
     declared_id: str
     plain_states: Mapping[int, PlainStates]
+    ego_classes: Mapping[int, str] = field(default_factory=dict)
 
 
 class RecordingStore:
@@ -109,7 +110,13 @@ class RecordingStore:
 
     def put(self, content: str, recording: Recording) -> None:
         """Keep a recording. A folder that cannot be written is logged: the XML can be read at any time."""
-        parts = recording.scenario, recording.planning_problems, recording.declared_id, dict(recording.plain_states)
+        parts = (
+            recording.scenario,
+            recording.planning_problems,
+            recording.declared_id,
+            dict(recording.plain_states),
+            dict(recording.ego_classes),
+        )
         payload = pickle.dumps(parts, protocol=5)
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -14,7 +14,7 @@ from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, recorded_plan, usual_behaviour
 from ..geometry import Points
 from ..scene import Ego, LaneMatch, Scene
-from ..vehicles import EGO_SIZE_M, vehicle_classes
+from ..vehicles import vehicle_classes
 
 FEWEST_STATES = 3
 """A recording moved in time needs as many states for a motion with an acceleration (chosen)."""
@@ -142,11 +142,12 @@ def moved_in_time(track: Track, steps: int, scene: Scene) -> Track | None:
 
 def car_at_start(ego: Ego, key: int) -> Track:
     """The ego where and as fast as it starts, as a track of one state with an id."""
+    length_m, width_m = ego.size_m
     return Track(
         obstacle_id=key,
-        kind="car",
-        length_m=EGO_SIZE_M[0],
-        width_m=EGO_SIZE_M[1],
+        kind=vehicle_classes()[ego.vehicle_class].commonroad_type,
+        length_m=length_m,
+        width_m=width_m,
         first_step=ego.step,
         positions=np.asarray(ego.position)[None],
         headings_rad=np.array([ego.heading_rad]),
@@ -157,8 +158,8 @@ def car_at_start(ego: Ego, key: int) -> Track:
 def car_plan(
     scene: Scene, ego: Ego, key: int, route: tuple[int, ...], edges: tuple[str, ...], targets: frozenset[int]
 ) -> DrivePlan:
-    """The plan of an ordinary car that starts where and as the ego does, along a route of lanelets and SUMO's edges."""
-    car = vehicle_classes()["car"]
+    """The plan of an ordinary driver who starts where and as the ego does, along a route of lanelets and of edges."""
+    own = vehicle_classes()[ego.vehicle_class]
     return DrivePlan(
         start=car_at_start(ego, key),
         cause="added",
@@ -166,8 +167,8 @@ def car_plan(
         lanelets=route,
         edges=scene.edge_graph.extended(edges, route[-1]),
         targets=targets,
-        behaviour=usual_behaviour(car),
-        vehicle_class=car,
+        behaviour=usual_behaviour(own),
+        vehicle_class=own,
     )
 
 

@@ -1,7 +1,8 @@
 """Edits G: move the ego's goal; let the ego start elsewhere, or in the place of a recorded car.
 
 A goal that the ego cannot meet is refused: to be on it within its time window, at a speed of its interval. No planner
-is asked: only what no car could do is refused, by the limits of CommonRoad's vehicle 2 along the lanelets' middles.
+is asked: only what no such vehicle could do is refused, by the limits of the ego's class (of a car those of
+CommonRoad's vehicle 2) along the lanelets' middles.
 Distances are in m along lanelets.
 """
 
@@ -15,15 +16,25 @@ import numpy as np
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.grammar import parse_interval, parse_quantity
 from ...schemas.modification import Edit
+from ...schemas.vocabulary import vehicle_class_of
 from ..commonroad import Track, center_of, size_of
 from ..cosimulation import DrivePlan, first_curve_too_tight
 from ..geometry import point_at, project
 from ..network import station_m
 from ..scene import Ego, Scene, goal_center_lanelets
-from ..vehicles import EGO_SIZE_M, LARGEST_SPEED_MPS, can_be_there, latest_passing_s, least_time_s
+from ..vehicles import (
+    BMW_320I,
+    VehicleParameters,
+    can_be_there,
+    ego_class,
+    ego_class_of,
+    latest_passing_s,
+    least_time_s,
+)
 from .changes import Changes, EditStep, GoalChange, car_plan, check_speed
-from .entries import OccupiedPlaces
+from .entries import PLACE_TAKEN, OccupiedPlaces
 from .placement import Place, first_place
+from .population import check_allowed
 from .references import reachable_lanelets, route_to, select, target_lanelets
 from .rerouting import branch_for
 from .writing import USUAL_GOAL_SIZE_M
@@ -119,7 +130,7 @@ def _goal_at_end_of_way(
             f"lanelet {place.lanelet_id} at {place.station_m:.1f} m lies {-distance:.1f} m behind the ego",
             next_step="choose a later position or a lanelet ahead",
         )
-    size_m, steps, speed_mps = _size(edit.rectangle_m), _steps(edit, scene, ego), _speeds(edit.goal_speed)
+    size_m, steps, speed_mps = _size(edit.rectangle_m), _steps(edit, scene, ego), _speeds(edit.goal_speed, ego)
     goal = GoalChange(ego.problem_id, place.lanelet_id, *place.pose(scene), size_m, steps, speed_mps)
     task = _GoalTask.of(scene, ego, goal, distance)
     task.check()
@@ -163,40 +174,43 @@ def _steps(edit: Edit, scene: Scene, ego: Ego) -> tuple[int, int] | None:
     return first, last
 
 
-def _speeds(text: str | None) -> tuple[float, float] | None:
+def _speeds(text: str | None, ego: Ego) -> tuple[float, float] | None:
     if text is None:
         return None
     interval = parse_interval(text, "m/s")
-    slack = _SPEED_TOLERANCE_MPS if interval.exact else 0.0
+    slack, top_mps = _SPEED_TOLERANCE_MPS if interval.exact else 0.0, ego.vehicle.maximum_speed_mps
     low = max((interval.low or 0.0) - slack, 0.0)
-    high = (LARGEST_SPEED_MPS if interval.high is None else interval.high) + slack
-    if high > LARGEST_SPEED_MPS + _SPEED_TOLERANCE_MPS or high <= low:
+    high = (top_mps if interval.high is None else interval.high) + slack
+    if high > top_mps + _SPEED_TOLERANCE_MPS or high <= low:
         raise InvalidRequest(
-            f"goal_speed '{text}' is no speed of a car",
-            valid=[f"0 … {LARGEST_SPEED_MPS} m/s"],
+            f"goal_speed '{text}' is no speed of a {ego.vehicle_class}",
+            valid=[f"0 … {top_mps} m/s"],
             next_step="choose a speed or an interval within it, as '8..12m/s'",
         )
     return low, high
 
 
 def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Start the ego at another place or speed, or put it in the place of a recorded car, which leaves the traffic.
+    """Start the ego at another place or speed, as another class, or in the place of a recorded vehicle, which goes.
 
-    In the place of a car the goal becomes the end of that car's recording. The former ego vanishes, or becomes a car
-    that SUMO drives to the former goal.
+    In the place of a vehicle the ego is of its class, unless another is named, and the goal becomes the end of that
+    vehicle's recording. The former ego vanishes, or becomes a vehicle that SUMO drives to the former goal.
 
     Raises:
-        InvalidRequest: neither a car nor a start, or both, or a former ego that stays where the ego still starts.
-        NotPossible: no ego, no such car at the ego's first step, or a place that is taken.
+        InvalidRequest: no vehicle, start or class, or a vehicle and a start, or a former ego that stays where the ego
+            still starts.
+        UnknownName: a class that no ego can be.
+        NotPossible: no ego, no such vehicle at the ego's first step, a place that is taken, or a lanelet that is not
+            open to the class.
     """
     ego = scene.ego
     if ego is None:
         raise NotPossible("the scenario has no ego", next_step="choose a scenario with a planning problem")
     moved = edit.at is not None or edit.speed is not None
-    if bool(edit.vehicles) == moved:
+    if bool(edit.vehicles) == moved and (moved or edit.vehicle_class is None):
         raise InvalidRequest(
-            "set_ego takes either a car in 'vehicles' or a start",
-            valid=["vehicles=[ID]", "at=LANELET", "speed='8m/s'"],
+            "set_ego takes either a vehicle in 'vehicles' or a start, or the class that the ego is to be",
+            valid=["vehicles=[ID]", "at=LANELET", "speed='8m/s'", "vehicle_class=truck"],
             next_step="give one of these",
         )
     if edit.former_ego == "traffic" and not edit.vehicles and edit.at is None:
@@ -207,27 +221,61 @@ def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         )
     before = changes
     changes, what = (_instead_of if edit.vehicles else _started)(edit, scene, changes, ego)
+    new = changes.ego or ego
+    _check_class(new, scene, changes, edit)
+    what += "" if new.vehicle_class == ego.vehicle_class else f"; it is a {ego_class(new.vehicle_class).in_words}"
     if edit.former_ego != "traffic":
         return EditStep(changes, (), what)
     plan = _former(scene, before, ego)
     who = plan.start.obstacle_id
     changes = replace(changes.with_plan(plan), next_id=who + 1)
-    return EditStep(changes, (who,), f"{what}; the former ego is car {who}", added=(who,))
+    return EditStep(changes, (who,), f"{what}; the former ego is {ego.vehicle_class} {who}", added=(who,))
+
+
+def _class_asked(edit: Edit, otherwise: str) -> str:
+    """The class that an edit names for the ego, in our word.
+
+    Raises:
+        UnknownName: no ego can be that.
+    """
+    if edit.vehicle_class is None:
+        return otherwise
+    return ego_class(vehicle_class_of(edit.vehicle_class) or edit.vehicle_class.strip().lower()).name
+
+
+def _check_class(ego: Ego, scene: Scene, changes: Changes, edit: Edit) -> None:
+    """Refuse a start whose lanelet is closed to the ego's class, where it is too fast for it, or has no room for it."""
+    name = ego.vehicle_class
+    top_mps, lanelets = ego.vehicle.maximum_speed_mps, ego.lanelets[:1]
+    check_speed(ego.speed_mps, top_mps, f"a {name} does not drive {ego.speed_mps:.1f} m/s", "choose another speed")
+    if name != "car" and lanelets:
+        check_allowed(name, lanelets[0], scene)
+    if edit.vehicle_class is None and not edit.vehicles:
+        return  # where a start was named, its room was looked at
+    others = replace(scene, ego=None)
+    taken = OccupiedPlaces.at(others, ego.step, changes).occupant_at(ego.position, ego.heading_rad, ego.size_m)
+    if taken is not None:
+        raise NotPossible(
+            f"a {ego_class(name).in_words} has no room where the ego starts: {taken} is there",
+            next_step="choose a shorter class, another start, or remove_vehicle before",
+            reason=PLACE_TAKEN,
+        )
 
 
 def _instead_of(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Changes, str]:
     chosen = select(edit.vehicles, scene, changes)
-    cars = [
-        key
+    classes = {
+        key: known.name
         for key, track in scene.tracks.items()
-        if track.kind == "car" and track.first_step <= ego.step < track.last_step
-        if key in scene.matches and key not in changes.removed
-    ]
-    if len(chosen) != 1 or chosen[0] not in cars:
+        if track.first_step <= ego.step < track.last_step and key in scene.matches and key not in changes.removed
+        if (known := ego_class_of(track.kind, track.length_m)) is not None
+    }
+    if len(chosen) != 1 or chosen[0] not in classes:
         names = ", ".join(map(str, chosen))
         raise NotPossible(
-            f"vehicle {names} cannot become the ego: that takes one recorded car, on a lanelet when the ego starts",
-            valid=cars,
+            f"vehicle {names} cannot become the ego: that takes one recorded motor vehicle, on a lanelet when the ego "
+            "starts",
+            valid=classes,
             next_step="name one of these",
         )
     track = scene.tracks[chosen[0]]
@@ -239,13 +287,14 @@ def _instead_of(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[C
         float(track.headings_rad[index]),
         max(float(track.speeds_mps[index]), 0.0),
         (scene.matches[chosen[0]].at(index),),
+        _class_asked(edit, classes[chosen[0]]),
     )
     changes = replace(changes.without(chosen[0]), ego=new)
-    what = f"the ego is car {chosen[0]} at {new.speed_mps:.1f} m/s"
+    what = f"the ego is {track.kind} {chosen[0]} at {new.speed_mps:.1f} m/s"
     goal = _goal_at_end_of(track, scene, ego)
     if goal is None:
         return changes, what
-    what += f", its goal where that car's recording ends, on lanelet {goal.lanelet_id}"
+    what += f", its goal where its recording ends, on lanelet {goal.lanelet_id}"
     return replace(changes, goal=goal), what
 
 
@@ -271,22 +320,26 @@ def _goal_at_end_of(track: Track, scene: Scene, ego: Ego) -> GoalChange | None:
 
 
 def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Changes, str]:
+    name = _class_asked(edit, ego.vehicle_class)
+    vehicle = ego_class(name).vehicle
     speed = ego.speed_mps if edit.speed is None else parse_quantity(edit.speed, "m/s")
-    check_speed(speed, LARGEST_SPEED_MPS, f"the ego does not drive {edit.speed}", "choose another speed")
+    if edit.speed is not None:
+        check_speed(speed, vehicle.maximum_speed_mps, f"the ego does not drive {edit.speed}", "choose another speed")
     if edit.at is None:
-        return replace(changes, ego=replace(ego, speed_mps=speed)), f"the ego starts at {speed:.1f} m/s"
-    place = first_place(edit, scene, changes, EGO_SIZE_M[0])
+        start = replace(ego, speed_mps=speed, vehicle_class=name)
+        return replace(changes, ego=start), f"the ego starts at {speed:.1f} m/s"
+    place = first_place(edit, scene, changes, vehicle.length_m)
     # The former ego is in the way only where it stays as traffic.
     others = scene if edit.former_ego == "traffic" else replace(scene, ego=None)
-    OccupiedPlaces.at(others, ego.step, changes).check_free(place, EGO_SIZE_M, "choose a free place")
+    OccupiedPlaces.at(others, ego.step, changes).check_free(place, vehicle.size_m, "choose a free place")
     position, heading = place.pose(scene)
-    new = Ego(ego.problem_id, ego.step, position, heading, speed, (place.lanelet_id,))
+    new = Ego(ego.problem_id, ego.step, position, heading, speed, (place.lanelet_id,), name)
     what = f"the ego starts on lanelet {place.lanelet_id} at {place.station_m:.1f} m, {speed:.1f} m/s"
     return replace(changes, ego=new), what
 
 
 def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
-    """The former ego as a car that drives to the former goal, or straight on."""
+    """The former ego as a vehicle of its class that drives to the former goal, or straight on."""
     if not ego.lanelets:
         raise NotPossible("the former ego stands on no lanelet", valid=["former_ego=vanish"], next_step=_LET_VANISH)
     goals = tuple(key for key in _goal_lanelet_ids(scene, changes, ego) if key in scene.layout.table.lanes)
@@ -307,8 +360,8 @@ class _GoalTask:
     """What a goal asks: to be ``ahead_m`` ± ``half_m`` along the route in a time window and a speed interval.
 
     The window counts in s from the ego's start, which is ``start_s`` after the scenario's; None: at any time, at any
-    speed. ``speed_mps``: the ego's at its start. ``comes_back``: a route leads from the goal back to it, so that the
-    ego may pass it first.
+    speed. ``speed_mps``: the ego's at its start; ``vehicle``: what it can do. ``comes_back``: a route leads from the
+    goal back to it, so that the ego may pass it first.
     """
 
     ahead_m: float
@@ -318,6 +371,7 @@ class _GoalTask:
     speeds_mps: tuple[float, float] | None
     speed_mps: float
     comes_back: bool
+    vehicle: VehicleParameters = BMW_320I
 
     @classmethod
     def of(cls, scene: Scene, ego: Ego, goal: GoalChange, ahead_m: float) -> "_GoalTask":
@@ -335,6 +389,7 @@ class _GoalTask:
             speeds_mps=speeds,
             speed_mps=max(ego.speed_mps, 0.0),
             comes_back=bool(onward) and scene.lanelet_graph.shortest_route(onward, (goal.lanelet_id,)) is not None,
+            vehicle=ego.vehicle,
         )
 
     @property
@@ -364,18 +419,20 @@ class _GoalTask:
                 next_step="choose a later position or a lanelet ahead",
             )
         if self.window_s is not None:
-            least, latest = least_time_s(self.speed_mps, nearest), latest_passing_s(self.speed_mps, farthest)
+            least = least_time_s(self.speed_mps, nearest, self.vehicle)
+            latest = latest_passing_s(self.speed_mps, farthest, self.vehicle)
             if least > self.window_s[1] + 1e-9:
                 raise NotPossible(
-                    f"{self.ahead_m:.1f} m within {self.window_s[1]:.1f} s is out of reach of any car from "
-                    f"{self.speed_mps:.1f} m/s",
+                    f"{self.ahead_m:.1f} m within {self.window_s[1]:.1f} s is out of reach of any "
+                    f"{self.vehicle.vehicle_class} from {self.speed_mps:.1f} m/s",
                     valid=[f"goal_time of at least {math.ceil((self.start_s + least) * 10) / 10:.1f} s"],
                     next_step="name a later goal_time, or choose a nearer place",
                 )
             if latest < self.window_s[0] - 1e-9 and not self.comes_back:
                 raise NotPossible(
-                    f"the goal {self.ahead_m:.1f} m ahead is one {self}, and from {self.speed_mps:.1f} m/s any car has "
-                    f"passed it by {self.start_s + latest:.1f} s, however hard it brakes",
+                    f"the goal {self.ahead_m:.1f} m ahead is one {self}, and from {self.speed_mps:.1f} m/s any "
+                    f"{self.vehicle.vehicle_class} has passed it by {self.start_s + latest:.1f} s, however hard it "
+                    "brakes",
                     valid=[f"goal_time that begins by {math.floor((self.start_s + latest) * 10) / 10:.1f} s"],
                     next_step="let the time begin earlier, or choose a place farther ahead",
                 )
@@ -386,12 +443,13 @@ class _GoalTask:
         times = np.linspace(*(self.window_s or (0.0, _LONGEST_S)), _TIMES)
         bounds = self.bounds_m[0], math.inf if self.comes_back else self.bounds_m[1]
         wanted = np.append(np.linspace(low, high, _SPEEDS), np.clip(self.speed_mps, low, high))
-        if can_be_there(self.speed_mps, bounds, times, wanted).any():
+        if can_be_there(self.speed_mps, bounds, times, wanted, self.vehicle).any():
             return
-        every = np.arange(0.0, LARGEST_SPEED_MPS, _SPEED_STEP_MPS)
-        possible = every[can_be_there(self.speed_mps, bounds, times, every).any(axis=0)]
+        every = np.arange(0.0, self.vehicle.maximum_speed_mps, _SPEED_STEP_MPS)
+        possible = every[can_be_there(self.speed_mps, bounds, times, every, self.vehicle).any(axis=0)]
         raise NotPossible(
-            f"no car that starts at {self.speed_mps:.1f} m/s is {self.ahead_m:.1f} m ahead {self}",
+            f"no {self.vehicle.vehicle_class} that starts at {self.speed_mps:.1f} m/s is {self.ahead_m:.1f} m ahead "
+            f"{self}",
             valid=[f"goal_speed '{possible[0]:.1f}..{possible[-1]:.1f}m/s'"] if len(possible) else [],
             next_step="choose another goal_speed, a place farther ahead or more time",
         )
@@ -409,7 +467,7 @@ class _GoalTask:
         left_s = recording_end_s - self.start_s
         if not 0.0 < left_s < last_s:
             return pace
-        if first_s <= left_s and least_time_s(self.speed_mps, self.bounds_m[0]) <= left_s:
+        if first_s <= left_s and least_time_s(self.speed_mps, self.bounds_m[0], self.vehicle) <= left_s:
             by_then_mps = max(self.ahead_m, 0.0) / left_s
             return f"{pace}, by the recording's end at {recording_end_s:.1f} s {by_then_mps:.1f} m/s"
         return f"{pace}; the recording ends earlier, at {recording_end_s:.1f} s"

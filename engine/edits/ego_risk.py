@@ -8,7 +8,7 @@ Distances are in m, times in s.
 
 import math
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,6 @@ from ..cosimulation import (
 from ..criticality import SAME_DIRECTION_RAD, encounters, gaps_m, risk_scores, times_to_collision_s
 from ..geometry import Values, wrap_angle
 from ..scene import Ego, Scene, goal_lanelets, obstacle_of
-from ..vehicles import EGO_SIZE_M
 from .changes import Changes, car_plan
 from .edited_scene import REACTION_S, EditedScene
 
@@ -162,14 +161,13 @@ def ego_risk_after(drive: Track, edited: EditedScene) -> EgoRisk:
 
 
 def _danger(drive: Track, others: tuple[Track, ...], replayed: tuple[_Replayed, ...], step_s: float) -> EgoRisk:
-    ego = replace(drive, length_m=EGO_SIZE_M[0], width_m=EGO_SIZE_M[1])
-    met = _Meetings.of(ego, (*others, *(one.track for one in replayed)))
+    met = _Meetings.of(drive, (*others, *(one.track for one in replayed)))
     figures = met.figures(met.last_steps, step_s)
     if figures.minimum_distance_m != 0.0:
         return EgoRisk(figures)
     touching = met.touching
     touched = (one for at, one in enumerate(replayed, start=len(others)) if at in touching)
-    hits = {one.track.obstacle_id: step for one in touched if (step := _recorded_hit(ego, one)) is not None}
+    hits = {one.track.obstacle_id: step for one in touched if (step := _recorded_hit(drive, one)) is not None}
     if not hits:
         return EgoRisk(figures)
     reaction_steps = round(REACTION_S / step_s)

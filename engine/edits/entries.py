@@ -18,7 +18,7 @@ from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, highest_entry_speed
 from ..geometry import Points, arc_length, oriented_rectangle, project, rectangles_overlap
 from ..scene import Scene
-from ..vehicles import EGO_SIZE_M, HARDEST_BRAKING_MPS2, VehicleClass
+from ..vehicles import HARDEST_BRAKING_MPS2, VehicleClass
 from .changes import Changes, car_at_start, moved_in_time, scene_for_references
 from .edited_scene import EGO, EditedScene, SimulatedEdits, new_overlaps, overlap_steps
 from .placement import Place
@@ -275,7 +275,7 @@ def _ego_in_lane(scene: Scene, changes: Changes, place: Place, step: int) -> lis
     if ego is None or key is None:
         return []
     distance = starts[key] + project(scene.layout.table.lanes[key].center, ego.position)[0] - place.station_m
-    return [_Neighbour(_EGO_ID, distance, ego.speed_mps, EGO_SIZE_M[0])]
+    return [_Neighbour(_EGO_ID, distance, ego.speed_mps, ego.size_m[0])]
 
 
 def slower_entries(simulated: SimulatedEdits) -> tuple[tuple[Edit, ...], tuple[str, ...]] | None:

@@ -73,7 +73,7 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         return _add_pedestrian(edit, scene, changes)
     vehicle_class = _class(edit.vehicle_class)
     place = first_place(edit, scene, changes, vehicle_class.length_m)
-    _check_allowed(vehicle_class.name, place.lanelet_id, scene)
+    check_allowed(vehicle_class.name, place.lanelet_id, scene)
     count = edit.count or 1
     spacing = edit.spacing_m if edit.spacing_m is not None else max(_USUAL_SPACING_M, 2 * vehicle_class.length_m)
     targets = target_lanelets(edit.to, scene, changes) if edit.to else frozenset()
@@ -281,7 +281,7 @@ def _line(edit: Edit, scene: Scene, changes: Changes, *, stands: bool) -> tuple[
     if footpath is not None:
         return _along(edit, footpath, scene, stands=stands)
     place = first_place(edit, scene, changes, _SIZE_M[0])
-    _check_allowed("pedestrian", place.lanelet_id, scene)
+    check_allowed("pedestrian", place.lanelet_id, scene)
     if stands:
         (x, y), heading = place.pose(scene)
         line = np.array([(x, y), (x + np.cos(heading), y + np.sin(heading))])
@@ -365,7 +365,7 @@ def _walk(key: int, line: Points, speed_mps: float, first: int, scene: Scene) ->
     )
 
 
-def _check_allowed(class_name: str, lanelet_id: int, scene: Scene) -> None:
+def check_allowed(class_name: str, lanelet_id: int, scene: Scene) -> None:
     """Refuse a road user that the road at a lanelet is not open to.
 
     Raises:

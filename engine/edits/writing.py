@@ -6,7 +6,7 @@ Only elements of touched road users and of the planning problem are made anew; a
 import numpy as np
 from lxml import etree
 
-from ..commonroad import ScenarioDocument, Track
+from ..commonroad import LoadedScenario, ScenarioDocument, Track, center_of, middle_of
 from ..cosimulation import Replay, TakenOverTrack
 from ..geometry import Points, wrap_angle
 from ..scene import Ego
@@ -43,7 +43,9 @@ def write_edits(document: ScenarioDocument, edited: EditedScene) -> list[str]:
         else:
             _write_touched(document, track, step_s)
     if changes.ego is not None:
-        _write_ego_start(document, changes.ego)
+        if _starts_elsewhere(changes.ego, edited.scene.loaded):
+            _write_ego_start(document, changes.ego)
+        document.set_ego_class(changes.ego.problem_id, changes.ego.vehicle_class)
     return [] if changes.goal is None else _write_goal(document, changes.goal)
 
 
@@ -225,6 +227,14 @@ def _write_ego_start(document: ScenarioDocument, ego: Ego) -> None:
             new = etree.Element(child.tag)
             etree.SubElement(new, "exact").text = _number(values[str(child.tag)])
             document.replace_children(state, [child], [new])
+
+
+def _starts_elsewhere(ego: Ego, loaded: LoadedScenario) -> bool:
+    """Whether an ego starts at another place, heading or speed than its planning problem says."""
+    state = loaded.problem(ego.problem_id).initial_state
+    is_there = bool(np.array_equal(ego.position, np.asarray(center_of(state.position), dtype=float)))
+    is_as_fast = ego.speed_mps == middle_of(state.velocity) and ego.heading_rad == middle_of(state.orientation)
+    return not (is_there and is_as_fast)
 
 
 def _move(obstacle: _Element, tag: str, initial_tag: str, replay: Replay) -> None:

@@ -11,7 +11,7 @@ from ...schemas.scenarios import RuleFinding
 from ..commonroad import LoadedScenario, Track, kept_recording, schema_errors
 from ..geometry import BoxTrack, first_overlaps
 from ..network import LaneletGraph, summarise_findings
-from ..vehicles import EGO_SIZE_M, Motion, check_kinematics, class_by_size
+from ..vehicles import Motion, check_kinematics, class_by_size, ego_class
 
 LEAST_FEASIBLE = 0.97
 """Share of the tracks that have to be drivable (chosen; docs/generation.md states it)."""
@@ -91,8 +91,10 @@ def _goal_reachable(loaded: LoadedScenario) -> bool:
 
 def _collisions_at_start(loaded: LoadedScenario, tracks: dict[int, Track]) -> int:
     """Pairs that overlap at the ego's first step."""
-    state = loaded.problem().initial_state
-    ego = BoxTrack(np.array([state.position]), np.array([float(state.orientation)]), EGO_SIZE_M)
+    problem = loaded.problem()
+    state = problem.initial_state
+    size_m = ego_class(loaded.ego_class(int(problem.planning_problem_id))).vehicle.size_m
+    ego = BoxTrack(np.array([state.position]), np.array([float(state.orientation)]), size_m)
     places = [(track, track.index_at(int(state.time_step))) for track in tracks.values()]
     others = [
         BoxTrack(track.positions[index : index + 1], track.headings_rad[index : index + 1], track.size_m)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.generation import GeneratedScenario, GenerationRequest, VehicleDemand
+from ...schemas.vocabulary import EGO_CLASSES
 from ..execution import ProgressReporter
 from ..maps import OsmMap, Site, read_map_file
 from ..traffic import lane_km_of, plan_counts
@@ -49,7 +50,7 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
     """
     with _no_collection():
         spec = TaskSpec.of(request)
-        ego_notes, request = _with_ego_class(request, spec.other_class)
+        ego_notes, request = _with_ego_class(request, spec)
         report(0.0, "reading the map")
         osm = read_map_file(Path(request.map_path))
         report(0.02, "looking for sites")
@@ -79,27 +80,33 @@ def _no_collection() -> Iterator[None]:
             gc.enable()
 
 
-def _with_ego_class(request: GenerationRequest, other: str | None) -> tuple[list[str], GenerationRequest]:
-    """Notes on the ego, and the request with a vehicle of the class that was asked for as ego instead of a car.
+def _with_ego_class(request: GenerationRequest, spec: TaskSpec) -> tuple[list[str], GenerationRequest]:
+    """Notes on the ego, and the request with the class that was asked for as ego among the others too.
 
     Raises:
-        InvalidRequest: that class is kept out of the traffic.
+        InvalidRequest: a class that no ego can be, and that is kept out of the traffic.
     """
-    if other is None:
+    other = spec.other_class or spec.ego_class
+    if other == "car":
         return [], request
     asked = next((demand for demand in request.vehicles if demand.vehicle_class == other), None)
     if asked is None:
         vehicles = (*request.vehicles, VehicleDemand(vehicle_class=other))
+    elif spec.other_class is None:
+        vehicles = request.vehicles
     elif asked.most == 0:
         raise InvalidRequest(
-            f"ego type:{other} puts a {other} into the traffic, because the ego is always a car; vehicles ask for none",
-            next_step=f"leave {other}=0 out of vehicles, or choose the ego with first or index:N",
+            f"ego type:{other} puts a {other} into the traffic, because no ego is one; vehicles ask for none",
+            valid=[f"type:{name}" for name in EGO_CLASSES],
+            next_step=f"leave {other}=0 out of vehicles, or choose another ego",
         )
     else:
         at_least_one = asked if asked.least != 0 else asked.model_copy(update={"least": 1})
         vehicles = tuple(at_least_one if demand is asked else demand for demand in request.vehicles)
+    if spec.other_class is None:
+        return [], request.model_copy(update={"vehicles": vehicles})
     moves = "walks beside" if other == PEDESTRIAN.name else "drives in"
-    notes = [f"the ego is always a car; the asked {other} {moves} the traffic"]
+    notes = [f"the ego is a car, as it can only be a motor vehicle; the asked {other} {moves} the traffic"]
     return notes, request.model_copy(update={"vehicles": vehicles})
 
 
@@ -235,6 +242,7 @@ def _write(
     aim = TrafficAim.of(request, site.net)
     lane_km = lane_km_of(site.net)
     demand = plan_counts(request.density, vehicles_asked(request), lane_km, aim.per_lane_km, fewest=aim.fewest)
+    demand = demand.with_ego(spec.ego_class)
     traffic = generate_traffic(request, demand, aim, site, round_number, path.parent, report)
     demand = traffic.demand
     ranked = along_the_site(traffic.vehicles, site)

@@ -1,7 +1,8 @@
-"""The ego and its goal: one of the recorded cars becomes the planning problem, its recorded path shows the goal.
+"""The ego and its goal: one of the recorded vehicles becomes the planning problem, its recorded path shows the goal.
 
 A request names the ego and the goal in words (``first``, ``index:2``; ``through``, ``steps:50``, ``distance_m:40``,
-``lanelet:7:middle``), which become a :class:`TaskSpec`. Of the cars that can have such a goal, the one is chosen whose
+``lanelet:7:middle``), which become a :class:`TaskSpec`. The ego is a car, or a vehicle of the class that was asked for
+(``type:truck``); below, "car" means either. Of the cars that can have such a goal, the one is chosen whose
 recorded path can be driven, passes what the site is about, and runs along lanes that a planner with a reference path
 can follow: maps have corners, and sideways jogs where netconvert joins lanes that do not face each other. Recorded cars
 cut them; a planner that follows the lanes' centre lines may find no trajectory there.
@@ -18,9 +19,11 @@ import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 from ...schemas.generation import TURNS_AT, GenerationRequest, SiteType, Turn
+from ...schemas.vocabulary import EGO_CLASSES
 from ..geometry import Points, Values, arc_length, gaussian, point_at, project, resample, without_repeats, wrap_angle
 from ..network import WIDEST_TURN_RAD, LaneletLookup, RoadLanelet, RoadNetwork, station_m
 from ..traffic import GeneratedVehicle
+from ..vehicles import ego_class
 from .sites import SiteFocus
 from .turns import makes
 
@@ -80,10 +83,14 @@ class _GoalSpec:
 
 @dataclass(frozen=True)
 class TaskSpec:
-    """Goal and ego as asked: the n-th car (None: any); ``other_class`` is a class asked for instead of a car."""
+    """Goal and ego as asked: the n-th car (None: any), or any vehicle of ``ego_class``.
+
+    ``other_class``: a class that was asked for as ego and that no ego is: a car stands in.
+    """
 
     goal: _GoalSpec
     ego_index: int | None = None
+    ego_class: str = "car"
     other_class: str | None = None
 
     @classmethod
@@ -101,7 +108,9 @@ class TaskSpec:
         goal = parse_goal(request.goal, request.duration_s)
         if goal.turn is not None and request.scenario_type != "any":
             _check_turn(goal.turn, request.scenario_type)
-        return cls(goal, int(index) if index else None, None if name == "car" else name)
+        if name in EGO_CLASSES:
+            return cls(goal, ego_class=name)
+        return cls(goal, int(index) if index else None, other_class=name)
 
 
 def _check_turn(turn: Turn, kind: SiteType) -> None:
@@ -177,7 +186,7 @@ class PlanningTask:
 def choose_task(
     spec: TaskSpec, vehicles: Sequence[GeneratedVehicle], network: RoadNetwork, focus: SiteFocus, step_s: float
 ) -> PlanningTask:
-    """The planning task of the asked car, or of the best car that can have the asked goal.
+    """The planning task of the asked car, or of the best vehicle of the ego's class that can have the asked goal.
 
     Where the car of the asked index has no such goal, because it waits in a queue for instance, the best of those after
     it stands in.
@@ -191,8 +200,10 @@ def choose_task(
         UnknownName: the goal is on a lanelet that the site does not have.
         InvalidRequest: the goal lies beyond its lanelet.
     """
-    goal, index = spec.goal, spec.ego_index
-    cars = [vehicle for vehicle in vehicles if vehicle.vehicle_class.name == "car"]
+    goal, index, name = spec.goal, spec.ego_index, spec.ego_class
+    top_mps = ego_class(name).vehicle.maximum_speed_mps
+    cars = [vehicle for vehicle in vehicles if vehicle.vehicle_class.name == name]
+    cars = [vehicle for vehicle in cars if vehicle.motion.speeds_mps[0] <= top_mps]
     if index is not None and index >= len(cars):
         raise NotPossible(
             f"ego index:{index} asks for car number {index}; the traffic holds {len(cars)}",
@@ -208,7 +219,7 @@ def choose_task(
     if (task := _best_task(others, goal, network, lookup, focus, step_s)) is not None:
         return replace(task, stands_in=True)
     raise NotPossible(
-        f"none of the {len(choice) + len(others)} car(s) to choose from has a goal {goal} on its way (at least "
+        f"none of the {len(choice) + len(others)} {name}(s) to choose from has a goal {goal} on its way (at least "
         f"{goal.shortest_path_m:g} m within the recording, and not around its start)",
         valid=_driven_lanelets([*choice, *others], lookup) if goal.lanelet else [],
         next_step="choose another goal, a longer duration_s, another ego or another seed",
@@ -438,6 +449,7 @@ def _is_smooth(line: Points, car: GeneratedVehicle, last_step: int, least_mps: f
     length = float(arc_length(line)[-1])
     if length < 4 * SMOOTHING_M:
         return True
+    own = ego_class(car.vehicle_class.name).vehicle
     spacing = length / round(length)
     points = gaussian(resample(line, round(length) + 1), SMOOTHING_M / spacing)
     turns = np.diff(np.unwrap(np.arctan2(*np.diff(points, axis=0).T[::-1])))
@@ -447,7 +459,7 @@ def _is_smooth(line: Points, car: GeneratedVehicle, last_step: int, least_mps: f
     watched = (stations > first - BEFORE_M) & (stations < last + BEYOND_M)
     speed = np.maximum(_speeds_along(points, stations, car, last_step), least_mps)
     rate = np.abs(np.gradient(curvature, spacing)) * speed if len(curvature) > 1 else curvature
-    too_tight = np.abs(curvature) > LARGEST_CURVATURE_PER_M
+    too_tight = np.abs(curvature) > min(LARGEST_CURVATURE_PER_M, own.largest_curvature_per_m)
     return not bool(np.any(watched & (too_tight | (rate > LARGEST_CURVATURE_RATE_PER_MS))))
 
 

@@ -141,7 +141,8 @@ def _ego_facts(task: PlanningTask, vehicles: Sequence[GeneratedVehicle]) -> Gene
     first, last = task.time_steps
     return GeneratedEgo(
         vehicle=task.ego.vehicle_id,
-        cars_to_choose_from=sum(vehicle.vehicle_class.name == "car" for vehicle in vehicles),
+        vehicle_class=task.ego.vehicle_class.name,
+        cars_to_choose_from=sum(vehicle.vehicle_class is task.ego.vehicle_class for vehicle in vehicles),
         speed_mps=float(task.ego.motion.speeds_mps[0]),
         goal_step=task.goal_step,
         goal_distance_m=round(task.goal_distance_m, 2),

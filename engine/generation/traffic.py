@@ -53,6 +53,8 @@ MORE_FOR_EACH_ABSENT = 2
 """For each vehicle of a class that was missing, vehicles that the next attempt simulates beyond the wanted ones."""
 FEW_ABSENT, ABSENT_SHARE = 10, 0.05
 """Where more vehicles than both are absent, the site is full: further attempts never found room for all (measured)."""
+EGO_CANDIDATES = 4
+"""More vehicles of the ego's class are simulated, if it is no car (chosen): not every one of them has a goal."""
 NO_ROOM = "no_room"
 """Reason of the refusal of a site that is full."""
 LASTING_S = 30.0
@@ -115,12 +117,14 @@ def generate_traffic(
         NotPossible: no road at the site is open to a class that was asked for, or too few of a class find room.
     """
     lasting_s = min(WARM_UP_S + request.duration_s, LASTING_S)
-    needed = {name: least + (name == "car") for name, least in {"car": 0, **demand.least}.items()}
+    needed = {demand.ego_class: 1} | {name: count for name, count in demand.needed.items() if count}
     shortfalls: list[dict[str, int]] = []
     asked = people_asked(request)
     people = 0 if asked is None else people_wanted(asked, request.density, demand.total)
     most_people = 0
     more: Counter[str] = Counter()
+    if demand.ego_class != "car":
+        more[demand.ego_class] = EGO_CANDIDATES
     for attempt in range(ATTEMPTS):
         seed = _mixed_seed(request.seed, request.index, attempt + ATTEMPTS * round_number)
         choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
@@ -253,10 +257,13 @@ def _too_large(duration_s: float) -> NotPossible:
 
 
 def _absent(demand: Demand, counts: Mapping[str, int]) -> dict[str, int]:
-    """How many vehicles of the classes asked for are not among so many; one car is the ego and does not count."""
+    """How many vehicles of the classes asked for are not among so many; one is the ego and does not count."""
     here = Counter(counts)
-    here["car"] -= 1
-    return {name: least - here[name] for name, least in demand.least.items() if here[name] < least}
+    here[demand.ego_class] -= 1
+    absent = {name: least - here[name] for name, least in demand.least.items() if here[name] < least}
+    if demand.ego_class not in ("car", *demand.least) and here[demand.ego_class] < 0:
+        absent[demand.ego_class] = 1
+    return absent
 
 
 def _is_hopeless(demand: Demand, absent: Mapping[str, int]) -> bool:
@@ -269,10 +276,10 @@ def _is_not_full(demand: Demand, counts: Mapping[str, int]) -> bool:
 
 
 def _no_room(demand: Demand, absent: Mapping[str, int]) -> NotPossible:
-    room = {name: demand.least[name] - absent[name] for name in absent}
+    wanted = {name: max(demand.least.get(name, 0), absent[name]) for name in absent}
+    room = {name: wanted[name] - absent[name] for name in absent}
     return NotPossible(
-        f"asked for {_listed({name: demand.least[name] for name in absent})}; "
-        f"of them {_listed(room)} found room at this site",
+        f"asked for {_listed(wanted)}; of them {_listed(room)} found room at this site",
         valid=[f"{name}={count}" for name, count in room.items() if count],
         next_step="ask for fewer, or choose another place, scenario_type or seed",
         reason=NO_ROOM if _is_hopeless(demand, absent) else "",

@@ -14,7 +14,7 @@ from pathlib import Path
 from lxml import etree
 
 from ...schemas.generation import GenerationRequest, SiteType, TrafficConditions
-from ..commonroad import speed_limit_number
+from ..commonroad import ego_class_instruction, speed_limit_number
 from ..geometry import Points, wrap_angle
 from ..maps import RoadFile, Site
 from ..network import Incoming, RoadLanelet, RoadNetwork, SpeedSign, SumoNet, TrafficLight, Walkway
@@ -359,6 +359,8 @@ def _state_texts(tag: str, motion: Motion, steps: range, level: int) -> Iterator
 def _write_planning_problem(root: etree._Element, problem_id: int, task: PlanningTask) -> None:
     """Append the ego's initial state and its goal."""
     element = etree.SubElement(root, "planningProblem", {"id": str(problem_id)})
+    if task.ego.vehicle_class.name != "car":
+        element.append(ego_class_instruction(task.ego.vehicle_class.name))
     initial = etree.fromstring("".join(_state_texts("initialState", task.ego.motion, range(1), 0)))
     element.append(initial)
     _exact(initial, "yawRate", first_yaw_rate_radps(task.ego.motion))

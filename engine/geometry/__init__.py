@@ -2,6 +2,8 @@
 
 ``Points``: Type of arrays of points, (n, 2) or (2,), in m.
 ``Values``: Type of arrays of numbers, (n,).
+``PathFollower``: Follows a track along a line that may come back to itself, one position at a time, on its own lap.
+``project_along``: Stations and signed offsets (m,) of a track (m, 2), each followed from the one before on its lap.
 ``hermite``: Points (n, 2) on a cubic curve between two points, in given directions at both ends.
 ``unit``: A vector (2,) scaled to length 1.
 ``arc_length``: Arc length in m at each vertex, shape (n,), beginning with 0.
@@ -33,6 +35,7 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .curves import hermite, unit
+    from .following import PathFollower, project_along
     from .pairs import MeetingPairs, meeting_pairs
     from .polyline import (
         Points,

@@ -13,6 +13,7 @@
 ``straight_lines``: Straight lines over the nodes between first and last values.
 ``DesiredSpeed``: How fast to drive to a goal, in m/s.
 ``progress_to_goal``: The share of the reference path to the goal that positions came along; None without one.
+``DebugValues``: Named numbers, texts and polygons that a planner reports beside a plan.
 ``EgoState``: The ego at one time step: centre in m, heading in rad, speed, acceleration and yaw rate.
 ``Observation``: What a planner sees before it plans: the ego and the predicted obstacles.
 ``Plan``: The answer of a planner: a trajectory or None, with costs and what was rejected.
@@ -31,6 +32,7 @@
 ``PlannerCheck``: What came out of it.
 ``OwnPlanner``: What an entry point of the group ``plannerforge.planners`` names: the class and its declaration.
 ``ScenarioFile``: The file that a program plans on.
+``planner_driver``: A planner of others as the loop drives it, for a ``with`` block.
 ``programs_named``: Makes the programs of the settings known as planners while a block runs, in workers too.
 ``known_planner``: A planner's name as registered; ``UnknownName`` where there is none.
 ``make_planner``: A new planner by its name.
@@ -45,6 +47,18 @@
 ``follows``: Whether a place is straight behind the ego, in the cone that guessed futures leave out.
 ``check_modes``: Raises ``InvalidRequest`` where a prediction does not go with the traffic.
 ``open_traffic``: The others of a scenario, recorded or reactive, at the ego's first step.
+``CarefulDriver``: UN R157's competent and careful driver.
+``FuzzyDriver``: The driver of the fuzzy safety model.
+``RssDriver``: The driver of Responsibility-Sensitive Safety.
+``FullBraking``: A driver that brakes fully at once.
+``KeepLane``: A driver that keeps its lane and speed.
+``ReferenceDriver``: The protocol of these drivers.
+``brakes_of``: How hard a class of vehicle brakes, and how fast that builds up.
+``DriverScene``: A reference driver in the ego's place, among others that move as they did.
+``DriverWay``: A way along which a reference driver drives.
+``NominalMotion``: How the ego moves until its reference driver reacts.
+``lane_line``: The line that keeps to the ego's lane and route, from where a planning problem begins.
+``going_on``: A track up to a later step: straight on, and braking on if it braked.
 ``RecordedTraffic``: The obstacles of a scenario, following their recordings.
 """
 
@@ -58,10 +72,11 @@ if TYPE_CHECKING:
     from .external.command import ScenarioFile
     from .external.conformance import check_planner
     from .external.found import Found, OwnPlanner, programs_named
+    from .external.program import planner_driver
     from .frenetix.costs import CandidateBatch, responsibility
     from .frenetix.planner import Frenetix
     from .goal import DesiredSpeed, progress_to_goal
-    from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
+    from .interface import DebugValues, EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
     from .prediction import Predictor, follows, predictor
     from .rbfn.network import (
         PRIMITIVE_INPUTS,
@@ -72,6 +87,18 @@ if TYPE_CHECKING:
         motion_primitives,
         straight_lines,
     )
+    from .reference_drivers.drives import DriverScene, NominalMotion, going_on
+    from .reference_drivers.lanes import lane_line
+    from .reference_drivers.models import (
+        CarefulDriver,
+        FullBraking,
+        FuzzyDriver,
+        KeepLane,
+        ReferenceDriver,
+        RssDriver,
+        brakes_of,
+    )
+    from .reference_drivers.ways import DriverWay
     from .reference_path import BEYOND_GOAL_M, build_reference_path
     from .registry import (
         PLANNERS,

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from ..geometry import Points, Values, arc_length, gaussian, project, wrap_angle, wrap_angles
 from ..vehicles import HARDEST_BRAKING_MPS2, centers, rear_axle, tractrix
 from .driving.drivability import violated_limit
+from .driving.following import FOLLOWED_WITHIN_M, follow, is_on_plan
 from .goal import DesiredSpeed, Goal
 from .interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, PredictedObstacle
 
@@ -50,8 +51,6 @@ _STEEPEST_RAD = 1.2
 _LEAST_PACE = 0.1
 """Inside a turn the curve is shorter than the path, at most by this factor: a vehicle cannot turn about the centre of a
 curve."""
-_SAME_PLACE_M = 1e-6
-"""Within this the ego is where the plan before put it: rounding only."""
 _SMALLEST_GAP_M = 0.1
 """Chosen: a smaller gap counts as this, so that the interaction stays finite."""
 
@@ -200,17 +199,17 @@ class _OnPath:
 
 @dataclass(frozen=True)
 class _Driven:
-    """What was planned at ``first_step``: stations (n,) of the rear axle on a curve, and the centres (n, 2)."""
+    """What was planned at ``first_step``: stations (n,) of the rear axle on a curve, and the centre's trajectory."""
 
     first_step: int
     curve: RearAxleCurve
     stations: Values
-    centers: Points
+    trajectory: PlannedTrajectory
 
     def going_on(self, ego: EgoState) -> tuple[RearAxleCurve, float] | None:
-        """The curve and the station of the ego's rear axle on it, if it followed this plan."""
+        """The curve and the station of the ego's rear axle on it, if it is on this plan."""
         index = ego.step - self.first_step
-        if not 0 <= index < len(self.centers) or np.linalg.norm(self.centers[index] - ego.position) > _SAME_PLACE_M:
+        if not is_on_plan(self.trajectory, index, ego, FOLLOWED_WITHIN_M):
             return None
         return self.curve, float(self.stations[index])
 
@@ -253,9 +252,10 @@ class IntelligentDriver:
         limit = violated_limit(before_next_plan, self._task.vehicle, self._task.step_s)
         if limit is not None:
             return Plan(None, rejected={limit: 1}, candidates=1)
-        self._driven = _Driven(ego.step, curve, stations, trajectory.positions)
+        self._driven = _Driven(ego.step, curve, stations, trajectory)
         kind: PlanKind = "regular" if speeds.any() else "standstill"
-        return Plan(trajectory, candidates=1, kind=kind)
+        followed = follow(trajectory, ego, self._task.vehicle, self._task.step_s)
+        return Plan(followed.trajectory, candidates=1, kind=kind)
 
     def _curve_from(self, ego: EgoState) -> tuple[RearAxleCurve | None, float]:
         """The curve from where the ego's rear axle is, and its station; none where the ego heads back."""
@@ -284,7 +284,8 @@ class IntelligentDriver:
                 acceleration -= self._interaction(speed, gap_m, speed - leader_speed)
             acceleration = min(acceleration, self._before_curve(speed, rear_axle_m + speed * step_s))
             grip = self._grip_mps2(speed, rear_axle_m + speed * step_s / 2)
-            acceleration = min(max(acceleration, -min(HARDEST_BRAKING_MPS2, grip)), grip)
+            most = min(grip, vehicle.most_acceleration_mps2(speed))
+            acceleration = min(max(acceleration, -min(HARDEST_BRAKING_MPS2, grip)), most)
             speeds[i + 1] = max(speed + acceleration * step_s, 0.0)
             travelled[i + 1] = travelled[i] + (speed + speeds[i + 1]) / 2 * step_s
         return travelled, speeds

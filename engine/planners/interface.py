@@ -27,7 +27,11 @@ PlanKind = Literal["regular", "standstill", "stopping"]
 
 @dataclass(frozen=True)
 class EgoState:
-    """The ego at one time step: centre (2,) in m, heading in rad, and its derivatives."""
+    """The ego at one time step: centre (2,) in m, heading in rad, and its derivatives.
+
+    ``steering_rad``: the steering angle, where the ego moves as a vehicle does (``driving/following.py``); None where
+    it is not known, as at the first step of a run.
+    """
 
     step: int
     position: Points
@@ -35,6 +39,7 @@ class EgoState:
     speed_mps: float
     acceleration_mps2: float = 0.0
     yaw_rate_radps: float = 0.0
+    steering_rad: float | None = None
 
     @classmethod
     def of(cls, state: Any) -> "EgoState":
@@ -62,7 +67,8 @@ class PredictedObstacle:
     """The present (index 0) and future of another road user, one entry a step: centres (n, 2), headings (n,).
 
     ``covariance`` of the centre in m²: (2, 2), or (n, 2, 2) with one matrix a step where it changes. ``length_m`` and
-    ``width_m`` hold the safety margin of the prediction already.
+    ``width_m`` hold the safety margin of the prediction already; ``observed_size_m`` is length and width without it.
+    ``kind``: CommonRoad's obstacle type.
     """
 
     obstacle_id: int
@@ -72,6 +78,8 @@ class PredictedObstacle:
     length_m: float
     width_m: float
     speed_mps: float = 0.0
+    kind: str = "unknown"
+    observed_size_m: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -106,16 +114,28 @@ class PlanningTask:
 
 @dataclass(frozen=True)
 class PlannedTrajectory:
-    """States of the centre, one a step beginning with the present: positions (n, 2), the others (n,)."""
+    """States of the centre, one a step beginning with the present: positions (n, 2), the others (n,).
+
+    ``steering_rad``: the steering angles of a motion that the vehicle drives exactly (``driving/following.py``); None
+    for a motion that only says where the centre is to be.
+    """
 
     positions: Points
     headings_rad: Values
     speeds_mps: Values
     accelerations_mps2: Values
+    steering_rad: Values | None = None
 
     def until(self, count: int) -> "PlannedTrajectory":
         """The first ``count`` states."""
-        return PlannedTrajectory(*(array[:count] for array in vars(self).values()))
+        return self._part(slice(count))
+
+    def since(self, index: int) -> "PlannedTrajectory":
+        """The states from an index on."""
+        return self._part(slice(index, None))
+
+    def _part(self, part: slice) -> "PlannedTrajectory":
+        return PlannedTrajectory(*(None if array is None else array[part] for array in vars(self).values()))
 
     def state_at(self, index: int, step: int, step_s: float) -> EgoState:
         """The state ``index`` steps ahead, as the ego state of time step ``step``."""
@@ -128,7 +148,24 @@ class PlannedTrajectory:
             speed_mps=float(self.speeds_mps[index]),
             acceleration_mps2=float(self.accelerations_mps2[index]),
             yaw_rate_radps=turn / step_s if index > before else 0.0,
+            steering_rad=None if self.steering_rad is None else float(self.steering_rad[index]),
         )
+
+
+@dataclass(frozen=True)
+class DebugValues:
+    """What a planner reports of a planning step beside its plan, by names of its own choice.
+
+    ``polygons``: outlines of shape (n, 2) in m. What is reported is kept with the run up to the bounds of
+    ``schemas/runs.py``, shown in the player and exported; it never affects the run.
+    """
+
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
+    polygons: Mapping[str, Points] = field(default_factory=dict)
+
+
+NO_DEBUG_VALUES = DebugValues()
 
 
 @dataclass(frozen=True)
@@ -145,6 +182,7 @@ class Plan:
     candidates: int = 0
     kind: PlanKind = "regular"
     core_s: float = 0.0
+    debug: DebugValues = NO_DEBUG_VALUES
 
 
 def evenly_chosen(count: int, most: int) -> list[int]:

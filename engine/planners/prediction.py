@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Predictor = Callable[[Track, int, int, float], PredictedObstacle]
 """From a track, the index of its present state, a number of steps and their duration in s to its predicted motion."""
 
-_SENSOR_RADIUS_M = 80.0
+SENSOR_RADIUS_M = 80.0
 """Chosen: others whose centre is farther from the ego's are not observed."""
 _REAR_CONE_RAD, _REAR_CONE_FROM_M = math.radians(20.0), 6.0
 """The cone straight behind the ego and the distance from which on others in it are left out; see :func:`observe`."""
@@ -99,6 +99,8 @@ def _predicted(track: Track, positions: Points, headings_rad: Values, speed_mps:
         length_m=track.length_m,
         width_m=track.width_m,
         speed_mps=speed_mps,
+        kind=track.kind,
+        observed_size_m=(track.length_m, track.width_m),
     )
 
 
@@ -214,7 +216,7 @@ def ground_truth(track: Track, index: int, steps: int, step_s: float) -> Predict
 
 def _visible(position: Points, ego: EgoState, *, blind_behind: bool) -> bool:
     distance = float(np.hypot(*(position - ego.position)))
-    return distance <= _SENSOR_RADIUS_M and not (blind_behind and follows(position, ego))
+    return distance <= SENSOR_RADIUS_M and not (blind_behind and follows(position, ego))
 
 
 def follows(position: Points, ego: EgoState) -> bool:

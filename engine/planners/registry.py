@@ -49,11 +49,22 @@ def _iterative_search() -> "Planner":
     return Fiss()
 
 
+def _reference_driver(model: str) -> "Planner":
+    from .reference_drivers import planner
+
+    return planner.ReferencePlanner(getattr(planner, model))
+
+
 PLANNERS: dict[str, "Callable[[], Planner]"] = {
     "frenetix": _frenetix,
     "mp_rbfn": _radial_basis_primitives,
     "idm": _intelligent_driver,
     "fiss": _iterative_search,
+    "r157_careful": lambda: _reference_driver("careful_driver"),
+    "fsm": lambda: _reference_driver("fuzzy_driver"),
+    "rss": lambda: _reference_driver("rss_driver"),
+    "full_braking": lambda: _reference_driver("full_braking"),
+    "keep_lane": lambda: _reference_driver("keep_lane"),
 }
 
 
@@ -116,10 +127,10 @@ def make_planner(name: str, scenario: "ScenarioFile | None" = None) -> "Planner"
 
         return guarded(folded, found.own().make)
     if scenario is None:
-        raise PlannerFailure(f"planner {folded} is a program and plans on a file alone", reason="no_file")
-    from .external.command import command_driver
+        raise PlannerFailure(f"planner {folded} is a program and needs the scenario's file", reason="no_file")
+    from .external.program import program_driver
 
-    return command_driver(folded, found.command, scenario)
+    return program_driver(folded, found.command, scenario)
 
 
 def planner_version(name: str) -> str:

@@ -15,17 +15,21 @@ import numpy as np
 
 from ...schemas.errors import PlannerFailure
 from ...schemas.planning import Replayed, ReplayRequest, RunPlans, RunRequest, RunResponse, ShownPlan
-from ...schemas.runs import DrivenObstacle, RunMetrics, RunRecord, RunSteps, RunTiming
+from ...schemas.runs import DrivenObstacle, Outcome, Refusal, RunMetrics, RunRecord, RunSteps, RunTiming
 from ..commonroad import Track, kept_recording
 from ..criticality import drive_criticality
 from ..execution import ProgressReporter
 from ..geometry import Points, Values, wrap_angles
 from ..vehicles import VehicleParameters, vehicle_of
+from .driving.acceptance import DrivenStates, refusal
 from .driving.drivability import exceeded_limits
 from .driving.solution import steering_of
-from .external.command import CommandDriver, ScenarioFile
+from .external.command import ScenarioFile
+from .external.program import ended_after, log_of
 from .interface import EgoState, Observation, Plan, Planner, PlanningTask, ShowsCandidates
+from .judge import Verdict
 from .registry import check_modes, make_planner, open_traffic, planner_version
+from .series import run_series
 from .simulation import DrivenRun, simulate
 
 if TYPE_CHECKING:
@@ -48,7 +52,8 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     Raises:
         UnsafeInput: the file cannot be read.
         UnknownName: no such planning problem or planner.
-        InvalidRequest: a prediction that does not go with the traffic.
+        InvalidRequest: a prediction that does not go with the traffic, or a vehicle that cannot be.
+        NotPossible: the ego is a vehicle with a trailer, which no planner here drives.
         PlannerFailure: a planner of others broke its contract.
     """
     began = perf_counter()
@@ -56,9 +61,11 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     loaded, vehicle = start.loaded, start.vehicle
     file = ScenarioFile(Path(request.scenario_path), str(loaded.scenario.scenario_id))
     _check_version(request)
-    planner = make_planner(request.configuration.planner, file)
     check_modes(request.traffic, request.prediction)
-    driven = start.drive(planner, report)
+    with ended_after(make_planner(request.configuration.planner, file)) as planner:
+        driven = start.drive(planner, report)
+    steps = run_steps(driven)
+    ending = _judged_by_benchmark(driven.final, steps, start)
     record = RunRecord(
         run_id=request.run_id,
         scenario_id=request.scenario_id,
@@ -70,8 +77,8 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         traffic=request.traffic,
         seed=request.seed,
         step_s=loaded.step_s,
-        outcome=driven.final.outcome,
-        reason=driven.final.reason,
+        outcome=ending.outcome,
+        reason=ending.reason,
         invalid_reason=driven.final.invalid_reason,
         collision=driven.final.collision,
         off_the_lanes=driven.off_the_lanes,
@@ -79,11 +86,16 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         eased_over_m=driven.blended_over_m,
         rejected_candidates=dict(sorted(driven.rejected.items())),
         metrics=_metrics(driven, vehicle, loaded.step_s),
-        beyond_vehicle=tuple(exceeded_limits(_ego_track(driven.states, vehicle), vehicle, loaded.step_s)),
+        success_rule="accepted@2",
+        refusal=ending.refusal,
+        beyond_vehicle=tuple(
+            exceeded_limits(_ego_track(driven.states, vehicle), vehicle, loaded.step_s, driven.steering_rad)
+        ),
         ego_length_m=vehicle.length_m,
         ego_width_m=vehicle.width_m,
+        ego_class=vehicle.vehicle_class,
     )
-    report(1.0, driven.final.outcome)
+    report(1.0, ending.outcome)
     core_s = [plan.core_s for plan in driven.plans if plan.core_s > 0]
     timing = RunTiming(
         wall_s=perf_counter() - began,
@@ -92,8 +104,8 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         steps=len(driven.plan_s),
         planning_ms=tuple(round(1000 * duration_s, 3) for duration_s in driven.plan_s),
     )
-    log = planner.log if isinstance(planner, CommandDriver) else ""
-    return RunResponse(record=record, steps=run_steps(driven), timing=timing, planner_log=log)
+    series = run_series(driven, vehicle, loaded.step_s)
+    return RunResponse(record=record, steps=steps, timing=timing, series=series, planner_log=log_of(planner))
 
 
 @dataclass(frozen=True)
@@ -109,13 +121,47 @@ class _Start:
     def of(cls, request: RunRequest) -> "_Start":
         """The scenario in memory, its planning problem, and the ego's vehicle."""
         loaded = kept_recording(Path(request.scenario_path)).loaded
-        return cls(request, loaded, loaded.problem(request.problem_id), vehicle_of(request.configuration.settings))
+        problem = loaded.problem(request.problem_id)
+        vehicle = vehicle_of(request.configuration.settings, loaded.ego_class(int(problem.planning_problem_id)))
+        return cls(request, loaded, problem, vehicle)
 
     def drive(self, planner: Planner, report: ProgressReporter) -> DrivenRun:
         """Let a planner drive in the request's traffic."""
         asked, scenario = self.request, self.loaded.scenario
         with open_traffic(asked.traffic, self.loaded, self.problem, self.vehicle, asked.seed) as traffic:
-            return simulate(scenario, self.problem, asked.configuration, planner, asked.prediction, report, traffic)
+            return simulate(
+                scenario, self.problem, asked.configuration, planner, asked.prediction, report, traffic, self.vehicle
+            )
+
+
+@dataclass(frozen=True)
+class _Ending:
+    """How a run ended by the rule ``accepted@2``."""
+
+    outcome: Outcome
+    reason: str
+    refusal: Refusal | None = None
+
+
+_REFUSALS: dict[Refusal, str] = {
+    "goal_not_met": "no state meets the goal by its reading",
+    "off_lanelets": "a part of the body is outside the lanelets",
+    "not_drivable": "no acceleration and steering lead to the next state",
+}
+
+
+def _judged_by_benchmark(verdict: Verdict, steps: RunSteps, start: _Start) -> _Ending:
+    """The verdict of the loop; a goal that it says is reached only if CommonRoad's benchmark accepts the motion."""
+    if verdict.outcome != "goal_reached":
+        return _Ending(verdict.outcome, verdict.reason)
+    loaded, vehicle = start.loaded, start.vehicle
+    driven = DrivenStates.of(steps, vehicle, loaded.step_s)
+    refused = refusal(driven, start.problem.goal, loaded.scenario.lanelet_network, vehicle, loaded.step_s)
+    if refused is None:
+        return _Ending(verdict.outcome, verdict.reason)
+    moment = "" if refused.index is None else f" at {refused.index * loaded.step_s:.1f} s"
+    why = f"{verdict.reason}, but CommonRoad's benchmark refuses the motion: {_REFUSALS[refused.code]}{moment}"
+    return _Ending("goal_refused", why, refused.code)
 
 
 def _check_version(request: RunRequest) -> None:
@@ -143,7 +189,10 @@ def _metrics(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> Ru
     lateral = ego.speeds_mps[1:] * turn / step_s
     felt = np.column_stack([accelerations[1:], lateral])
     planar = np.linalg.norm(np.diff(felt, axis=0), axis=1) / step_s
-    steering = np.diff(steering_of(ego.headings_rad, ego.speeds_mps, step_s, vehicle.wheelbase_m)) / step_s
+    angles = driven.steering_rad
+    if angles is None:
+        angles = steering_of(ego.headings_rad, ego.speeds_mps, step_s, vehicle.wheelbase_m)
+    steering = np.diff(angles) / step_s
     duration = (len(states) - 1) * step_s
     distance = float(np.linalg.norm(np.diff(ego.positions, axis=0), axis=1).sum())
     nearness = drive_criticality(ego, driven.traffic.moving, driven.traffic.standing)
@@ -193,6 +242,7 @@ def run_steps(driven: DrivenRun) -> RunSteps:
         heading_rad=tuple(state.heading_rad for state in states),
         speed_mps=tuple(state.speed_mps for state in states),
         acceleration_mps2=tuple(state.acceleration_mps2 for state in states),
+        steering_rad=() if driven.steering_rad is None else tuple(driven.steering_rad.tolist()),
         plan_steps=tuple(driven.plan_steps),
         others=tuple(_driven_obstacle(track) for track in driven.traffic.driven),
         costs={name: tuple(float(plan.costs.get(name, 0.0)) for plan in driven.plans) for name in terms},
@@ -225,10 +275,14 @@ def replay_plans(request: ReplayRequest, report: ProgressReporter) -> Replayed:
     Raises:
         UnsafeInput: the scenario's file cannot be read.
         UnknownName: no such planning problem or planner.
+        PlannerFailure: a planner of others was edited since, or broke its contract.
     """
     start = _Start.of(request.run)
-    planner = _Watched(make_planner(request.run.configuration.planner), start.loaded.step_s)
-    driven = start.drive(planner, report)
+    file = ScenarioFile(Path(request.run.scenario_path), str(start.loaded.scenario.scenario_id))
+    _check_version(request.run)
+    with ended_after(make_planner(request.run.configuration.planner, file)) as own:
+        planner = _Watched(own, start.loaded.step_s)
+        driven = start.drive(planner, report)
     stored = RunSteps.model_validate_json(Path(request.steps_path).read_bytes())
     if run_steps(driven) != stored:
         return Replayed(note="this version drives the run otherwise than it is stored, so its plans are not shown")

@@ -1,12 +1,19 @@
-"""Whether a trajectory is safe: clear of where the others are predicted, and of the edge of the road."""
+"""Whether a trajectory is safe: clear of where the others are predicted, and of the edge of the road.
+
+What counts is the motion with which the vehicle follows it (``driving/following.py``).
+"""
 
 from typing import TYPE_CHECKING, Literal
 
+from .driving.following import FollowedPlan, follow
 from .interface import Observation, PlannedTrajectory, PlanningTask, PredictedObstacle
 from .traffic.recorded import rectangle
 
 if TYPE_CHECKING:
     from commonroad_dc import pycrcc
+
+
+Objection = Literal["collision", "road_edge", "friction", "steering_rate"]
 
 
 class SafetyCheck:
@@ -16,12 +23,34 @@ class SafetyCheck:
         from commonroad_dc import pycrcc
 
         self._vehicle, self._road = task.vehicle, task.road
+        self._ego, self._step_s = observation.ego, task.step_s
         self._others = pycrcc.CollisionChecker()
         for obstacle in observation.obstacles:
             if len(obstacle.positions) > 1:
                 bodies = _rectangles(obstacle, obstacle.length_m, obstacle.width_m)
                 self._others.add_collision_object(_motion(bodies))
         self._on_edge_now = self._road.touches_edge(rectangle(observation.ego, task.vehicle))
+
+    def followed(
+        self, trajectory: PlannedTrajectory, most_m: float, counted: int | None = None
+    ) -> "FollowedPlan | Objection":
+        """The motion with which the vehicle follows a trajectory, or why it must not.
+
+        ``counted``: only so many of its first states have to be safe; None: all.
+
+        ``steering_rate``: its wheels turn too slowly to stay within ``most_m`` of it; ``friction``: tyres or engine do
+        not allow its accelerations.
+        """
+        refused = self.objection(trajectory if counted is None else trajectory.until(counted))
+        if refused is not None:
+            return refused
+        followed = follow(trajectory, self._ego, self._vehicle, self._step_s)
+        if not followed.within_tyres:
+            return "friction"
+        if followed.deviation_m > most_m:
+            return "steering_rate"
+        driven = followed.trajectory if counted is None else followed.trajectory.until(counted)
+        return self.objection(driven) or followed
 
     def objection(self, trajectory: PlannedTrajectory) -> Literal["collision", "road_edge"] | None:
         """Why a trajectory is not safe, or None.

@@ -6,13 +6,15 @@ from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ...schemas.errors import NotPossible
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import Prediction
 from ..execution import ProgressReporter
-from ..geometry import arc_length, project
+from ..geometry import Values, arc_length, project
 from ..scene import start_lanelets
-from ..vehicles import rear_axle, vehicle_of
+from ..vehicles import VehicleParameters, rear_axle, vehicle_of
 from .goal import SPEED_BAND_MPS, Goal, path_to, select_goal_state
 from .interface import EgoState, Observation, Plan, Planner, PlanningTask
 from .judge import Judge, Verdict
@@ -34,6 +36,7 @@ class DrivenRun:
     """The states, plans and verdict of a run.
 
     ``plan_s`` and ``rejections`` hold the last attempt too where it gave no trajectory; ``plans`` does not.
+    ``task``: what the planner was asked; None where it was asked nothing.
     ``blended_over_m``: length of the curve by which the reference path leads the ego onto its route, where it needs
     one (``eased_over_m`` of the record).
     """
@@ -47,6 +50,7 @@ class DrivenRun:
     verdict: Verdict | None = None
     off_the_lanes: tuple[int, ...] = ()
     blended_over_m: float | None = None
+    task: PlanningTask | None = None
 
     @property
     def rejected(self) -> Counter[str]:
@@ -55,6 +59,16 @@ class DrivenRun:
         for counts in self.rejections:
             total.update(counts)
         return total
+
+    @property
+    def steering_rad(self) -> Values | None:
+        """The steering angles (n,) of a vehicle that follows its plans; None for states that are planned as such."""
+        known = [state.steering_rad for state in self.states[1:]]
+        if not known or None in known:
+            return None
+        begun = self.plans[0].trajectory
+        first = None if begun is None or begun.steering_rad is None else begun.steering_rad[0]
+        return None if first is None else np.array([first, *known], dtype=np.float64)
 
     @property
     def has_not_begun(self) -> bool:
@@ -77,16 +91,18 @@ def simulate(
     prediction: Prediction,
     report: ProgressReporter,
     traffic: Traffic | None = None,
+    vehicle: VehicleParameters | None = None,
 ) -> DrivenRun:
     """Run a planner on a planning problem until the judge ends it.
 
     A problem that no planner can solve (initial collision, off the road, no route, too little time) ends as ``invalid``
     with a code and without a plan.
-    The traffic is the recorded one by default; one that reacts must stand at the ego's first step.
+    The traffic is the recorded one by default; one that reacts must stand at the ego's first step. ``vehicle``: the
+    ego's; None: what the configuration says of a car.
     """
     ego = EgoState.of(problem.initial_state)
     run = DrivenRun([ego], traffic or RecordedTraffic(scenario))
-    task = _task(scenario, problem, configuration, ego)
+    task = _task(scenario, problem, configuration, ego, vehicle or vehicle_of(configuration.settings))
     if isinstance(task, Verdict):
         run.verdict = task
         return run
@@ -103,7 +119,11 @@ def simulate(
 
 
 def _task(
-    scenario: "Scenario", problem: "PlanningProblem", configuration: PlannerConfiguration, ego: EgoState
+    scenario: "Scenario",
+    problem: "PlanningProblem",
+    configuration: PlannerConfiguration,
+    ego: EgoState,
+    vehicle: VehicleParameters,
 ) -> PlanningTask | Verdict:
     """The task, or why there is none."""
     network, step_s = scenario.lanelet_network, float(scenario.dt)
@@ -113,7 +133,6 @@ def _task(
         start_lanelets(network, ego.position, ego.heading_rad)
     except NotPossible as nowhere:
         return Verdict.invalid("ego_off_road", nowhere.message)
-    vehicle = vehicle_of(configuration.settings)
     aim = select_goal_state(network, problem.goal, ego, vehicle, step_s)
     goal = Goal(aim)
     beyond_m = max(BEYOND_GOAL_M, configuration.settings.horizon_s * FASTEST_MPS + _BEYOND_HORIZON_M)
@@ -139,6 +158,7 @@ class _Loop:
     def drive(self, task: PlanningTask, run: DrivenRun, judge: Judge) -> None:
         """Observe, plan, follow and judge until there is a verdict."""
         self.planner.reset(task)
+        run.task = task
         settings, step_s = task.configuration.settings, task.step_s
         first, horizon = run.states[0].step, round(settings.horizon_s / step_s)
         while run.verdict is None:

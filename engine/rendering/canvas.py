@@ -42,6 +42,7 @@ _CLASS_COLOURS = {
 }
 _OUTCOME_COLOURS = {
     "goal_reached": _BLUE,
+    "goal_refused": _GREY,
     "collision": _VERMILLION,
     "timeout": _ORANGE,
     "goal_missed": _YELLOW,

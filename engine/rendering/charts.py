@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 _OUTCOME_ORDER: tuple[Outcome, ...] = (
     "goal_reached",
+    "goal_refused",
     "goal_early",
     "goal_late",
     "goal_missed",

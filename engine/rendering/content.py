@@ -14,6 +14,7 @@ from ...schemas.runs import RunRecord, RunSource
 from ..analysis import driven_tracks, read_steps
 from ..commonroad import Track, last_recorded_step, size_of
 from ..geometry import Points, Values, length_m, oriented_rectangle, resample
+from ..vehicles import ego_class
 from .canvas import EGO_COLOUR, series_style
 
 if TYPE_CHECKING:
@@ -85,9 +86,15 @@ class ScenarioContent:
     ego_heading_rad: float
     ego_speed_mps: float
     ego_step: int
+    ego_class: str
     goals: tuple[Points, ...]
     pavements: tuple[Points, ...] = ()
     crossings: tuple[Points, ...] = ()
+
+    @property
+    def ego_size_m(self) -> tuple[float, float]:
+        """Length and width of the ego's class."""
+        return ego_class(self.ego_class).vehicle.size_m
 
     def positions_at(self, step: int) -> dict[int, Points]:
         """Where the moving vehicles are at a step, by id; each a point (2,)."""
@@ -125,6 +132,7 @@ def content_of(recorded: "RecordedScenario") -> ScenarioContent:
         ego_heading_rad=float(ego.orientation) if ego else 0.0,
         ego_speed_mps=float(ego.velocity) if ego else 0.0,
         ego_step=int(ego.time_step) if ego else 0,
+        ego_class=loaded.ego_class(int(problem.planning_problem_id)) if problem else "car",
         goals=_goals(problem, scenario) if problem else (),
         pavements=tuple(_outline(one) for one in loaded.footways if not _crosses(one)),
         crossings=tuple(stripe for one in loaded.footways if _crosses(one) for stripe in _stripes(one)),

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...schemas.errors import NotPossible
 from ...schemas.runs import Contact, ReviewRequest, RunRecord, RunReview, RunSteps, ending
+from ...schemas.text import measured
 from ..analysis import Course, RunSet, course_of, review_runs
 from ..execution import silent
 from ..geometry import Values
@@ -252,12 +253,13 @@ def _marks(record: RunRecord, review: RunReview) -> list[_Mark]:
         if near is not None:
             marks.append(_Mark(near.time_s, f"closest: {near.gap_m:.2f} m to {near.other} {near.place}"))
         if urgent is not None:
-            words = f"least time to collision: {urgent.time_to_collision_s:.2g} s with {urgent.other} {urgent.place}"
+            least = measured(urgent.time_to_collision_s, 2)
+            words = f"least time to collision: {least} s with {urgent.other} {urgent.place}"
             marks.append(_Mark(urgent.time_s, words))
         if record.metrics is not None:
             marks.append(_Mark(record.metrics.duration_s, record.outcome.replace("_", " "), decisive=True))
     marks += [
-        _Mark(one.time_s, f"largest {one.name}: {one.value:.3g} {one.unit}")
+        _Mark(one.time_s, f"largest {one.name}: {measured(one.value)} {one.unit}")
         for one in review.largest
         if one.name in ("braking", "lateral acceleration")
     ]

@@ -67,7 +67,7 @@ def overview_section(
     )
     rows = [
         ("What was tested", tested),
-        ("What came out", f"{_reached(result.success)} reached the goal{_failed(result)}."),
+        ("What came out", f"{_reached(result.success)} reached the goal{_failed(result)}.{_by_any_motion(result)}"),
         *([("Goals that asked for nothing", result.trivial.in_words())] if result.trivial is not None else []),
         *([("What no vehicle drives", result.beyond_vehicle.in_words())] if result.beyond_vehicle is not None else []),
         ("Whose fault", _whose_fault(result)),
@@ -105,6 +105,12 @@ def _failed(result: AnalyzeResultsResult) -> str:
     ]
     invalid = [f"{result.invalid_count} could not be attempted and count nowhere"] if result.invalid_count else []
     return f"; the others ended as {', '.join(failed)}" * bool(failed) + "".join(f"; {one}" for one in invalid)
+
+
+def _by_any_motion(result: AnalyzeResultsResult) -> str:
+    """The rate by the paper's rule, where it is another one."""
+    rate = result.by_any_motion
+    return "" if rate is None else f" By the paper's rule, a goal by any motion, {_reached(rate)}."
 
 
 def _whose_fault(result: AnalyzeResultsResult) -> str:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..geometry import Points, oriented_rectangle
-from ..vehicles import EGO_SIZE_M
 from .canvas import EGO_COLOUR, INK, SMALL_PT, class_colour, series_style
 from .content import DrivenPath, ScenarioView, VehicleShape, Viewport
 
@@ -45,7 +44,7 @@ def draw_egos(axes: "Axes", view: ScenarioView, *, start: bool = True) -> list[t
     content = view.content
     begin = None
     if content.ego_position is not None:
-        begin = oriented_rectangle(content.ego_position, content.ego_heading_rad, EGO_SIZE_M)
+        begin = oriented_rectangle(content.ego_position, content.ego_heading_rad, content.ego_size_m)
     later = view.step > content.ego_step
     if begin is not None and (start or not view.paths) and (later or not view.paths):
         _draw_ego(axes, begin, faded=later)

@@ -9,6 +9,7 @@ from ...schemas.runs import ContactKind, Outcome, Prediction, Traffic
 
 _OUTCOMES: dict[Outcome, str] = {
     "goal_reached": "the ego was in the goal's place, in its time, with its speed and heading where the goal has them",
+    "goal_refused": "the ego reached the goal, but by a motion that CommonRoad's benchmark refuses",
     "goal_early": "the ego was in the goal's place, but only before its time",
     "goal_late": "the ego was in the goal's place, but only after its time",
     "goal_missed": "the ego passed the goal or ended elsewhere, or was there without the goal's speed or heading",

@@ -41,7 +41,7 @@ from ..scene import (
     is_own_recording,
     lanelets_at,
 )
-from ..vehicles import EGO_SIZE_M
+from ..vehicles import MODEL_WORDS, ego_class
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
@@ -224,6 +224,8 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
         way += ", with a lane change" if route.changes_lane else ""
     return DescribedEgo(
         problem_id=scene.ego.problem_id,
+        vehicle_class=scene.ego.vehicle_class,
+        vehicle=vehicle_words(scene.ego.vehicle_class),
         speed_mps=round(scene.ego.speed_mps, 4),
         lanelets=aligned_lanelets(network, under, point, scene.ego.heading_rad) or under,
         lanes=max((len(scene.lanelet_graph.beside([key])) for key in under), default=0),
@@ -232,6 +234,12 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
         route=route.lanelets if route else (),
         way=way,
     )
+
+
+def vehicle_words(name: str) -> str:
+    """What an ego of a class is, its motion model, and where its limits come from."""
+    known = ego_class(name)
+    return f"{known.in_words}, {MODEL_WORDS[known.motion_model]}; limits: {known.source}"
 
 
 def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets: tuple[int, ...]) -> str:
@@ -344,7 +352,7 @@ def _goal(scene: Scene) -> str:
 def _overlaps(scene: Scene) -> str:
     if scene.ego is None:
         return "ok: no ego that could overlap"
-    own = oriented_rectangle(np.asarray(scene.ego.position), scene.ego.heading_rad, EGO_SIZE_M)
+    own = oriented_rectangle(np.asarray(scene.ego.position), scene.ego.heading_rad, scene.ego.size_m)
     step = scene.ego.step
     there = [(track, track.index_at(step)) for _, track in sorted((scene.tracks | scene.standing).items())]
     boxes = [(track.obstacle_id, track.corners_at(index)) for track, index in there if index is not None]

@@ -18,6 +18,7 @@ from ...schemas.scenarios import EgoFacts, LocationFacts, ParticipantFacts, Read
 from ...schemas.text import one_line, quoted
 from ...schemas.vocabulary import CIRCUMSTANCES, GoalForm
 from ..commonroad import (
+    LoadedScenario,
     RecordedScenario,
     Track,
     XmlLimits,
@@ -38,7 +39,7 @@ from ..geometry import arc_length, project
 from ..network import LaneletGraph, read_net
 from ..scene import aligned_lanelets, ego_route, lanelets_at, path_ahead
 from ..traffic import words_of_hour
-from ..vehicles import EGO_SIZE_M
+from ..vehicles import ego_class
 from .features import along_line, features, may_be_beside
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def _facts_of(read: RecordedScenario) -> ScenarioFacts:
     graph = LaneletGraph.of(network)
     problems = [problem for _, problem in sorted(loaded.planning_problems.planning_problem_dict.items())]
     last_step = last_recorded_step(scenario)
-    recording = _Recording(scenario, graph, tracks, {**tracks, **static_tracks(scenario, last_step)}, last_step)
+    recording = _Recording(loaded, scenario, graph, tracks, {**tracks, **static_tracks(scenario, last_step)}, last_step)
     egos = tuple(_ego(recording, problem) for problem in problems)
     first = egos[0] if egos else None
     last_goal = max((ego.goal_last_step or 0 for ego in egos), default=0)
@@ -143,6 +144,7 @@ def _circumstances(scenario: "Scenario") -> tuple[str, ...]:
 class _Recording:
     """What the facts of every ego are read from; ``bodies`` are the tracks and the static obstacles."""
 
+    loaded: LoadedScenario
     scenario: "Scenario"
     graph: LaneletGraph
     tracks: dict[int, Track]
@@ -176,6 +178,7 @@ def _ego(recording: _Recording, problem: "PlanningProblem") -> EgoFacts:
         signs=sign_keys(signs),
         traffic_light=has_light(network, lanelets),
         limits_kmh=limits_kmh(signs),
+        vehicle_class=recording.loaded.ego_class(int(problem.planning_problem_id)),
     )
     start_step = int(state.time_step)
     computed = features(network, recording.graph, recording.tracks, ego, route, start_step)
@@ -222,6 +225,7 @@ def _time_to_conflict_s(recording: _Recording, ego: EgoFacts, start_step: int) -
         return None
     here = project(line, np.array([ego.x_m, ego.y_m]))[0]
     length = arc_length(line)[-1]
+    own_length_m, own_width_m = ego_class(ego.vehicle_class).vehicle.size_m
     times_s: list[float] = []
     for key, track in recording.bodies.items():
         if track.last_step < start_step:
@@ -231,14 +235,14 @@ def _time_to_conflict_s(recording: _Recording, ego: EgoFacts, start_step: int) -
         looked_at = slice(skipped, None if key in recording.tracks else skipped + 1)  # one pose of what stands still
         positions, facing = track.positions[looked_at], track.headings_rad[looked_at]
         if key in recording.tracks:
-            near = may_be_beside(line, positions, track.length_m + track.width_m + EGO_SIZE_M[1])
+            near = may_be_beside(line, positions, track.length_m + track.width_m + own_width_m)
             positions, facing, steps = positions[near], facing[near], steps[near]
         if not len(positions):
             continue
         stations, beside, turn = along_line(line, positions, facing)
         along, across = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-        reach = (along * track.length_m + across * track.width_m + EGO_SIZE_M[0]) / 2
-        room = (across * track.length_m + along * track.width_m + EGO_SIZE_M[1]) / 2
+        reach = (along * track.length_m + across * track.width_m + own_length_m) / 2
+        room = (across * track.length_m + along * track.width_m + own_width_m) / 2
         ahead = stations - here - ego.speed_mps * step_s * steps
         on_path = (np.abs(beside) < room) & (stations > 0.0) & (stations < length - INSIDE_END_M)
         meets = np.flatnonzero(on_path & (np.abs(ahead) < reach))

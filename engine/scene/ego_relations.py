@@ -16,7 +16,6 @@ import numpy as np
 from ..commonroad import Track
 from ..geometry import Points, arc_length, point_at, project, without_repeats, wrap_angle
 from ..network import Digraph, LaneletGraph
-from ..vehicles import EGO_SIZE_M
 from .routing import aligned_lanelets, center_line, goal_center_lanelets, lanelets_at, path_ahead
 from .scene import NOT_DRIVEN, Ego, Scene
 
@@ -58,7 +57,7 @@ def ego_lane(scene: Scene, ego: Ego) -> "EgoLane | None":
     behind, before = _backwards(network, scene.lanelet_graph, start)
     line = without_repeats(np.vstack([*behind, ahead])) if behind else ahead
     here_m, beside = project(line, ego.position)[0], _lanes_beside(network, (*before, *onward))
-    return EgoLane(network, line, here_m, ego.position, ego.heading_rad, beside)
+    return EgoLane(network, line, here_m, ego.position, ego.heading_rad, beside, ego.size_m[0])
 
 
 def is_own_recording(track: Track, ego: Ego) -> bool:
@@ -165,6 +164,7 @@ class EgoLane:
     """The lane that the ego follows: its centre line from behind the ego to far ahead, and the lanes beside it.
 
     ``beside``: lanelet → lanes to the left of the ego's (right negative) in the same direction; 0 is its own.
+    ``length_m``: the ego's length.
     """
 
     network: "LaneletNetwork"
@@ -173,6 +173,7 @@ class EgoLane:
     position: Points
     heading_rad: float
     beside: dict[int, int]
+    length_m: float
 
     def where(self, track: Track, index: int, lanelet: int | None) -> _Where:
         """Where the track is at an index of its arrays."""
@@ -185,7 +186,7 @@ class EgoLane:
             return _Where(self._elsewhere(point, heading), None, None)
         if round_about:
             return _Where(f"{self._elsewhere(point, heading)}, {_along(ahead)} along the lane", round(ahead, 1), None)
-        gap = abs(ahead) - (track.length_m + EGO_SIZE_M[0]) / 2 if lane == _OWN else None
+        gap = abs(ahead) - (track.length_m + self.length_m) / 2 if lane == _OWN else None
         return _Where(f"{_along(ahead)}, {lane}", round(ahead, 1), None if gap is None else round(gap, 1))
 
     def _lane(self, track: Track, index: int, lanelet: int | None, at: tuple[float, float]) -> str | None:

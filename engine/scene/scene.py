@@ -21,6 +21,7 @@ from ..network import (
     straight_speeds,
     sumo_net,
 )
+from ..vehicles import VehicleParameters, ego_class
 from .edge_routes import EdgeGraph
 from .map_matching import LaneMatch, MapMatcher
 from .occupancies import occupied_regions
@@ -36,7 +37,7 @@ NOT_DRIVEN = ("pedestrian",)
 class Ego:
     """A planning problem's start, the middle of an uncertain one.
 
-    The centre (2,) in m, heading in rad, speed, and the lanelets there (best first).
+    The centre (2,) in m, heading in rad, speed, the lanelets there (best first), and what class of vehicle it is.
     """
 
     problem_id: int
@@ -45,6 +46,17 @@ class Ego:
     heading_rad: float
     speed_mps: float
     lanelets: tuple[int, ...]
+    vehicle_class: str = "car"
+
+    @property
+    def vehicle(self) -> VehicleParameters:
+        """Size and limits of its class."""
+        return ego_class(self.vehicle_class).vehicle
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Length and width in m."""
+        return self.vehicle.size_m
 
 
 @dataclass(frozen=True)
@@ -202,6 +214,7 @@ def _ego(loaded: LoadedScenario, matcher: MapMatcher, problem_id: int | None) ->
         heading_rad=heading,
         speed_mps=middle_of(state.velocity),
         lanelets=tuple(key for key, _ in near),
+        vehicle_class=loaded.ego_class(int(problem.planning_problem_id)),
     )
 
 

@@ -26,17 +26,32 @@ class Demand:
     """Vehicles wanted by class; ``least`` and ``most`` are the request's own bounds, the ego not counted.
 
     ``bounded_by``: in words, what keeps the vehicles from being as many as the density asks for, where something does.
+    ``ego_class``: the class of which one vehicle is the ego.
     """
 
     counts: dict[str, int]
     least: dict[str, int]
     most: dict[str, int]
     bounded_by: str = ""
+    ego_class: str = "car"
 
     @property
     def total(self) -> int:
         """All vehicles wanted, the ego included."""
         return sum(self.counts.values())
+
+    @property
+    def needed(self) -> dict[str, int]:
+        """How many vehicles of each class have to be there, the ego counted."""
+        return {name: self.least.get(name, 0) + (name == self.ego_class) for name in self.counts}
+
+    def with_ego(self, vehicle_class: str) -> "Demand":
+        """The same with one vehicle of a class as the ego, in the place of the car that it would be otherwise."""
+        if vehicle_class == self.ego_class:
+            return self
+        counts = self.counts | {"car": self.counts["car"] - 1}
+        counts[vehicle_class] = counts.get(vehicle_class, 0) + 1
+        return replace(self, counts=counts, ego_class=vehicle_class)
 
     def with_spares(self, share: float, more: Mapping[str, int]) -> "Demand":
         """The same with more cars, by a share of all vehicles and at least one, and more of every class by that share.
@@ -50,7 +65,7 @@ class Demand:
 
     def fewer(self, share: float, reason: str) -> "Demand":
         """A share of the vehicles of every class, but as many as the request needs."""
-        needed = {name: self.least.get(name, 0) + (name == "car") for name in self.counts}
+        needed = self.needed
         counts = {name: max(needed[name], int(share * count)) for name, count in self.counts.items()}
         return replace(self, counts=counts, bounded_by=reason)
 

@@ -118,6 +118,8 @@ def _idle_notes(base: PlannerConfiguration, made: PlannerConfiguration) -> list[
         notes.append(f"{', '.join(idle)}: kept, but acts on nothing (the module is not part of this planner)")
     before, after = setting_values(base.settings), setting_values(made.settings)
     unused = [name for name in tuning_of(made.planner).idle_settings if before[name] != after[name]]
+    if made.settings.vehicle_stated and not base.settings.states_vehicle:
+        notes.append("vehicle=2 now holds for every ego; without it the ego's class decides, a car being vehicle 2")
     if unused:
         notes.append(f"{', '.join(unused)}: kept, but acts on nothing in {made.planner}")
     return notes
@@ -149,7 +151,10 @@ def _configuration(
     same = [entry.name for entry in known if entry.weights == weights]
     origin = same[0] if same else preset
     usual = tuning_of(planner).presets[origin].weights if origin in tuning_of(planner).presets else {}
-    changed = {key: value for key, value in (weights | external).items() if value != usual.get(key, 0.0)} | stated
+    told = {"vehicle": settings.vehicle} if stated.pop("vehicle_stated", False) else {}
+    changed = (
+        {key: value for key, value in (weights | external).items() if value != usual.get(key, 0.0)} | told | stated
+    )
     parts = [f"{key}={value:g}" for key, value in changed.items()]
     more = f" and {len(parts) - _MOST_NAMED} more" if len(parts) > _MOST_NAMED else ""
     name = ", ".join([f"{planner}:{origin}", *parts[:_MOST_NAMED]]) + more

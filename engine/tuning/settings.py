@@ -5,12 +5,12 @@ An assignment reads ``jerk=0.5``, ``jerk*2``, ``jerk+0.1`` or ``jerk=lateral_jer
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest
 from ...schemas.grammar import Assignment, parse_assignment
 from ...schemas.planning import PlannerSettings
-from ..vehicles import VEHICLES
+from ..vehicles import VEHICLES, fits_together, parameter_values
 from .tunings import LARGEST_WEIGHT
 
 
@@ -144,7 +144,7 @@ def known_settings() -> dict[str, Setting]:
 
 def setting_values(settings: PlannerSettings) -> dict[str, float]:
     """Every setting with the value in force, in their order."""
-    own = asdict(VEHICLES[settings.vehicle])
+    own = parameter_values(VEHICLES[settings.vehicle])
     stated = {name: value for name, value in settings if value is not None}
     return {name: stated.get(name, own.get(name, 0.0)) for name in known_settings()}
 
@@ -158,6 +158,7 @@ def changed_settings(settings: PlannerSettings, changes: Iterable[str]) -> tuple
     """
     values, notes, known = setting_values(settings), list[str](), known_settings()
     limits = {name: (setting.lowest, setting.highest) for name, setting in known.items()}
+    names_vehicle = settings.states_vehicle
     for text in changes:
         changed = apply_assignments(values, [text], limits=limits, kind="setting")
         values, notes = changed.values, [*notes, *changed.notes]
@@ -165,16 +166,18 @@ def changed_settings(settings: PlannerSettings, changes: Iterable[str]) -> tuple
         if known[name].whole and values[name] != int(values[name]):
             raise InvalidRequest(f"'{text}': {name} is a whole number", valid=[known[name].range_text])
         if name == "vehicle":
-            values |= asdict(VEHICLES[int(values[name])])
+            values |= parameter_values(VEHICLES[int(values[name])])
+            names_vehicle = True
     _fits_together(values)
-    own = asdict(VEHICLES[int(values["vehicle"])])
+    own = parameter_values(VEHICLES[int(values["vehicle"])])
     stated = {name: value for name, value in values.items() if name not in own or value != own[name]}
-    return PlannerSettings.model_validate(stated), tuple(notes)
+    made = PlannerSettings.model_validate(stated)
+    return made.model_copy(update={"vehicle_stated": names_vehicle and made.vehicle == 2}), tuple(notes)
 
 
 def _fits_together(values: dict[str, float]) -> None:
     length, wheelbase, rear = (values[name] for name in ("length_m", "wheelbase_m", "rear_axle_behind_center_m"))
-    if wheelbase > length or rear > length / 2 or rear > wheelbase:
+    if not fits_together(length, wheelbase, rear):
         raise InvalidRequest(
             f"length_m={length:g}, wheelbase_m={wheelbase:g} and rear_axle_behind_center_m={rear:g} are no vehicle",
             valid=["wheelbase_m <= length_m", "rear_axle_behind_center_m <= length_m / 2 and <= wheelbase_m"],

@@ -292,6 +292,58 @@ _FISS_PRESETS = (
     ),
 )
 """Plain: what its authors call "without the safety envelope and proximity cost" in their ablations."""
+_FOLLOWING = (
+    Weight(
+        "follows",
+        "1: drives to the goal and keeps its distance like idm; 0: keeps the speed of the start",
+        "drives on its own while its model does not react",
+        "ours",
+        0.0,
+        1.0,
+    ),
+    Weight("time_headway_s", "desired time gap to the leader, s", "follows farther away", "ours", 0.1, 10.0),
+)
+"""What a reference driver does while its model does not react."""
+_CAREFUL = (
+    *_FOLLOWING,
+    Weight("wandering_m", "lateral motion that is noticed, m", "notices a cut-in later", "ours", 0.05, 2.0),
+    Weight("perception_s", "risk perception, s", "reacts later", "ours", 0.0, 3.0),
+    Weight("delay_s", "from the decision to braking, s", "brakes later", "ours", 0.0, 3.0),
+    Weight("critical_ttc_s", "critical time to collision, s", "brakes earlier", "ours", 0.5, 10.0),
+    Weight("critical_thw_s", "critical time headway, s", "brakes earlier", "ours", 0.5, 10.0),
+    Weight("hard_mps2", "leader's braking that is noticed, m/s²", "notices braking later", "ours", 0.5, 10.0),
+)
+_FUZZY = (
+    *_FOLLOWING,
+    Weight("response_s", "response time, s", "reacts later", "ours", 0.0, 3.0),
+    Weight("gentle_mps2", "comfortable braking, m/s²", "begins later", "ours", 0.5, 9.0),
+    Weight("hard_mps2", "hardest braking, m/s²", "begins later, brakes harder", "ours", 0.5, 9.0),
+    Weight("front_mps2", "braking expected of the one ahead, m/s²", "begins earlier", "ours", 0.5, 10.0),
+    Weight("standstill_m", "gap when standing, m", "stops earlier", "ours", 0.0, 10.0),
+    Weight("margin_m", "margin of the safe distance, m", "begins earlier", "ours", 0.0, 10.0),
+)
+_RSS = (
+    *_FOLLOWING,
+    Weight("response_s", "response time ρ, s", "reacts later", "ours", 0.0, 3.0),
+    Weight("own_mps2", "its own braking that it counts on, m/s²", "smaller safe distance", "ours", 0.5, 9.0),
+    Weight("front_mps2", "hardest braking of the one ahead, m/s²", "larger safe distance", "ours", 0.5, 10.0),
+    Weight("across_mps2", "lateral acceleration of others, m/s²", "smaller or larger lateral gap", "ours", 0.1, 5.0),
+    Weight("fluctuation_m", "lateral fluctuation µ, m", "larger lateral gap", "ours", 0.0, 2.0),
+)
+
+
+def _reference(weights: tuple[Weight, ...], values: tuple[float, ...], summary: str) -> "PlannerTuning":
+    """The tuning of a reference driver: its source's parameters, with and without following others."""
+    presets = (
+        _preset(weights, "Default", "Default", "its source's parameters; follows others like idm", (1.0, 2.0, *values)),
+        _preset(weights, "Verdict", "Verdict", "as in verdicts: keeps its speed until it reacts", (0.0, 2.0, *values)),
+    )
+    return PlannerTuning(summary, _by_name(weights), {}, _by_name(presets), idle_settings=_PATH_FOLLOWERS_IGNORE)
+
+
+_PATH_FOLLOWERS_IGNORE = ("sampling_level", "switching_speed_mps", "maximum_steering_rate_radps", "search")
+"""Settings that do nothing in planners that follow the reference path."""
+_NO_PARAMETERS = {"Default": Preset("Default", "Default", "it has no parameters", {})}
 
 TUNINGS = {
     "frenetix": PlannerTuning(
@@ -313,7 +365,7 @@ TUNINGS = {
         weights=_by_name(_IDM_PARAMETERS),
         external={},
         presets=_by_name(_IDM_PRESETS),
-        idle_settings=("sampling_level", "switching_speed_mps", "maximum_steering_rate_radps", "search"),
+        idle_settings=_PATH_FOLLOWERS_IGNORE,
     ),
     "fiss": PlannerTuning(
         summary="fast iterative search over sampled end states (FISS; search=0 to 3: fop, fop_plus, fiss, fiss_plus)",
@@ -321,6 +373,23 @@ TUNINGS = {
         external={},
         presets=_by_name(_FISS_PRESETS),
         idle_settings=("switching_speed_mps", "maximum_steering_rate_radps"),
+    ),
+    "r157_careful": _reference(
+        _CAREFUL,
+        (0.375, 0.4, 0.75, 2.0, 2.0, 5.0),
+        "reference driver: the careful and competent human driver of UN R157",
+    ),
+    "fsm": _reference(_FUZZY, (0.75, 4.0, 6.0, 7.0, 2.0, 2.0), "reference driver: the fuzzy safety model of UN R157"),
+    "rss": _reference(_RSS, (0.75, 4.0, 8.0, 1.0, 0.3), "reference driver: Responsibility-Sensitive Safety"),
+    "full_braking": PlannerTuning(
+        "reference driver: brakes fully from the start", {}, {}, _NO_PARAMETERS, idle_settings=_PATH_FOLLOWERS_IGNORE
+    ),
+    "keep_lane": PlannerTuning(
+        "reference driver: keeps its lane and speed, whatever happens",
+        {},
+        {},
+        _NO_PARAMETERS,
+        idle_settings=_PATH_FOLLOWERS_IGNORE,
     ),
 }
 """The planners by name, as in ``engine/planners/registry.py``."""

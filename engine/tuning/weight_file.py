@@ -84,7 +84,7 @@ def _plain(configuration: PlannerConfiguration) -> str:
         lines += [f"external_cost_weights:  # not acting in {configuration.planner}"]
         lines += [f"  {name}: {_number(value)}" for name, value in configuration.external_weights.items()]
     lines += [f"planner: {configuration.planner}", "settings:"]
-    stated = configuration.settings.model_dump(exclude_none=True)
+    stated = configuration.settings.stated_values
     lines += [f"  {name}: {value:.12g}" for name, value in stated.items()]
     return "\n".join(lines) + "\n"
 
@@ -114,8 +114,8 @@ def _written_back(configuration: PlannerConfiguration) -> str:
     """
     text = configuration.template
     sections = dict(_sections_of(text))
-    defaults = PlannerSettings().model_dump(exclude_none=True)
-    stated = configuration.settings.model_dump(exclude_none=True)
+    defaults = PlannerSettings().stated_values
+    stated = configuration.settings.stated_values
     usual = tuning_of(configuration.planner)
     groups = (
         ("cost_weights", configuration.weights, usual.presets[usual.first_preset].weights),

@@ -5,11 +5,17 @@
 ``nearest_class``: The class of a CommonRoad type whose length is nearest to a recorded one.
 ``vehicle_classes``: All classes by the word used for them in requests.
 ``PEDESTRIAN``: A person on foot as a class of road users, which is none of the vehicle classes.
-``can_be_there``: Whether a car can be between two distances ahead after each of n times at each of m speeds, (n, m).
+``can_be_there``: Whether a vehicle can be between two distances ahead after n times at m speeds, shape (n, m).
 ``centers``: Positions of the centre, shape (n, 2) in m, for positions of the rear axle and headings.
-``latest_passing_s``: The time after which a car has certainly driven a distance; infinite where it can stop before.
+``latest_passing_s``: The time after which a vehicle has certainly driven a distance; infinite where it can stop before.
 ``least_time_s``: The shortest time in which a car covers a distance from a speed.
 ``rear_axle``: The position of the rear axle, shape (2,) in m, for a centre and heading.
+``EgoClass``: What an ego of a class is and can do: its vehicle, motion model, and where its limits come from.
+``ego_class``: The class of an ego by its word; ``UnknownName`` for another.
+``ego_class_of``: What the ego is in the place of a recorded vehicle of a CommonRoad type and length; None for others.
+``ego_classes``: What the ego can be, by the word for it in requests.
+``fits_together``: Whether a body of a length can have such axles.
+``parameter_values``: A vehicle's parameters by name, in their order.
 ``BMW_320I``: CommonRoad's vehicle 2, the ego where nothing states another.
 ``COMFORTABLE_MPS2``: Braking and lateral acceleration of a driver who is in no trouble, in m/s².
 ``EGO_SIZE_M``: Length and width of the ego where no configuration states a vehicle, in m.
@@ -17,11 +23,12 @@
 ``HARDEST_LATERAL_MPS2``: The lateral acceleration that tyres hold on a dry road, in m/s².
 ``LARGEST_ACCELERATION_MPS2``: The largest acceleration and braking of vehicle 2, taken as a bound of every car.
 ``LARGEST_SPEED_MPS``: The top speed of vehicle 2, taken as a bound of every car.
+``MODEL_WORDS``: CommonRoad's names of motion models, in words.
 ``PARAMETER_NAMES``: The names of a vehicle's parameters, in their order.
 ``VEHICLES``: CommonRoad's vehicles by their id.
 ``VehicleParameters``: Size and limits of an ego.
-``commonroad_vehicle``: The id of the CommonRoad vehicle of some settings; None for one with parameters of its own.
-``vehicle_of``: The vehicle of some settings.
+``commonroad_vehicle``: The id of the CommonRoad vehicle of some settings and an ego's class; None for any other.
+``vehicle_of``: The vehicle of some settings and an ego's class.
 ``Feasibility``: Whether a motion can be driven, the share of its steps that can, and the first that cannot.
 ``Motion``: Positions in m, headings in rad, speeds in m/s and accelerations in m/s² of a centre.
 ``SMOOTHINGS``: Smoothings (steps, metres) of a driven track, the stronger the later, tried until it can be driven.
@@ -49,10 +56,17 @@ if TYPE_CHECKING:
         HARDEST_LATERAL_MPS2,
         LARGEST_ACCELERATION_MPS2,
         LARGEST_SPEED_MPS,
+        MODEL_WORDS,
         PARAMETER_NAMES,
         VEHICLES,
+        EgoClass,
         VehicleParameters,
         commonroad_vehicle,
+        ego_class,
+        ego_class_of,
+        ego_classes,
+        fits_together,
+        parameter_values,
         vehicle_of,
     )
     from .motion import (

@@ -1,8 +1,9 @@
-"""Where a vehicle's centre and rear axle are, and where a car can be after a time and how fast.
+"""Where a vehicle's centre and rear axle are, and where a vehicle can be after a time and how fast.
 
-The second part gives bounds that no car beats. The largest acceleration of CommonRoad's vehicle 2 (11.5 m/s²) is taken
-at every speed, forwards and braking, and its top speed (50.8 m/s); the extreme motions between two speeds are one phase
-of braking and one of accelerating, in either order. Lengths in m, times in s, speeds in m/s, headings in rad.
+The second part gives bounds that no such vehicle beats. Its largest acceleration is taken at every speed, forwards and
+braking, and its top speed; the extreme motions between two speeds are one phase of braking and one of accelerating, in
+either order. CommonRoad's vehicle 2 (11.5 m/s², 50.8 m/s) stands for every car. Lengths in m, times in s, speeds in
+m/s, headings in rad.
 """
 
 import math
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Points, Values
-from .models import LARGEST_ACCELERATION_MPS2, LARGEST_SPEED_MPS, VehicleParameters
+from .models import BMW_320I, VehicleParameters
 
 
 def rear_axle(center: Points, heading_rad: float, vehicle: VehicleParameters) -> Points:
@@ -27,35 +28,44 @@ def centers(rear: Points, headings_rad: Points, vehicle: VehicleParameters) -> P
 
 
 def can_be_there(
-    speed_mps: float, bounds_m: tuple[float, float], times_s: Values, finals_mps: Values
+    speed_mps: float,
+    bounds_m: tuple[float, float],
+    times_s: Values,
+    finals_mps: Values,
+    vehicle: VehicleParameters = BMW_320I,
 ) -> NDArray[np.bool_]:
-    """Whether a car can be between two distances ahead after each of n times at each of m speeds, shape (n, m)."""
-    nearest, farthest = _spans_m(speed_mps, times_s[:, None], finals_mps[None])
-    in_time = np.abs(finals_mps[None] - speed_mps) <= LARGEST_ACCELERATION_MPS2 * times_s[:, None] + 1e-9
+    """Whether a vehicle can be between two distances ahead after each of n times at each of m speeds, shape (n, m)."""
+    nearest, farthest = _spans_m(speed_mps, times_s[:, None], finals_mps[None], vehicle)
+    change_mps = vehicle.maximum_acceleration_mps2 * times_s[:, None]
+    in_time = np.abs(finals_mps[None] - speed_mps) <= change_mps + 1e-9
     there: NDArray[np.bool_] = in_time & (nearest <= bounds_m[1] + 1e-9) & (farthest >= bounds_m[0] - 1e-9)
     return there
 
 
-def least_time_s(speed_mps: float, distance_m: float) -> float:
-    """The time in s that a car needs at least for a distance, from a speed."""
-    speed, ahead = min(speed_mps, LARGEST_SPEED_MPS), max(distance_m, 0.0)
-    gaining_m = (LARGEST_SPEED_MPS**2 - speed**2) / (2 * LARGEST_ACCELERATION_MPS2)
+def least_time_s(speed_mps: float, distance_m: float, vehicle: VehicleParameters = BMW_320I) -> float:
+    """The time in s that a vehicle needs at least for a distance, from a speed."""
+    largest_mps2, top_mps = vehicle.maximum_acceleration_mps2, vehicle.maximum_speed_mps
+    speed, ahead = min(speed_mps, top_mps), max(distance_m, 0.0)
+    gaining_m = (top_mps**2 - speed**2) / (2 * largest_mps2)
     if ahead <= gaining_m:
-        return (math.sqrt(speed**2 + 2 * LARGEST_ACCELERATION_MPS2 * ahead) - speed) / LARGEST_ACCELERATION_MPS2
-    return (LARGEST_SPEED_MPS - speed) / LARGEST_ACCELERATION_MPS2 + (ahead - gaining_m) / LARGEST_SPEED_MPS
+        return (math.sqrt(speed**2 + 2 * largest_mps2 * ahead) - speed) / largest_mps2
+    return (top_mps - speed) / largest_mps2 + (ahead - gaining_m) / top_mps
 
 
-def latest_passing_s(speed_mps: float, distance_m: float) -> float:
-    """The time in s after which a car has certainly driven a distance in m; infinite where it can stop before."""
-    left = speed_mps**2 - 2 * LARGEST_ACCELERATION_MPS2 * max(distance_m, 0.0)
-    return math.inf if left <= 0.0 else (speed_mps - math.sqrt(left)) / LARGEST_ACCELERATION_MPS2
+def latest_passing_s(speed_mps: float, distance_m: float, vehicle: VehicleParameters = BMW_320I) -> float:
+    """The time in s after which a vehicle has certainly driven a distance in m; infinite where it can stop before."""
+    left = speed_mps**2 - 2 * vehicle.maximum_acceleration_mps2 * max(distance_m, 0.0)
+    return math.inf if left <= 0.0 else (speed_mps - math.sqrt(left)) / vehicle.maximum_acceleration_mps2
 
 
-def _spans_m(speed_mps: float, times_s: Values, finals_mps: Values) -> tuple[Values, Values]:
+def _spans_m(
+    speed_mps: float, times_s: Values, finals_mps: Values, vehicle: VehicleParameters
+) -> tuple[Values, Values]:
     """Least and largest distances in m driven in times from one speed to others, broadcast together."""
-    largest, both = 2 * LARGEST_ACCELERATION_MPS2, speed_mps**2 + finals_mps**2
-    slowest = np.maximum((speed_mps + finals_mps - LARGEST_ACCELERATION_MPS2 * times_s) / 2, 0.0)
-    fastest = (speed_mps + finals_mps + LARGEST_ACCELERATION_MPS2 * times_s) / 2
-    top = np.minimum(fastest, max(LARGEST_SPEED_MPS, speed_mps))
-    held_s = 2 * (fastest - top) / LARGEST_ACCELERATION_MPS2
+    hardest_mps2 = vehicle.maximum_acceleration_mps2
+    largest, both = 2 * hardest_mps2, speed_mps**2 + finals_mps**2
+    slowest = np.maximum((speed_mps + finals_mps - hardest_mps2 * times_s) / 2, 0.0)
+    fastest = (speed_mps + finals_mps + hardest_mps2 * times_s) / 2
+    top = np.minimum(fastest, max(vehicle.maximum_speed_mps, speed_mps))
+    held_s = 2 * (fastest - top) / hardest_mps2
     return (both - 2 * slowest**2) / largest, (2 * top**2 - both) / largest + top * held_s

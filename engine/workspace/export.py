@@ -10,24 +10,32 @@ from pathlib import Path
 from ...schemas.errors import InvalidRequest, NotPossible
 from .artifacts import Artifact, Workspace, disk_failure
 
-_STORED = {"xml": "scenario.xml", "net": "scenario.net.xml", "yaml": "config.yaml"}
+_STORED = {
+    "xml": "scenario.xml",
+    "net": "scenario.net.xml",
+    "yaml": "config.yaml",
+    "steps": "steps.json",
+    "series": "series.json",
+}
 _WRITTEN = ("json", "recipe")
 _DRAWN = ("png", "gif")
 _MADE = {
     "scenario": ("png", "opendrive", "openscenario"),
-    "run": ("png", "gif", "solution"),
+    "run": ("png", "gif", "solution", "csv", "parquet"),
     "batch": ("png", "csv", "parquet"),
 }
 _ENDINGS = {
     "net": ".net.xml",
     "recipe": ".recipe.json",
+    "steps": ".steps.json",
+    "series": ".series.json",
     "solution": ".solution.xml",
     "opendrive": ".xodr",
     "openscenario": ".xosc",
 }
 """Where files of a format come from: stored, written from the record, drawn, or made by kind; endings that differ."""
-_WITH = {"openscenario": "opendrive"}
-"""A format whose file names another one beside it, which is written too."""
+_WITH = {"openscenario": ("opendrive",), "json": ("steps", "series")}
+"""What is written beside a format's file: what that file names, and of a run what its record does not hold."""
 REPORT_NAME = "report.html"
 _READABLE = 0o644
 """Temporary files are private; what a user asked for may be read by others."""
@@ -131,9 +139,9 @@ def _formats(workspace: Workspace, artifact: Artifact, asked: Sequence[str], any
     stored = [form for form, name in _STORED.items() if (folder / name).is_file()]
     available = [*stored, *_WRITTEN, *_MADE.get(artifact.kind, ())]
     if artifact.record.get("outcome") == "invalid":  # such a run has no trajectory
-        available.remove("solution")
+        available = [form for form in available if form not in ("solution", "csv", "parquet")]
     missing = [form for form in asked if form not in available]
     if missing:
         raise InvalidRequest(f"{artifact.artifact_id} has no {', '.join(missing)}", valid=available)
-    wanted = [form for one in asked for form in (_WITH.get(one, one), one)]
+    wanted = [form for one in asked for form in (*(also for also in _WITH.get(one, ()) if also in available), one)]
     return list(dict.fromkeys(wanted)) if any_asked else [*stored, *_WRITTEN]

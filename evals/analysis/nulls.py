@@ -137,9 +137,10 @@ def _compared(batch: _Batch) -> CompareResultsResult:
 
 
 def _states_a_difference(result: CompareResultsResult) -> bool:
-    """Whether the verdict says that something differs, as its reader would take it."""
-    verdict = result.comparisons[0].verdict
-    return verdict.startswith(("Better", "Worse")) or "Differs after" in verdict
+    """Whether the headline says that something differs, as its reader would take it."""
+    comparison = result.comparisons[0]
+    is_shown = comparison.headline_code in ("better", "worse", "mixed")
+    return is_shown or "Differs after" in comparison.verdict or any(one.better for one in comparison.metrics)
 
 
 def _naive_p(result: CompareResultsResult) -> float:

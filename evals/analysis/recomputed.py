@@ -161,6 +161,7 @@ class Pairs:
             "p": p,
             "needed": math.ceil(needed),
             "scenarios": len(totals),
+            "differing": len(sizes),
         }
 
     def values(self, name: str) -> list[tuple[str, float, float]]:
@@ -192,6 +193,7 @@ class Pairs:
             "after": median(after for _, _, after in values),
             "pairs": len(values),
             "scenarios": len(means),
+            "differing": int((means != 0).sum()),
             "shift": median(averages),
             "low": low,
             "high": high,
@@ -200,9 +202,17 @@ class Pairs:
         }
 
     def adjusted(self, names: Iterable[str]) -> dict[str, float]:
-        """Holm's p by metric, and of success, over all tests with six scenarios and more."""
-        tests = {name: test for name in names if (test := self.tested(name)) is not None and test["scenarios"] > 5}
-        return holm({"success": self.success()["p"], **{name: test["p"] for name, test in tests.items()}})
+        """The adjusted p of success and of each metric: Holm's within the metrics, half of the level for either.
+
+        Only tests count in which six scenarios and more differ: with fewer no p can be below 5 %.
+        """
+        success = self.success()
+        families = [
+            {"success": success["p"]} if success["differing"] > 5 else {},
+            {name: test["p"] for name in names if (test := self.tested(name)) is not None and test["differing"] > 5},
+        ]
+        share = sum(bool(family) for family in families)
+        return {name: min(1.0, share * p) for family in families for name, p in holm(family).items()}
 
 
 def _ordered_interval(averages: Sequence[float], count: int) -> tuple[float, float]:

@@ -660,7 +660,8 @@ class Judge:
             own = [test[key] for key in ("before", "after", "shift", "low", "high", "effect", "p")]
             medians = own[:1] if match[3] is None else own[:2]
             scenarios = [] if test["scenarios"] == test["pairs"] else [test["scenarios"]]
-            return [*medians, *own[2:], adjusted.get(match[1]), test["pairs"], *scenarios]
+            holm_p = [] if match[9] is None else [adjusted.get(match[1])]
+            return [*medians, *own[2:], *holm_p, test["pairs"], *scenarios]
 
         def medians(match: re.Match[str]) -> list[float | None]:
             test = pairs.tested(match[1])
@@ -678,21 +679,27 @@ class Judge:
             return [test["pairs"], *(test[key] for key in ("before", "after", "shift", "low", "high")), *p]
 
         return [
-            (rf"{N} flips to success, {N} to failure", lambda _: flips),
-            (rf"none of {N} pairs flipped", lambda _: [len(pairs.pairs)]),
+            (
+                rf"{N} of {N} pairs flipped to success(?:, {N} to failure)?",
+                lambda match: [flips[0], len(pairs.pairs), *(flips[1:] if match[3] is not None else [])],
+            ),
+            (rf"{N} of {N} pairs flipped to failure", lambda _: [flips[1], len(pairs.pairs)]),
+            (rf"None of {N} pairs flipped", lambda _: [len(pairs.pairs)]),
+            (rf"needs ({6}) scenarios that differ", lambda _: [6]),
+            (rf"chance alone does as much \(p={N}\)", lambda _: [success["p"]]),
             (rf"about {N} scenarios would show (10) points", lambda _: [success["needed"], 10]),
             (r"less than (10) points", lambda _: [10]),
-            (rf"p {N} alone", lambda _: [success["p"]]),
+            (rf"p={N} alone, {N} once", lambda _: [success["p"], adjusted.get("success")]),
             (rf"(\w+) (?:rises|falls) by {N}", shift),
             (rf"^- {N} pairs:", lambda _: [len(pairs.pairs)]),
             (rf"({'|'.join(cells)}) {N}(?=[,;]|$)", lambda match: [cells[match[1]]]),
             (
-                rf"{N} points \(95 %: {N} to {N}\), (?:McNemar|{N} scenarios) exact p={N} \(Holm {N}\)",
+                rf"{N} points \(95 %: {N} to {N}\), (?:McNemar|{N} scenarios) exact p={N}(?: \(Holm {N}\))?",
                 lambda match: [
                     *(success[key] for key in ("difference", "low", "high")),
                     *([success["scenarios"]] if match[4] else []),
                     success["p"],
-                    adjusted["success"],
+                    *([adjusted.get("success")] if match[6] is not None else []),
                 ],
             ),
             (rf"mean total cost {N} → {N}, not compared", lambda _: self._uncompared(pairs)),
@@ -701,8 +708,8 @@ class Judge:
             (rf"; {N} more: limit={N}", lambda match: [float(match[2]) - 3, *flips[_failing(match) :][:1]]),
             (
                 (
-                    rf"^- ({words})[^:]*: median {N}(?: → {N})? .*?shift {N} \(95 %: {N} to {N}\), effect {N}, p={N} "
-                    rf"\(Holm {N}\).*\(n={N} [a-z ]*?(?: of {N} scenarios)?\)"
+                    rf"^- ({words})[^:]*: median {N}(?: → {N})? .*?shift {N} \(95 %: {N} to {N}\), effect {N}, p={N}"
+                    rf"(?: \(Holm {N}\))?.*\(n={N} [a-z ]*?(?: of {N} scenarios)?\)"
                 ),
                 tested,
             ),

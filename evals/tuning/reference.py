@@ -72,6 +72,7 @@ tell them apart; a goal is passed where the ego was in its place at another time
 says that nobody can solve the problem."""
 OUR_ENDINGS: Mapping[Outcome, Ending] = {
     "goal_reached": "goal reached",
+    "goal_refused": "goal reached",
     "goal_early": "goal passed",
     "goal_late": "goal passed",
     "goal_missed": "goal passed",

@@ -6,8 +6,36 @@ from pydantic import Field, WithJsonSchema
 
 from ..base import Answer, Arguments, Model, Result
 from ..measures import metric_words
-from ..results import ConfigWeights, MetricName, Rate, figure, with_unit
+from ..results import SIGNIFICANCE_LEVEL, ConfigWeights, MetricName, Rate, figure, with_unit
 from ..runs import Lineage, Outcome, RunReview, RunSource, ScenarioSource, ending
+from ..text import measured, p_figure, p_in_words
+
+HeadlineCode = Literal[
+    "no_valid_pair",
+    "one_pair_better",
+    "one_pair_worse",
+    "one_pair_same",
+    "better",
+    "worse",
+    "mixed",
+    "tie",
+    "alike",
+    "flips_too_few",
+    "no_difference_shown",
+]
+"""What the pairs say of success.
+
+``better``, ``worse``: shown by the exact test after Holm's adjustment; ``mixed``: shown, but the sign turns under some
+prediction or traffic mode; ``tie``: no pair flipped; ``alike``: pairs flipped, and the 95 % interval of the difference
+lies within ten points of 0; ``flips_too_few``: so few scenarios differ that no test can show anything;
+``no_difference_shown``: a test was possible and shows nothing.
+"""
+MetricsCode = Literal["untested", "none", "better", "worse", "mixed", "changed"]
+"""What those metrics say that differ after Holm's adjustment and by more than their resolution.
+
+``better``, ``worse``: all that have a better direction say so; ``mixed``: both occur; ``changed``: only metrics without
+a better direction differ; ``none``: no metric does; ``untested``: there were too few pairs.
+"""
 
 UnlistedMetric = Annotated[MetricName, WithJsonSchema({"type": "string"})]
 """A metric whose name the schema leaves out, to stay small; a refusal lists them all."""
@@ -27,16 +55,22 @@ class CompareResultsArguments(Arguments):
 
 
 class Side(Model):
-    """One of the compared sets: a run, or the runs of one configuration in a batch."""
+    """One of the compared sets: a run, or the runs of one configuration and planner version in a batch."""
 
     label: str = Field(description="name of the side, by which comparisons call it")
     config_id: str = Field(description="id of its configuration")
     config_name: str = Field(description="name of its configuration")
     run_ids: tuple[str, ...] = Field(description="ids of its runs")
+    result_id: str = Field("", description="the run or batch that was named; empty for runs named one by one")
+    planner_version: str = Field("", description="version of the planner that drove; empty where it is not known")
 
 
 class CompareRequest(Model):
-    """What the comparison operation needs: the sides in order, the baseline first; ``lineage``: of edited scenarios."""
+    """What the comparison operation needs: the sides in order, the baseline first; ``lineage``: of edited scenarios.
+
+    ``couples``: which sides are compared, as places in ``sides``, the baseline of each first; empty: every side with
+    the first one.
+    """
 
     sides: tuple[Side, ...]
     runs: tuple[RunSource, ...]
@@ -45,6 +79,7 @@ class CompareRequest(Model):
     lineage: tuple[Lineage, ...] = ()
     metrics: tuple[MetricName, ...] = ()
     limit: int = 10
+    couples: tuple[tuple[int, int], ...] = ()
 
 
 class EditedPair(Model):
@@ -101,6 +136,7 @@ class SuccessTest(Model):
 
     pairs: int = Field(description="pairs of runs")
     scenarios: int = Field(0, description="scenarios behind them")
+    differing: int = Field(0, description="scenarios in which more pairs flip one way than the other")
     both: int = Field(description="pairs in which both reach the goal")
     only_before: int = Field(description="pairs in which only the baseline does")
     only_after: int = Field(description="pairs in which only the other side does")
@@ -111,7 +147,7 @@ class SuccessTest(Model):
     low: float | None = Field(description="lower end of its 95 % interval")
     high: float | None = Field(description="upper end of its 95 % interval")
     p: float | None = Field(description="exact two-sided p; null without pairs")
-    p_holm: float | None
+    p_holm: float | None = Field(description="p after Holm's adjustment; null of a test that could show nothing")
     needed: int | None = None
 
 
@@ -131,7 +167,9 @@ class MetricTest(Model):
 
     ``shift`` is the Hodges–Lehmann estimate with its 95 % interval (None under six differing pairs), ``effect`` the
     matched-pairs rank-biserial correlation in [−1, 1]; ``higher`` and ``lower``: scenarios in which the metric rises
-    and falls; ``better`` names the side that did better, None if neither.
+    and falls; ``better`` names the side that did better, None if neither: it is named only where p is below 5 % after
+    Holm's adjustment and the shift is above the metric's resolution. ``run_ids``: of a metric that differs so, the pair
+    that differs most.
     ``direction``: of a single pair, from before to after, no test behind it; ``changed`` where neither is better,
     ``same`` where the first three digits are alike.
     """
@@ -152,11 +190,14 @@ class MetricTest(Model):
     high: float | None = Field(description="upper end of its 95 % interval, in `unit`")
     effect: float | None = Field(description="matched-pairs rank-biserial correlation, from -1 to 1")
     p: float | None = Field(description="two-sided p of Wilcoxon's signed-rank test; null where it was not made")
-    p_holm: float | None
-    better: Literal["before", "after"] | None = Field(description="the side that did better; null if neither")
+    p_holm: float | None = Field(description="p after Holm's adjustment; null of a test that could show nothing")
+    better: Literal["before", "after"] | None = Field(
+        description="the side that did better, beyond resolution and chance; null if neither is shown to"
+    )
     higher: int = Field(0, description="scenarios in which the metric rises")
     lower: int = 0
     direction: Literal["better", "worse", "same", "changed"] | None = None
+    run_ids: tuple[str, ...] = ()
 
 
 class UncomparedCost(Model):
@@ -188,7 +229,13 @@ class Comparison(Model):
     strata: tuple[Stratum, ...] = Field((), description="where a side has several predictions or traffic modes")
     unpaired: int = Field(description="runs of either side without a partner")
     invalid_pairs: int = Field(description="pairs in which a run could not be attempted")
-    verdict: str = Field(description="what the figures allow to say, in one or two sentences")
+    headline_code: HeadlineCode = Field(description="stable code of what the pairs say of success")
+    metrics_code: MetricsCode = Field("untested", description="stable code of what the metrics say")
+    verdict: str = Field(description="the headline: what happened, then what the tests allow to say")
+    run_ids: tuple[str, ...] = Field(
+        (), description="runs by which it can be checked: flipped pairs first, at most eight"
+    )
+    paired: str = Field("", description="what was paired with what, where several results were named")
     edited: tuple[EditedPair, ...] = Field((), description="pairs by lineage: at most ten")
     edited_count: int = Field(0, description="pairs of a scenario and an edited one")
     single: tuple[PairedRun, PairedRun] | None = Field(None, description="before and after, where there is one pair")
@@ -224,8 +271,8 @@ class CompareResultsResult(Result):
         return Answer(lines[0], figures=lines[1:], listed=[f"Note: {note}" for note in self.notes])
 
 
-_SHOWN_EDITED, _SHOWN_EDITS, _SHOWN_FLIPS, _LEVEL = 2, 6, 3, 0.05
-"""Entries of the brief answer (chosen), and the usual level of significance."""
+_SHOWN_EDITED, _SHOWN_EDITS, _SHOWN_FLIPS, _SHOWN_RUNS = 2, 6, 3, 4
+"""Entries of the brief answer (chosen)."""
 
 
 def _ranking(sides: tuple[RankedSide, ...]) -> list[str]:
@@ -244,12 +291,14 @@ def _comparison(comparison: Comparison, shown_flips: int) -> list[str]:
         lines += _edited(comparison)
         lines += _directions(comparison.metrics)
     else:
+        lines += [f"- paired: {comparison.paired}"] if comparison.paired else []
         lines += _edited(comparison)
         lines += _success(comparison.success)
         lines += _strata(comparison)
         lines += _flips("to success", comparison.to_success, comparison.to_success_count, shown_flips)
         lines += _flips("to failure", comparison.to_failure, comparison.to_failure_count, shown_flips)
         lines += _tested(comparison.metrics)
+        lines += _checked_by(comparison)
     lines += _cost(comparison.cost)
     lines += _weights(comparison.weights)
     if comparison.conditions:
@@ -260,6 +309,15 @@ def _comparison(comparison: Comparison, shown_flips: int) -> list[str]:
             f"{comparison.invalid_pairs} pairs with an invalid run"
         )
     return lines
+
+
+def _checked_by(comparison: Comparison) -> list[str]:
+    """The runs by which a headline can be checked, where no flip above names any."""
+    if comparison.to_success_count + comparison.to_failure_count or not comparison.run_ids:
+        return []
+    more = 2 * comparison.success.pairs - len(comparison.run_ids[:_SHOWN_RUNS])
+    rest = f" +{more}" if more > 0 else ""
+    return [f"- runs: {' '.join(comparison.run_ids[:_SHOWN_RUNS])}{rest}"]
 
 
 def _cost(cost: UncomparedCost | None) -> list[str]:
@@ -344,31 +402,41 @@ def _directions(metrics: tuple[MetricTest, ...]) -> list[str]:
     """The metrics of a single pair by direction; those alike in three digits are the same to a reader."""
     groups: dict[str, list[str]] = {"better": [], "worse": [], "changed": [], "same": [], "none": []}
     for metric in metrics:
-        words, before, after = metric_words(metric.name), figure(metric.median_before), figure(metric.median_after)
+        words, before, after = metric_words(metric.name), measured(metric.median_before), measured(metric.median_after)
         if metric.pairs == 0:
             groups["none"].append(words)
         elif metric.direction in (None, "same"):
             groups["same"].append(f"{words} {with_unit(before, metric.unit)}")
         else:
             groups[metric.direction].append(f"{words} {with_unit(f'{before} → {after}', metric.unit)}")
-    titles = {"same": "same (three digits)", "none": "none: not defined in both, or only where both reach the goal"}
+    titles = {
+        "better": "better in this pair",
+        "worse": "worse in this pair",
+        "same": "same (three digits)",
+        "none": "none: not defined in both, or only where both reach the goal",
+    }
     return [f"- {titles.get(name, name)}: {', '.join(items)}" for name, items in groups.items() if items]
 
 
 def _tested(metrics: tuple[MetricTest, ...]) -> list[str]:
     """The metrics that differ, the smallest p first; the others in one line."""
-    differing = [metric for metric in metrics if metric.p_holm is not None and metric.p_holm < _LEVEL]
+    differing = [metric for metric in metrics if metric.p_holm is not None and metric.p_holm < SIGNIFICANCE_LEVEL]
     shown = sorted(differing, key=lambda metric: (metric.p_holm or 0.0, metric.name))
     lines = [_metric(metric) for metric in shown]
     others = [metric for metric in metrics if metric not in differing]
-    medians = [f"{metric_words(metric.name)} {_medians(metric)}" for metric in others if metric.pairs]
+    for title, tested in (("no difference shown (medians)", True), ("too few pairs for a test (medians)", False)):
+        medians = [
+            f"{metric_words(metric.name)} {_medians(metric)}"
+            for metric in others
+            if metric.pairs and (metric.p is not None) == tested
+        ]
+        lines += [f"- {title}: {', '.join(medians)}"] if medians else []
     absent = [metric_words(metric.name) for metric in others if not metric.pairs]
-    lines += [f"- no difference shown (medians): {', '.join(medians)}"] if medians else []
     return lines + ([f"- none: defined on no pair: {', '.join(absent)}"] if absent else [])
 
 
 def _medians(metric: MetricTest) -> str:
-    before, after = figure(metric.median_before), figure(metric.median_after)
+    before, after = measured(metric.median_before), measured(metric.median_after)
     return with_unit(before if before == after else f"{before} → {after}", metric.unit)
 
 
@@ -376,17 +444,15 @@ def _metric(metric: MetricTest) -> str:
     over = "pairs that both reached the goal" if metric.basis == "both_reached_goal" else "valid pairs"
     interval = ""
     if metric.low is not None and metric.high is not None:
-        interval = f" (95 %: {figure(metric.low)} to {figure(metric.high)})"
+        interval = f" (95 %: {measured(metric.low)} to {measured(metric.high)})"
     scenarios = "" if metric.scenarios in (0, metric.pairs) else f" of {metric.scenarios} scenarios"
     better = f"; {metric.better} is better" if metric.better else ""
     return (
         f"- {metric_words(metric.name)}: median {_medians(metric)}, "
-        f"shift {figure(metric.shift)}{interval}, effect {figure(metric.effect, 2)}, {_p(metric.p, metric.p_holm)}"
+        f"shift {measured(metric.shift)}{interval}, effect {figure(metric.effect, 2)}, {_p(metric.p, metric.p_holm)}"
         f"{better} (n={metric.pairs} {over}{scenarios})"
     )
 
 
 def _p(p: float | None, p_holm: float | None) -> str:
-    if p is None:
-        return "no test"
-    return f"p={figure(p)}" if p_holm is None else f"p={figure(p)} (Holm {figure(p_holm)})"
+    return p_in_words(p) if p is None or p_holm is None else f"{p_in_words(p)} (Holm {p_figure(p_holm)})"

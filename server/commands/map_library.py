@@ -12,9 +12,9 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 from rich.table import Column, Table
 
 from ...engine.execution import CallThreads
+from ...schemas.artifacts import ImportedItem
 from ...schemas.errors import InvalidRequest, PlannerForgeError, UnsafeInput
 from ...schemas.generation import MapFacts, ScenarioType
-from ...schemas.importing import ImportedItem
 from ...schemas.text import counted
 from ...tools.call import Services, ToolCall
 from ...tools.generation.online import fetch_beside

@@ -2,28 +2,42 @@
 
 import json
 import re
-from collections.abc import Collection, Sequence
+import sys
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from ...schemas.base import Model
 from ...schemas.errors import InvalidRequest, PlannerFailure, PlannerForgeError, ResourceFailure
 from ...schemas.planning import WEIGHT_NAME, CommandAnswer, CommandRequest
+from ...schemas.stepwise import PlanMessage, ReadyMessage, StartMessage, StepMessage
 from ...schemas.text import counted, quoted
 from .flags import settings_from
 
 if TYPE_CHECKING:
     from ...engine.planners import Found, PlannerCheck
 
+SchemaName = Literal["request", "answer", "start", "ready", "step", "plan"]
 _CHECKED = 3
 """Starter scenarios that a planner is checked on (chosen: seconds)."""
-_FILES = {
-    "pyproject.toml.txt": "pyproject.toml",
-    "planner.py.txt": "{module}.py",
-    "test_planner.py.txt": "test_{module}.py",
+Kind = Literal["class", "stepwise"]
+_FILES: dict[Kind, dict[str, str]] = {
+    "class": {
+        "pyproject.toml.txt": "pyproject.toml",
+        "planner.py.txt": "{module}.py",
+        "test_planner.py.txt": "test_{module}.py",
+    },
+    "stepwise": {
+        "program.py.txt": "{name}.py",
+        "program.toml.txt": "plannerforge.toml",
+        "test_program.py.txt": "test_{name}.py",
+    },
 }
+"""The templates by the kind of planner, and the files that are made of them."""
 planner = typer.Typer(name="planner", no_args_is_help=True, help="Planners of your own.")
 
 
@@ -31,13 +45,21 @@ planner = typer.Typer(name="planner", no_args_is_help=True, help="Planners of yo
 def new(
     name: Annotated[str, typer.Argument(help="Its name: lower-case letters, digits and _.")],
     folder: Annotated[Path | None, typer.Option(help="Where its folder is made; left out: here.")] = None,
+    kind: Annotated[
+        Kind, typer.Option(help="A Python class in a package, or a program that is asked at every planning step.")
+    ] = "class",
 ) -> None:
-    """Write a planner to begin with: a package with its entry point, a planner of 30 lines, and its test."""
-    made = write_planner(name, folder or Path.cwd())
+    """Write a planner to begin with and its test: a package with an entry point, or a program with its settings."""
+    made = write_planner(name, folder or Path.cwd(), kind)
+    known = (
+        f"pip install -e {made}               known to the server from now on"
+        if kind == "class"
+        else "plannerforge doctor                 names the settings file; add the section in plannerforge.toml to it"
+    )
     typer.echo(
         f"{made} is written. It runs as it is:\n"
         f"  cd {made} && python -m unittest     its test\n"
-        f"  pip install -e {made}               known to the server from now on\n"
+        f"  {known}\n"
         f"  plannerforge planner check {name}   its contract, in words"
     )
 
@@ -49,8 +71,12 @@ def check(
         list[Path] | None,
         typer.Argument(help="CommonRoad files; left out: three starter scenarios.", exists=True, dir_okay=False),
     ] = None,
+    empty_road: Annotated[bool, typer.Option("--empty-road", help="Leave out the recorded road users.")] = False,
 ) -> None:
-    """Drive a planner and say in words what it breaks of the contract; exit code 1 where it breaks something."""
+    """Drive a planner among the recorded traffic; say how the drives end and what it breaks of the contract.
+
+    The exit code is 1 if it breaks something, however the drives end.
+    """
     from ...engine.catalog import starter_files
     from ...engine.planners import PLANNERS, own_planner, programs_named
 
@@ -60,29 +86,39 @@ def check(
             raise InvalidRequest(f"{name} is a built-in planner", next_step="name one of your own")
         found = own_planner(name)
         if scenarios:
-            passed = _check_all(found, scenarios)
+            passed = _check_all(found, scenarios, empty_road=empty_road)
         else:
             with starter_files(_CHECKED) as starters:
-                passed = _check_all(found, starters)
+                passed = _check_all(found, starters, empty_road=empty_road)
     raise typer.Exit(0 if passed else 1)
 
 
 @planner.command()
 def schema(
-    which: Annotated[Literal["request", "answer"], typer.Argument(help="What a program reads, or what it writes.")],
+    which: Annotated[
+        SchemaName,
+        typer.Argument(help="Of a program that is asked once: request, answer; of the stepwise protocol: the rest."),
+    ],
 ) -> None:
     """Print the JSON schema of what a command-line planner reads or writes."""
     typer.echo(published_schema(which), nl=False)
 
 
-def published_schema(which: Literal["request", "answer"]) -> str:
+def published_schema(which: SchemaName) -> str:
     """The JSON schema as it is published in ``docs/examples/own_planner``."""
-    model = CommandRequest if which == "request" else CommandAnswer
-    return json.dumps(model.model_json_schema(), indent=1) + "\n"
+    models: dict[SchemaName, type[Model]] = {
+        "request": CommandRequest,
+        "answer": CommandAnswer,
+        "start": StartMessage,
+        "ready": ReadyMessage,
+        "step": StepMessage,
+        "plan": PlanMessage,
+    }
+    return json.dumps(models[which].model_json_schema(), indent=1) + "\n"
 
 
-def write_planner(name: str, folder: Path) -> Path:
-    """Write the package of a planner to begin with into a new folder of its name; the folder.
+def write_planner(name: str, folder: Path, kind: Kind = "class") -> Path:
+    """Write a planner to begin with into a new folder of its name; the folder.
 
     Raises:
         InvalidRequest: the name cannot be a planner's, or the folder is there.
@@ -100,15 +136,17 @@ def write_planner(name: str, folder: Path) -> Path:
         "MODULE": f"plannerforge_{name}",
         "CLASS": "".join(part.capitalize() for part in name.split("_")),
         "DISTRIBUTION": f"plannerforge-{name.replace('_', '-')}",
+        "PYTHON": json.dumps(sys.executable),
+        "PROGRAM": json.dumps(str((folder / name / f"{name}.py").absolute())),
     }
     target = folder / name
     templates = files("plannerforge.server.commands") / "own_planner"
     try:
         target.mkdir(parents=True)
-        for template, file in _FILES.items():
+        for template, file in _FILES[kind].items():
             text = (templates / template).read_text(encoding="utf-8")
-            text = re.sub(r"\b(NAME|MODULE|CLASS|DISTRIBUTION)(?=\b|Test\b)", lambda found: words[found[0]], text)
-            (target / file.format(module=words["MODULE"])).write_text(text, encoding="utf-8")
+            text = re.sub(rf"\b({'|'.join(words)})(?=\b|Test\b)", lambda found: words[found[0]], text)
+            (target / file.format(module=words["MODULE"], name=name)).write_text(text, encoding="utf-8")
     except FileExistsError as error:
         raise InvalidRequest(f"{target} is there already", next_step="take another name or --folder") from error
     except OSError as error:
@@ -126,32 +164,54 @@ def _introduced(found: "Found") -> str:
     return f"{found.name} ({found.where}): {declaration.summary}\n  weights {weights}; presets {presets}"
 
 
-def _check_all(found: "Found", paths: Sequence[Path]) -> bool:
+def _check_all(found: "Found", paths: Sequence[Path], *, empty_road: bool) -> bool:
     from ...engine.planners import check_on
 
     typer.echo(_introduced(found))
+    if empty_road:
+        typer.echo("  on an empty road, as asked for: what it does among others is not checked")
     checks: list[PlannerCheck] = []
     told: set[str] = set()
     for path in paths:
         try:
-            checked = check_on(found.name, found, path)
+            checked = check_on(found.name, found, path, empty_road=empty_road)
         except PlannerForgeError as error:
             typer.echo(f"  {path.name}: {error.text}")
             return False
         checks.append(checked)
         typer.echo(f"  {checked.scenario_id}: {_in_words(checked, told)}")
         told.update(checked.breaches)
-    driven = [set(each.idle) for each in checks if each.outcome is not None]
-    for weight in sorted(set.intersection(*driven)) if driven else []:
-        typer.echo(f"  Note: the weight {weight} changed no first plan, from one end of its range to the other.")
+    for note in _unmoved(found, checks):
+        typer.echo(f"  Note: {note}")
     broken = sum(bool(each.breaches) for each in checks)
     where = counted(len(checks), "scenario")
-    typer.echo(
-        f"{found.name} keeps its contract on {where}."
-        if not broken
-        else f"{found.name}: broken on {broken} of {where}."
+    verdict = (
+        f"{found.name} keeps its contract on {where}" if not broken else f"{found.name}: broken on {broken} of {where}"
     )
+    typer.echo(f"{found.name}{verdict}{_endings(checks)}.")
     return not broken
+
+
+def _endings(checks: Sequence["PlannerCheck"]) -> str:
+    """How many drives ended in which way, the most frequent first."""
+    ended = Counter(each.outcome.replace("_", " ") for each in checks if each.outcome is not None)
+    return f"; its drives: {', '.join(f'{outcome} {count}' for outcome, count in ended.most_common())}" if ended else ""
+
+
+def _unmoved(found: "Found", checks: Sequence["PlannerCheck"]) -> Iterator[str]:
+    """What is to be said of weights and parameters that changed no plan of any drive."""
+    driven = [each for each in checks if each.outcome is not None and each.asked_again]
+    asked = sum(each.asked_again for each in driven)
+    for name in sorted(set.intersection(*(set(each.unmoved) for each in driven))) if driven else ():
+        weight = found.declaration.weights[name]
+        same = f"changed none of {counted(asked, 'plan')}, from {weight.lowest:g} to {weight.highest:g}"
+        if weight.kind == "weight":
+            yield (
+                f"the weight {name} {same}; if it is no weight of a cost but a threshold or a gain, declare"
+                " kind='parameter'"
+            )
+        else:
+            yield f"the parameter {name} {same}: no moment of these drives was one in which it acts"
 
 
 def _in_words(checked: "PlannerCheck", told: Collection[str]) -> str:

@@ -4,12 +4,13 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
 import pytest
 from support import own_planner_program
-from support.builders import Problem, town_road
+from support.builders import Problem, Vehicle, town_road
 from support.own_planners import STRAIGHT, install
 from typer.testing import CliRunner, Result
 
@@ -69,7 +70,7 @@ def test_a_new_planner_is_checked_in_words(installed: Install, tmp_path: Path) -
     assert lines[0] == "second (entry point of plannerforge_second): follows its route and keeps its distance"
     assert lines[1] == "  weights speed_mps=10, time_gap_s=1.5; presets Default, Careful"
     assert "goal_reached" in lines[2]
-    assert lines[-1] == "second keeps its contract on 3 scenarios."
+    assert lines[-1].startswith("second keeps its contract on 3 scenarios; its drives: goal reached")
 
 
 @pytest.mark.parametrize("name", ["My Planner", "9lives", "frenetix", "../up", ""])
@@ -124,12 +125,67 @@ def test_what_an_import_raises_is_told_with_its_traceback(installed: Install, ro
     assert 'own_unimportable.py", line 30, in <module>' in checked.output
 
 
-def test_a_weight_that_does_nothing_is_noted(installed: Install, road: Path) -> None:
-    idle = STRAIGHT.replace('self.task.configuration.weights["slower_mps2"]', "0.0").replace('{"slower": slower}', "{}")
-    installed("idle", idle)
-    assert "Note: the weight slower_mps2 changed no first plan" in command("check", "idle", road).output
+IDLE = STRAIGHT.replace('self.task.configuration.weights["slower_mps2"]', "0.0").replace('{"slower": slower}', "{}")
+
+
+def test_a_weight_that_changes_no_plan_is_noted_with_how_many_were_asked(installed: Install, road: Path) -> None:
+    installed("idle", IDLE)
+    told = command("check", "idle", road).output
+    asked = len(range(0, 21, 3))  # the drive of 2.1 s is planned every third step
+    assert f"Note: the weight slower_mps2 changed none of {asked} plans, from 0 to 4" in told
+    assert "kind='parameter'" in told
     installed("acting")
     assert "Note" not in command("check", "acting", road).output
+
+
+def test_a_parameter_that_does_not_act_is_not_called_a_weight(installed: Install, road: Path) -> None:
+    installed("still", IDLE.replace("default=0.0", 'default=0.0, kind="parameter"'))
+    told = command("check", "still", road).output
+    assert "Note: the parameter slower_mps2 changed none of" in told
+    assert "the weight" not in told
+
+
+def test_a_threshold_that_acts_late_in_the_drive_is_not_noted(installed: Install, road: Path) -> None:
+    late = STRAIGHT.replace(
+        'self.task.configuration.weights["slower_mps2"]',
+        'self.task.configuration.weights["slower_mps2"] * (observation.ego.step > 15)',
+    )
+    installed("late", late)
+    assert "Note" not in command("check", "late", road).output
+
+
+@pytest.fixture
+def blocked(tmp_path: Path) -> Path:
+    """The same drive with a car that stands in the lane."""
+    car = Vehicle(7, tuple((55.0, 0.0, 0.0, 0.0) for _ in range(40)))
+    problem = Problem(goal=(65.0, 0.0, 8.0, 3.0), steps=(15, 35))
+    return replace(town_road().with_vehicles(car), problems=(problem,)).write(tmp_path / "blocked.xml")
+
+
+def test_a_blind_planner_is_told_to_hit_the_recorded_traffic(installed: Install, blocked: Path) -> None:
+    installed("blind")
+    checked = command("check", "blind", blocked)
+    assert checked.exit_code == 0, "it judges the contract"
+    assert "collision: collided with obstacle 7" in checked.output
+    assert checked.output.splitlines()[-1] == "blind keeps its contract on 1 scenario; its drives: collision 1."
+
+
+def test_an_empty_road_has_to_be_asked_for_and_is_told(installed: Install, blocked: Path) -> None:
+    installed("blind")
+    output = command("check", "blind", blocked, "--empty-road").output
+    assert "on an empty road, as asked for" in output
+    assert output.splitlines()[-1] == "blind keeps its contract on 1 scenario; its drives: goal reached 1."
+
+
+def test_a_new_stepwise_program_passes_its_own_test_at_once(tmp_path: Path) -> None:
+    made = command("new", "stepper", "--kind", "stepwise", "--folder", tmp_path)
+    assert made.exit_code == 0, made.output
+    folder = tmp_path / "stepper"
+    assert sorted(path.name for path in folder.iterdir()) == ["plannerforge.toml", "stepper.py", "test_stepper.py"]
+    assert (folder / "stepper.py").read_text() == (EXAMPLES / "stepwise_planner.py").read_text()
+    done = subprocess.run([sys.executable, "-m", "unittest"], cwd=folder, capture_output=True, text=True, check=False)
+    assert "Ran 2 tests" in done.stderr, done.stderr
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize(("behaviour", "code", "told"), [("drives", 0, "keeps"), ("too_short", 1, "plans only 0.40 s")])
@@ -149,7 +205,7 @@ def test_a_planner_that_cannot_be_checked_is_named(name: str, told: str) -> None
     assert told in str(checked.exception)
 
 
-@pytest.mark.parametrize("which", ["request", "answer"])
+@pytest.mark.parametrize("which", ["request", "answer", "start", "ready", "step", "plan"])
 def test_the_published_schema_is_that_of_the_models(which: str) -> None:
     printed = command("schema", which).output
     assert printed == (EXAMPLES / f"{which}.schema.json").read_text(encoding="utf-8")

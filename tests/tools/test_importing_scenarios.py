@@ -13,8 +13,8 @@ from support.catalog import facts
 
 from plannerforge.engine.execution import Limits, Operation
 from plannerforge.engine.workspace.artifacts import Workspace
+from plannerforge.schemas.artifacts import ImportedItem
 from plannerforge.schemas.errors import PlannerForgeError, WorkerFailure, WorkerTimeout
-from plannerforge.schemas.importing import ImportedItem
 from plannerforge.schemas.scenarios import ReadFactsRequest, ScenarioFacts
 from plannerforge.tools.call import ToolCall
 from plannerforge.tools.operations import READ_FACTS

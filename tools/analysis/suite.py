@@ -19,9 +19,9 @@ from ...schemas.analysis.suite import (
     SuiteFiles,
     SuiteReport,
 )
+from ...schemas.artifacts import ImportFilesArguments
 from ...schemas.catalog import FindScenariosArguments
 from ...schemas.errors import Faults, InvalidRequest, NotPossible, PlannerForgeError, UnknownName, closest
-from ...schemas.importing import ImportFilesArguments
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import BatchRecord, ReviewRequest, RunRecord, RunReview, RunSource, ending
 from ...schemas.text import counted, one_line, quoted

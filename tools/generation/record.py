@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator, Sequence
 
-from ...engine.vehicles import PEDESTRIAN
+from ...engine.vehicles import PEDESTRIAN, ego_class
 from ...engine.workspace import Artifact
 from ...schemas.generation import (
     NATURAL_SHARES,
     SHARES_SOURCE,
     Checks,
     DensityFacts,
+    GeneratedEgo,
     GeneratedScenario,
     GenerationRequest,
     RoadFlow,
@@ -49,7 +50,7 @@ def summarise(
         classes_realised=scenario.classes_realised,
         density=_density(scenario.density),
         recorded_s=scenario.recorded_s,
-        ego=f"Ego: one of {counted(ego.cars_to_choose_from, 'car')} ({request.ego}), at {ego.speed_mps:.1f} m/s",
+        ego=_ego_words(ego, request),
         goal=(
             f"{ego.goal_distance_m:.0f} m ahead on lanelet {ego.goal_lanelet} within "
             f"{ego.goal_time_s[0]:g} to {ego.goal_time_s[1]:g} s ({request.goal})"
@@ -59,6 +60,15 @@ def summarise(
         checks_failed=failed,
         notes=[*_shares(scenario, request), *scenario.notes],
     )
+
+
+def _ego_words(ego: GeneratedEgo, request: GenerationRequest) -> str:
+    """Which of the vehicles of its class the ego is, where it is no car its size and limits too, and how fast."""
+    one_of = f"one of {counted(ego.cars_to_choose_from, ego.vehicle_class)} ({request.ego})"
+    if ego.vehicle_class == "car":
+        return f"Ego: {one_of}, at {ego.speed_mps:.1f} m/s"
+    known = ego_class(ego.vehicle_class)
+    return f"Ego: {known.in_words}, {one_of}, at {ego.speed_mps:.1f} m/s, limits: {known.source}"
 
 
 def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator[str]:

@@ -204,10 +204,10 @@ def request_for(arguments: GenerateScenariosArguments, site: AssignedSite, index
         road_classes=() if arguments.road_classes is None else resolve_road_classes(arguments.road_classes),
         density=arguments.density,
         vehicles=with_natural_mix(
-            _with_the_ego_s_class(_vehicle_demands(arguments.vehicles), arguments.ego), conditions
+            _with_the_ego_s_class(_vehicle_demands(arguments.vehicles), ego_of(arguments)), conditions
         ),
         duration_s=arguments.duration_s,
-        ego=arguments.ego,
+        ego=ego_of(arguments),
         goal=arguments.goal,
         seed=arguments.seed,
         index=index,
@@ -240,7 +240,7 @@ def check_demands(arguments: GenerateScenariosArguments) -> None:
         InvalidRequest: numbers of vehicles that cannot be meant.
     """
     known = {*vehicle_classes(), PEDESTRIAN.name}
-    for demand in _with_the_ego_s_class(_vehicle_demands(arguments.vehicles), arguments.ego):
+    for demand in _with_the_ego_s_class(_vehicle_demands(arguments.vehicles), ego_of(arguments)):
         name = demand.vehicle_class
         if name not in known:
             raise UnknownName(f"there is no vehicle class {name!r}", valid=closest(name, known), reason="unknown_class")
@@ -311,8 +311,15 @@ def _shared_demand(text: str, name: str, share: float) -> VehicleDemand:
     return VehicleDemand(vehicle_class=name, share=share)
 
 
+def ego_of(arguments: GenerateScenariosArguments) -> str:
+    """The ego that was asked for, its class in our word: ``type:lorry`` and ``lorry`` alone are ``type:truck``."""
+    word = arguments.ego.strip().removeprefix("type:")
+    known = vehicle_class_of(word)
+    return arguments.ego if known is None else f"type:{known}"
+
+
 def _with_the_ego_s_class(demands: tuple[VehicleDemand, ...], ego: str) -> tuple[VehicleDemand, ...]:
-    """The demands with the class that was asked for as ego, where it is another than car: it joins the traffic."""
+    """The demands with the class that was asked for as ego, if that is no car: it is among the others too."""
     name = ego.removeprefix("type:")
     if name in (ego, "car") or any(demand.vehicle_class == name for demand in demands):
         return demands

@@ -50,9 +50,12 @@ def broken_limits(
     return hardest > vehicle.maximum_acceleration_mps2**2, np.asarray(turns)
 
 
-def exceeded_limits(ego: Track, vehicle: VehicleParameters, step_s: float) -> Iterator[LimitExcess]:
+def exceeded_limits(
+    ego: Track, vehicle: VehicleParameters, step_s: float, steering_rad: Values | None = None
+) -> Iterator[LimitExcess]:
     """The limits of the vehicle that a driven motion of its centre exceeds, each where it is exceeded most.
 
+    ``steering_rad``: the steering angles (n,), where they are known; else they follow from headings and speeds.
     ``rolling``: the share of the steps in which the wheels would have to slide: position and heading are not those that
     any steering and acceleration lead to (tolerances of CommonRoad's drivability checker: 2 cm, 0.03 rad a step).
     """
@@ -61,7 +64,9 @@ def exceeded_limits(ego: Track, vehicle: VehicleParameters, step_s: float) -> It
     speed = 0.5 * (ego.speeds_mps[1:] + ego.speeds_mps[:-1])
     along = np.diff(ego.speeds_mps) / step_s
     across = speed * np.diff(np.unwrap(ego.headings_rad)) / step_s
-    steering = steering_of(ego.headings_rad, ego.speeds_mps, step_s, vehicle.wheelbase_m)
+    steering = steering_rad
+    if steering is None:
+        steering = steering_of(ego.headings_rad, ego.speeds_mps, step_s, vehicle.wheelbase_m)
     powered = vehicle.maximum_acceleration_mps2 * np.minimum(
         1.0, vehicle.switching_speed_mps / np.maximum(speed, vehicle.switching_speed_mps)
     )

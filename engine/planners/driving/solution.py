@@ -32,7 +32,17 @@ def write_solution(request: SolutionRequest, report: ProgressReporter) -> FileWr
         NotPossible: the ego is no CommonRoad vehicle but has parameters of its own.
         UnsafeInput: the scenario cannot be read.
     """
-    vehicle = commonroad_vehicle(request.configuration.settings)
+    settings, driven = request.configuration.settings, request.record.ego_class
+    # A class stands for its scenario's only where the configuration states no vehicle, which has a class of its own.
+    vehicle = commonroad_vehicle(settings, "car" if settings.states_vehicle else driven)
+    if vehicle is None and commonroad_vehicle(settings) is not None:
+        raise NotPossible(
+            f"a solution file names one of CommonRoad's vehicles, and none of them is a {driven}: its size and limits "
+            "would be checked as those of another vehicle",
+            valid=["a run whose ego is a car", "a run whose configuration states vehicle, as vehicle=2"],
+            next_step="export the trajectory as csv, or run again with vehicle=2",
+            reason="no_such_vehicle",
+        )
     if vehicle is None:
         raise NotPossible(
             f"a solution file names one of CommonRoad's vehicles; {request.configuration.config_id} has its own",
@@ -96,7 +106,12 @@ def solution_xml(
 
 
 def mean_steering_angles(steps: RunSteps, step_s: float, wheelbase_m: float, largest_rad: float) -> Points:
-    """Steering angle in rad at every state, shape (n,): the mean of those that the turns before and after it need."""
+    """Steering angle in rad at every state, shape (n,).
+
+    The one that was driven, where it is known, else the mean of those that the turns before and after it need.
+    """
+    if steps.steering_rad:
+        return np.array(steps.steering_rad)
     angles = steering_of(np.array(steps.heading_rad), np.array(steps.speed_mps), step_s, wheelbase_m)
     limited: Points = np.clip(angles, -largest_rad, largest_rad)
     return limited

@@ -1,7 +1,10 @@
-"""What a planner of others breaks on a scenario: it is driven in the loop, and asked again at what it saw there."""
+"""What a planner of others breaks on a scenario, and how its drive ends.
+
+It is driven in the loop among the recorded traffic, as a run is, and asked again at what it saw there.
+"""
 
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
@@ -13,26 +16,31 @@ from ...commonroad import read_recorded
 from ...execution import silent
 from ..interface import Observation, Plan, Planner, PlanningTask
 from ..simulation import simulate
-from .command import CommandDriver, ScenarioFile, command_driver
+from ..traffic.recorded import RecordedTraffic
+from .command import ScenarioFile
 from .conformance import check_planner, same_plan
 from .found import Found, OwnPlanner
 from .guarded import guarded
+from .program import ended_after, log_of, program_driver
 
 
 @dataclass(frozen=True)
 class PlannerCheck:
     """What a planner did on one scenario.
 
-    ``breaches``: what it breaks of the contract, in words. ``idle``: weights that change no first plan from one end of
-    their range to the other. ``raised``: the traceback of what its code raised; of a program what it wrote to standard
-    error. ``took``: how long it took to plan, in words.
+    ``breaches``: what it breaks of the contract, in words. ``outcome``, ``reason``: how the drive ended, among the
+    recorded traffic or on an empty road. ``asked_again``: the observations of the drive at which a class was asked with
+    each weight and parameter at both ends of its range; ``unmoved``: those that changed none of these plans.
+    ``raised``: the traceback of what its code raised; of a program what it wrote to standard error. ``took``: how long
+    it took to plan, in words.
     """
 
     scenario_id: str
     breaches: tuple[str, ...]
     outcome: Outcome | None = None
     reason: str = ""
-    idle: tuple[str, ...] = ()
+    unmoved: tuple[str, ...] = ()
+    asked_again: int = 0
     raised: str = ""
     took: str = ""
 
@@ -54,15 +62,24 @@ class _Recorder:
         return self._planner.plan(observation)
 
 
-def check_on(name: str, planner: OwnPlanner | Found, path: Path) -> PlannerCheck:
+def check_on(name: str, planner: OwnPlanner | Found, path: Path, *, empty_road: bool = False) -> PlannerCheck:
     """Drive the first planning problem of a CommonRoad file with the preset Default, every plan held to the contract.
 
     A class is asked again at the first observation and at one in the middle, after a reset and in a new instance; a
-    program at the first. A class is also asked with each weight at both ends of its range.
+    program at the first. A class is also asked with each weight at both ends of its range, at every observation of the
+    drive until a plan differs.
+
+    Args:
+        name: what the planner is called.
+        planner: a class with its declaration, or a planner that was found.
+        path: the CommonRoad file.
+        empty_road: whether the recorded road users are left out.
 
     Raises:
         UnsafeInput: the file cannot be read.
     """
+    from commonroad.scenario.scenario import Scenario
+
     loaded = read_recorded(path).loaded
     scenario_id = str(loaded.scenario.scenario_id)
     try:
@@ -73,36 +90,51 @@ def check_on(name: str, planner: OwnPlanner | Found, path: Path) -> PlannerCheck
     configuration = _defaults(name, declaration)
     is_program = isinstance(planner, Found) and planner.command is not None
     make = _maker(name, planner, ScenarioFile(path, scenario_id))
+    scenario, problem = loaded.scenario, loaded.problem(None)
+    traffic = RecordedTraffic(Scenario(loaded.step_s)) if empty_road else RecordedTraffic.of(loaded)
     driver: Planner | None = None
     try:
         driver = make()
         recorder = _Recorder(driver)
-        run = simulate(loaded.scenario, loaded.problem(None), configuration, recorder, "constant_velocity", silent)
+        with ended_after(driver):
+            run = simulate(scenario, problem, configuration, recorder, "constant_velocity", silent, traffic)
     except PlannerFailure as failure:
-        raised = driver.log if isinstance(driver, CommandDriver) else _raised(failure)
-        return PlannerCheck(scenario_id, (failure.message,), raised=raised)
+        return PlannerCheck(scenario_id, (failure.message,), raised=log_of(driver) or _raised(failure))
     except NotPossible as refusal:
         return PlannerCheck(scenario_id, (), reason=f"it refuses the problem: {refusal.message}")
-    took = ""
-    if run.plan_s:
-        took = f"answered in {sum(run.plan_s):.1f} s" if is_program else f"{1000 * median(run.plan_s):.1f} ms a plan"
     breaches: list[str] = []
-    idle: tuple[str, ...] = ()
+    unmoved: tuple[str, ...] = ()
     task, seen = recorder.task, recorder.observations
     if task is not None and seen:
         for observation in seen[:1] if is_program else {0: seen[0], 1: seen[len(seen) // 2]}.values():
             breaches += _asked_again(make, task, observation)
-        idle = () if is_program else _idle(make, task, seen[0], declaration)
+        unmoved = () if is_program else _unmoved(make, task, seen, declaration)
     return PlannerCheck(
-        scenario_id, tuple(dict.fromkeys(breaches)), run.final.outcome, run.final.reason, idle, took=took
+        scenario_id,
+        tuple(dict.fromkeys(breaches)),
+        run.final.outcome,
+        run.final.reason,
+        unmoved,
+        asked_again=0 if is_program else len(seen),
+        took=_took(planner, run.plan_s),
     )
+
+
+def _took(planner: OwnPlanner | Found, plan_s: list[float]) -> str:
+    """How long it took to plan, in words; of a program that is asked once, how long it took to answer."""
+    if not plan_s:
+        return ""
+    is_asked_once = (
+        isinstance(planner, Found) and planner.command is not None and planner.command.protocol == "one_shot"
+    )
+    return f"answered in {sum(plan_s):.1f} s" if is_asked_once else f"{1000 * median(plan_s):.1f} ms a plan"
 
 
 def _maker(name: str, planner: OwnPlanner | Found, file: ScenarioFile) -> Callable[[], Planner]:
     if isinstance(planner, Found):
         if planner.command is not None:
             command = planner.command
-            return lambda: command_driver(name, command, file)
+            return lambda: program_driver(name, command, file)
         planner = planner.own()
     make = planner.make
     return lambda: guarded(name, make)
@@ -122,27 +154,40 @@ def _asked_again(make: Callable[[], Planner], task: PlanningTask, observation: O
         return [failure.message]
 
 
-def _idle(
-    make: Callable[[], Planner], task: PlanningTask, observation: Observation, declaration: PlannerDeclaration
+def _unmoved(
+    make: Callable[[], Planner],
+    task: PlanningTask,
+    observations: Sequence[Observation],
+    declaration: PlannerDeclaration,
 ) -> tuple[str, ...]:
-    """The weights that change nothing of the plan at an observation."""
+    """The weights and parameters that change none of the plans at the observations of a drive."""
+    return tuple(
+        name
+        for name, weight in declaration.weights.items()
+        if not _moves(make, task, observations, name, (weight.lowest, weight.highest))
+    )
 
-    def planned(weight: str, value: float) -> Plan | None:
-        weights = task.configuration.weights | {weight: value}
-        configuration = task.configuration.model_copy(update={"weights": weights})
+
+def _moves(
+    make: Callable[[], Planner],
+    task: PlanningTask,
+    observations: Sequence[Observation],
+    name: str,
+    ends: tuple[float, float],
+) -> bool:
+    """Whether a plan differs between both ends of a range; where a planner cannot plan at an end, it acts."""
+
+    def planned(value: float, observation: Observation) -> Plan:
+        configuration = task.configuration.model_copy(update={"weights": task.configuration.weights | {name: value}})
         planner = make()
-        try:
-            planner.reset(replace(task, configuration=configuration))
-            return planner.plan(observation)
-        except PlannerFailure:
-            return None
+        planner.reset(replace(task, configuration=configuration))
+        return planner.plan(observation)
 
-    idle = []
-    for name, weight in declaration.weights.items():
-        low, high = planned(name, weight.lowest), planned(name, weight.highest)
-        if low is not None and high is not None and same_plan(low, high):
-            idle.append(name)
-    return tuple(idle)
+    low, high = ends
+    try:
+        return not all(same_plan(planned(low, observation), planned(high, observation)) for observation in observations)
+    except PlannerFailure:
+        return True
 
 
 def _raised(failure: PlannerFailure) -> str:

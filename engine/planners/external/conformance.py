@@ -1,10 +1,11 @@
 """The executable contract of planners: to be run on a planner before it drives in the loop."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ..interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
+from ....schemas.text import one_line
+from ..interface import DebugValues, EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
 
 _SHORTEST_PLAN_S = 1.0
 """The contract: with the longest time between plans, 10 steps of 0.1 s, the plan in force never ends."""
@@ -53,12 +54,25 @@ def _of_figures(plan: Plan) -> list[str]:
     breaches += [f"rejected {name} is {count}" for name, count in sorted(plan.rejected.items()) if count < 0]
     if plan.candidates < 0:
         breaches.append(f"candidates is {plan.candidates}")
-    return breaches
+    return breaches + _of_debug(plan.debug)
+
+
+def _of_debug(debug: object) -> list[str]:
+    """What of the debug values cannot be kept; values beyond the bounds are left out and break nothing."""
+    if not isinstance(debug, DebugValues):
+        return [f"debug is {type(debug).__name__}, not DebugValues"]
+    wrong = [name for name, values in vars(debug).items() if not isinstance(values, Mapping)]
+    if wrong:
+        return [f"debug {wrong[0]} is {type(getattr(debug, wrong[0])).__name__}, not a mapping"]
+    shapes = {name: np.shape(outline) for name, outline in debug.polygons.items() if isinstance(outline, np.ndarray)}
+    unfit = [name for name in debug.polygons if len(shapes.get(name, ())) != 2 or shapes[name][1] != 2]
+    return [f"debug polygon {one_line(str(name))} is not an array of shape (n, 2)" for name in unfit]
 
 
 def trajectory_breaches(trajectory: PlannedTrajectory, ego: EgoState, step_s: float) -> list[str]:
     """What a trajectory that begins at the ego breaks of the contract."""
-    wrong = [name for name, values in vars(trajectory).items() if not isinstance(values, np.ndarray)]
+    arrays = vars(trajectory).items()
+    wrong = [name for name, values in arrays if name != "steering_rad" and not isinstance(values, np.ndarray)]
     if wrong:
         return [f"{wrong[0]} of the trajectory is {type(getattr(trajectory, wrong[0])).__name__}, not a numpy array"]
     count = len(trajectory.positions)

@@ -2,16 +2,19 @@
 
 import inspect
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
+import numpy as np
+
 from ....schemas.errors import PlannerFailure, PlannerForgeError
 from ....schemas.text import one_line
+from ...geometry import Points
 from ..driving.drivability import violated_limit
-from ..interface import Observation, Plan, Planner, PlanningTask
+from ..interface import Observation, Plan, Planner, PlanningTask, ShowsCandidates
 from .conformance import plan_breaches
 
 _CALLS = (("reset", "task"), ("plan", "observation"))
@@ -78,12 +81,29 @@ class _Guarded:
             )
         return drivable(plan, self._task)
 
+    def shown_candidates(self, most: int) -> Sequence[Points]:
+        """Candidates of the last step, where the planner can say which; what is no line of finite points is left out.
+
+        Raises:
+            PlannerFailure: the planner raised.
+        """
+        if not isinstance(self._planner, ShowsCandidates):
+            return ()
+        with _blamed(self._name, "shows its candidates"):
+            lines = [np.asarray(line, dtype=float) for line in self._planner.shown_candidates(most)]
+        return [line for line in lines[:most] if line.ndim == 2 and line.shape[1] == 2 and np.isfinite(line).all()]
+
 
 def drivable(plan: Plan, task: PlanningTask) -> Plan:
-    """The plan; without its trajectory where the vehicle cannot drive the steps until the next plan."""
+    """The plan; without its trajectory where the vehicle cannot drive the steps until the next plan.
+
+    The steering of a plan of others is computed from its states: what they state themselves is not relied on.
+    """
     if plan.trajectory is None:
         return plan
-    next_steps = plan.trajectory.until(task.configuration.settings.replan_steps + 1)
+    trajectory = replace(plan.trajectory, steering_rad=None)
+    plan = replace(plan, trajectory=trajectory)
+    next_steps = trajectory.until(task.configuration.settings.replan_steps + 1)
     limit = violated_limit(next_steps, task.vehicle, task.step_s)
     return plan if limit is None else replace(plan, trajectory=None, costs={}, rejected={**plan.rejected, limit: 1})
 

@@ -1,5 +1,8 @@
 """A program that answers requests, a line of JSON each, within limits of time, memory, output and disk.
 
+A one-shot program is asked once a run (:meth:`PlannerProcess.ask`), a stepwise one again and again
+(:meth:`PlannerProcess.exchange`); both are read, limited and ended by the same code.
+
 What it does wrong is a :class:`PlannerFailure` whose ``reason`` names it; after one, the program and all that it
 started in its process group are gone.
 """
@@ -11,7 +14,8 @@ import signal
 import subprocess
 import sys
 import tempfile
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from time import monotonic, sleep
 
@@ -25,6 +29,10 @@ _TOLD_LOG = 300
 """Characters of it that an error repeats."""
 _LOOK_S = 0.05
 """How often the folder is looked at, and an exit waited for."""
+_LEAVE_S = 0.5
+"""How long a stepwise program may take to end by itself after its input was closed: time for its last log."""
+_CHUNK_BYTES = 65_536
+"""What is read at once: as much as a pipe of Linux holds."""
 _MIB = 1024**2
 _LEAST_FILE_BYTES = 4096
 """Every file counts as at least this: a million empty ones fill a disk, too."""
@@ -53,6 +61,9 @@ class PlannerProcess:
         self.folder = Path(self._folder.name).resolve()
         self._log, self._end_of_log = bytearray(), bytearray()
         self._given_bytes = 0
+        self._unread, self._open = bytearray(), {"answer", "log"}
+        self._unsent, self._unheard = memoryview(b""), False
+        self._log_bytes, self._is_stepwise = 0, declared.protocol == "stepwise"
         self._process = subprocess.Popen(
             [
                 *(sys.executable, "-I", "-S", str(Path(__file__).with_name("guard.py"))),
@@ -72,6 +83,8 @@ class PlannerProcess:
             if stream is not None:
                 os.set_blocking(stream.fileno(), False)
                 self._selector.register(stream, selectors.EVENT_READ, name_of)
+        if self._process.stdin is not None:
+            os.set_blocking(self._process.stdin.fileno(), False)
 
     def _environment(self) -> dict[str, str]:
         passed = {name: os.environ[name] for name in _PASSED_ON if name in os.environ}
@@ -98,19 +111,46 @@ class PlannerProcess:
         self._given_bytes = copy.stat().st_size
         return folder
 
+    def begin_run(self) -> None:
+        """Keep the log of a new run from now on."""
+        self._log.clear()
+        self._end_of_log.clear()
+        self._log_bytes = 0
+
     def ask(self, request: bytes) -> bytes:
         """Its answer to a request of one line: a line where it stays, else all that it wrote until it ended.
 
         Raises:
             PlannerFailure: it broke a limit, ended with an error, or ended without an answer.
         """
-        self._log.clear()
-        self._end_of_log.clear()
-        try:
-            return self._answer(request)
-        except PlannerFailure:
-            self.close()
-            raise
+        self.begin_run()
+        stays = self._declared.stays
+        with self._closed_on_failure():
+            self._talk(request, self._declared.time_s, until_line=stays, close_input=not stays)
+            answer, self._unread = bytes(self._unread), bytearray()
+            return answer
+
+    def exchange(self, message: bytes, limit_s: float) -> bytes:
+        """The next line that it writes after it was sent a message of one line; what follows is kept for the next call.
+
+        Raises:
+            PlannerFailure: it broke a limit, ended, or closed its input or output.
+        """
+        with self._closed_on_failure():
+            self._talk(message, limit_s, until_line=True, close_input=False)
+            line, _, self._unread = self._unread.partition(b"\n")
+            return bytes(line)
+
+    def finish(self) -> None:
+        """Close its input, give it a moment to end by itself and to write its last log, and end it."""
+        if self._process.returncode is None:
+            self._close_input()
+            ends = monotonic() + _LEAVE_S
+            while self._exited() is None and monotonic() < ends:
+                self._read(_LOOK_S / 5)
+                self._unread.clear()
+            self._read(0.0)
+        self.close()
 
     def close(self) -> None:
         """End the program with all that it started, and remove its folder."""
@@ -126,49 +166,95 @@ class PlannerProcess:
                     stream.close()
         self._folder.cleanup()
 
-    def _answer(self, request: bytes) -> bytes:
-        stays, answer, ends = self._declared.stays, bytearray(), monotonic() + self._declared.time_s
-        self._send(request)
-        open_streams = {"answer", "log"}
-        while "answer" in open_streams:
-            self._check_limits(answer, ends)
-            for key, _ in self._selector.select(_LOOK_S):
-                chunk = os.read(key.fd, 65_536)
-                if not chunk:
-                    self._selector.unregister(key.fileobj)
-                    open_streams.discard(key.data)
-                elif key.data == "answer":
-                    answer += chunk
-                else:
-                    room = _HALF_LOG_BYTES - len(self._log)
-                    self._log += chunk[:room]
-                    self._end_of_log = (self._end_of_log + chunk[room:])[-_HALF_LOG_BYTES:]
-            if stays and b"\n" in answer:
-                self._check_limits(answer, ends)
-                return bytes(answer)
-        status = self._awaited(ends)
-        self._check_limits(answer, ends)
-        if status or stays:
-            raise self._ended(status)
-        return bytes(answer)
+    @contextmanager
+    def _closed_on_failure(self) -> Iterator[None]:
+        try:
+            yield
+        except PlannerFailure:
+            self.close()
+            raise
 
-    def _send(self, request: bytes) -> None:
-        """A request is far shorter than what a pipe holds, so that a program that reads nothing blocks nothing."""
-        if self._process.stdin is None:
+    def _talk(self, request: bytes, limit_s: float, *, until_line: bool, close_input: bool) -> None:
+        """Send a line and read into ``_unread`` until a line is there, or until the output ends with exit status 0."""
+        ends = monotonic() + limit_s
+        self._unsent, self._unheard = memoryview(request + b"\n"), False
+        self._send(close_input=close_input)
+        while "answer" in self._open and not (until_line and b"\n" in self._unread and not self._unsent):
+            self._check_limits(ends, limit_s)
+            if self._read(_LOOK_S):
+                self._send(close_input=close_input)
+            if until_line and self._exited() is not None:  # a process that it started may hold its output open
+                self._read(0.0)
+                break
+        if until_line and b"\n" in self._unread:
+            if self._unheard:
+                raise self._failure("closed_input", "answers although it closed its standard input")
+            self._check_limits(ends, limit_s)
             return
-        with suppress(BrokenPipeError):  # it ended: its exit says why
-            self._process.stdin.write(request + b"\n")
-            if not self._declared.stays:
-                self._process.stdin.close()
+        status = self._awaited(ends, limit_s)
+        self._check_limits(ends, limit_s)
+        if status or until_line:
+            raise self._ended(status)
 
-    def _check_limits(self, answer: bytearray, ends: float) -> None:
+    def _send(self, *, close_input: bool) -> None:
+        """Write as much of the message as its input takes: a program that reads nothing holds up nothing."""
+        stdin = self._process.stdin
+        if stdin is None or not self._unsent:
+            return
+        try:
+            self._unsent = self._unsent[os.write(stdin.fileno(), self._unsent) :]
+        except BlockingIOError:
+            pass
+        except BrokenPipeError:  # it closed its input, or it ended: its exit says which
+            self._unsent, self._unheard = self._unsent[:0], True
+        if self._unsent and stdin not in self._selector.get_map():
+            self._selector.register(stdin, selectors.EVENT_WRITE, "input")
+        elif not self._unsent and stdin in self._selector.get_map():
+            self._selector.unregister(stdin)
+        if close_input and not self._unsent:
+            self._close_input()
+
+    def _close_input(self) -> None:
+        stdin = self._process.stdin
+        if stdin is None or stdin.closed:
+            return
+        if stdin in self._selector.get_map():
+            self._selector.unregister(stdin)
+        with suppress(OSError):
+            stdin.close()
+
+    def _read(self, wait_s: float) -> bool:
+        """Take what it has written within a time; whether its input takes more."""
+        writable = False
+        for key, _ in self._selector.select(wait_s):
+            if key.data == "input":
+                writable = True
+                continue
+            chunk = os.read(key.fd, _CHUNK_BYTES)
+            if not chunk:
+                self._selector.unregister(key.fileobj)
+                self._open.discard(key.data)
+            elif key.data == "answer":
+                self._unread += chunk
+            else:
+                room = max(_HALF_LOG_BYTES - len(self._log), 0)
+                self._log_bytes += len(chunk)
+                self._log += chunk[:room]
+                self._end_of_log = (self._end_of_log + chunk[room:])[-_HALF_LOG_BYTES:]
+        return writable
+
+    def _check_limits(self, ends: float, limit_s: float) -> None:
         declared = self._declared
-        if len(answer) > declared.output_mb * _MIB:
+        if len(self._unread) > declared.output_mb * _MIB:
             raise self._failure("flooded_output", f"writes more than {declared.output_mb} MB to standard output")
+        if self._is_stepwise and self._log_bytes > declared.output_mb * _MIB:
+            raise self._failure("flooded_log", f"writes more than {declared.output_mb} MB to standard error")
         if self._folder_bytes() - self._given_bytes >= declared.folder_mb * _MIB:
             raise self._failure("wrote_too_much", f"writes more than {declared.folder_mb} MB to its folder")
         if monotonic() > ends:
-            raise self._failure("timed_out", f"gives no answer within {declared.time_s:g} s and was ended")
+            if self._is_stepwise and self._unheard:
+                raise self._failure("closed_input", "closed its standard input and was ended")
+            raise self._failure("timed_out", f"gives no answer within {limit_s:g} s and was ended")
 
     def _folder_bytes(self) -> int:
         total = 0
@@ -188,9 +274,12 @@ class PlannerProcess:
             return 0
         return None if state is None else int(state.si_status)
 
-    def _awaited(self, ends: float) -> int:
+    def _awaited(self, ends: float, limit_s: float) -> int:
+        """Its exit status, once its output has ended."""
         while (status := self._exited()) is None:
-            self._check_limits(bytearray(), ends)
+            if self._is_stepwise and monotonic() > ends:
+                raise self._failure("closed_output", "closed its standard output and was ended")
+            self._check_limits(ends, limit_s)
             sleep(_LOOK_S / 5)
         return status
 

@@ -7,9 +7,9 @@ lane. Its coordinates are those of the world. Lengths in m, headings in rad.
 
 Traps (``tests/engine/planners/test_fiss_traps.py`` holds them):
 
-- It heads its vehicle where the centre moves. No vehicle does: the rear axle moves where it heads, and the centre swings
-  out. The headings of a plan are those of a rear axle that is dragged after the centre (``tractrix``), the speeds those
-  of the rear axle, and the centre begins in the direction in which a vehicle that turns moves.
+- It heads its vehicle where the centre moves. No vehicle does: the rear axle moves where it heads, and the centre
+  swings out. The headings of a plan are those of a rear axle that is dragged after the centre (``tractrix``), the
+  speeds those of the rear axle, and the centre begins in the direction in which a vehicle that turns moves.
 - It normalises headings to ±π at every state. They are not taken from it.
 - It knows no limit of the steering rate, and neither friction nor steering at low speed. What a vehicle can drive is
   judged anew (``driving/drivability.py``).
@@ -34,6 +34,7 @@ import numpy as np
 from ....schemas.planning import PlannerSettings
 from ...geometry import Points, Values, project, wrap_angle
 from ...vehicles import VehicleParameters, tractrix
+from ..driving.following import FOLLOWED_WITHIN_M, is_on_plan
 from ..interface import EgoState, PlannedTrajectory, PredictedObstacle
 
 SEARCHES = ("fop", "fop_plus", "fiss", "fiss_plus")
@@ -46,8 +47,6 @@ _HARDEST_MPS2, BRISKEST_MPS2 = 8.0, 4.0
 """Limits that the core's authors plan with: 8 m/s² of braking and across (0.8 g), 4 m/s² of accelerating; at most what
 the vehicle can."""
 _STANDING_MPS = 1e-3
-_SAME_PLACE_M = 1e-6
-"""Within this the ego is where the plan before put it: rounding only."""
 _BEHIND_M, _BESIDE_M = 80.0, 60.0
 """The core looks at obstacles from 80 m behind the ego to 60 m beyond what it can reach."""
 _LINE_SPACING_M = 2.0
@@ -163,7 +162,7 @@ class PathLine:
         return float(self._curve_mps[first : last + 1].min(initial=math.inf))
 
     def start(self, ego: EgoState, vehicle: VehicleParameters, near_m: float) -> "fiss_planner.FrenetState | None":
-        """The ego's centre in the frame of the line; None if it heads against the path, or lies inside a curve's centre.
+        """The ego's centre in the frame of the line; None if it heads against the path or lies beyond a curve's centre.
 
         ``near_m``: about where on the path it is.
         """
@@ -257,14 +256,11 @@ class DrivenPlan:
     def index_of(self, ego: EgoState) -> int | None:
         """Where on the plan the ego is, if it followed it."""
         index = ego.step - self.first_step
-        if not 0 <= index < len(self.trajectory.positions):
-            return None
-        away = float(np.linalg.norm(self.trajectory.positions[index] - ego.position))
-        return index if away <= _SAME_PLACE_M else None
+        return index if is_on_plan(self.trajectory, index, ego, FOLLOWED_WITHIN_M) else None
 
     def rest(self, index: int) -> PlannedTrajectory:
         """What is left of the plan."""
-        return PlannedTrajectory(*(values[index:] for values in vars(self.trajectory).values()))
+        return self.trajectory.since(index)
 
 
 def braking_trajectory(

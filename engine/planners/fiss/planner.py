@@ -6,12 +6,13 @@ finds valid; it makes and checks only the candidates that its search comes to. F
 edge of the road; where that fails, the cheapest other candidate that passes is driven.
 
 Where none passes, the planner goes on as its authors' does: the rest of its last plan, a plan without the hard
-distances to others, one that looks at collisions for 2.5 s alone, and then it brakes. Two searches more are ours, before
-it brakes: one without the core's margins, since an ego that is closer to another already, as in a queue, would never get
-a plan; and one that may drive faster than it wishes, since to brake before a follower is no way out.
+distances to others, one that looks at collisions for 2.5 s alone, and then it brakes. Two more searches, before it
+brakes, are ours: one without the core's margins, since an ego that is closer to another already, as in a queue, would
+never get a plan; and one that may drive faster than it wishes, since to brake before a follower is no way out.
 
 Sources: Sun, Liu, Yin, Ang: FISS: A Trajectory Planning Framework Using Fast Iterative Search and Sampling Strategy for
-Autonomous Driving, RA-L 2022 (10.1109/LRA.2022.3191940); Sun et al.: FISS+, IROS 2023 (10.1109/IROS55552.2023.10341498).
+Autonomous Driving, RA-L 2022 (10.1109/LRA.2022.3191940); Sun et al.: FISS+: Efficient and Focused Trajectory Generation
+and Refinement Using Fast Iterative Search and Sampling Strategy, IROS 2023 (10.1109/IROS55552.2023.10341498).
 """
 
 import math
@@ -26,6 +27,7 @@ import numpy as np
 from ...geometry import Points
 from ...vehicles import rear_axle
 from ..driving.drivability import violated_limit
+from ..driving.following import FOLLOWED_WITHIN_M, follow
 from ..goal import DesiredSpeed, Goal
 from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
 from ..safety import SafetyCheck
@@ -207,16 +209,19 @@ class Fiss:
         trajectory = self._trajectory(candidate, step)
         reason: str | None = violated_limit(trajectory, self._task.vehicle, self._task.step_s)
         if reason is None:
-            counted = trajectory
-            if until_s < math.inf:
-                counted = trajectory.until(1 + round(until_s / self._task.step_s))
-            reason = step.safety.objection(counted)
-        if reason is not None:
-            step.rejected[reason] += 1
-            return None
-        self._has_braked = False
-        self._driven = DrivenPlan(step.observation.ego.step, candidate, trajectory)
-        return self._plan_of(trajectory, step, costs_of(candidate))
+            counted = None if until_s == math.inf else 1 + round(until_s / self._task.step_s)
+            followed = step.safety.followed(trajectory, FOLLOWED_WITHIN_M, counted)
+            if not isinstance(followed, str):
+                self._has_braked = False
+                self._driven = DrivenPlan(step.observation.ego.step, candidate, trajectory)
+                return self._plan_of(followed.trajectory, step, costs_of(candidate))
+            reason = followed
+        step.rejected[reason] += 1
+        return None
+
+    def _followed(self, trajectory: PlannedTrajectory, step: _Step) -> PlannedTrajectory:
+        """The motion with which the vehicle follows a trajectory, however far from it."""
+        return follow(trajectory, step.observation.ego, self._task.vehicle, self._task.step_s).trajectory
 
     def _trajectory(self, candidate: "fiss_planner.Trajectory", step: _Step) -> PlannedTrajectory:
         return copied_trajectory(candidate, step.observation.ego, self._task.vehicle, self._task.step_s)
@@ -235,9 +240,12 @@ class Fiss:
         if index is None or self._driven is None:
             return None
         rest = self._driven.rest(index)
-        if (len(rest.positions) - 1) * self._task.step_s < _REST_S - 1e-9 or step.safety.objection(rest) is not None:
+        if (len(rest.positions) - 1) * self._task.step_s < _REST_S - 1e-9:
             return None
-        return self._plan_of(rest, step, costs_of(self._driven.candidate))
+        followed = step.safety.followed(rest, FOLLOWED_WITHIN_M)
+        if isinstance(followed, str):
+            return None
+        return self._plan_of(followed.trajectory, step, costs_of(self._driven.candidate))
 
     def _braking(self, step: _Step) -> Plan:
         """Stand still, or brake as hard as the tyres allow on the path; no plan if no braking can be driven."""
@@ -248,12 +256,12 @@ class Fiss:
             count = round(horizon_s / task.step_s) + 1
             positions, headings = np.repeat(ego.position[None, :], count, axis=0), np.full(count, ego.heading_rad)
             still = PlannedTrajectory(positions, headings, np.zeros(count), np.zeros(count))
-            return self._plan_of(still, step, kind="standstill")
+            return self._plan_of(self._followed(still, step), step, kind="standstill")
         hardest = task.vehicle.maximum_acceleration_mps2
         for trajectory in self._brakings(step, (share * hardest for share in _BRAKING_SHARES)):
             limit = violated_limit(trajectory, task.vehicle, task.step_s)
             if limit is None:
-                return self._plan_of(trajectory, step, kind="stopping")
+                return self._plan_of(self._followed(trajectory, step), step, kind="stopping")
             step.rejected[limit] += 1
         return Plan(None, {}, dict(step.rejected), max(step.candidates, 1), core_s=step.core_s)
 

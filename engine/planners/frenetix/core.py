@@ -38,6 +38,7 @@ import numpy as np
 from ....schemas.planning import PlannerSettings
 from ...geometry import Points, Values, arc_length, headings, wrap_angle
 from ...vehicles import VehicleParameters, centers, rear_axle
+from ..driving.following import is_on_plan
 from ..interface import EgoState, Observation, PlannedTrajectory, PredictedObstacle
 from ..reference_path import FASTEST_MPS
 
@@ -53,8 +54,6 @@ _SHORTEST_REST_S = 0.2
 """Chosen: what is left of the driven plan is an end state as long as it lasts this long."""
 FINAL_SPEED = 5
 """Column of the sampling matrix."""
-_SAME_PLACE_M = 1e-6
-"""Within this the ego is where the plan before put it: rounding only."""
 _STANDING_MPS = 1e-3
 """Slower, derivatives by time say nothing about those by arc length."""
 CONSTRAINTS = {
@@ -193,8 +192,10 @@ def initial_state(
 ) -> CurvilinearState | None:
     """The ego's curvilinear state by the core; None where it cannot be placed (opposite heading, off the path)."""
     rear = frame.inwards(rear_axle(ego.position, ego.heading_rad, vehicle))
-    steering = float(np.arctan2(vehicle.wheelbase_m * ego.yaw_rate_radps, max(ego.speed_mps, _STANDING_MPS)))
-    steering = float(np.clip(steering, -vehicle.maximum_steering_rad, vehicle.maximum_steering_rad))
+    steering = ego.steering_rad
+    if steering is None:
+        steering = float(np.arctan2(vehicle.wheelbase_m * ego.yaw_rate_radps, max(ego.speed_mps, _STANDING_MPS)))
+        steering = float(np.clip(steering, -vehicle.maximum_steering_rad, vehicle.maximum_steering_rad))
     heading = frame.heading_inwards(ego.heading_rad)
     present = frenetix.CartesianPlannerState(
         np.ascontiguousarray(rear), heading, ego.speed_mps, ego.acceleration_mps2, steering
@@ -218,6 +219,14 @@ class SamplingSettings:
     duration_step_s: float = 0.3
     lateral_m: float = 3.0
     values: int = 9
+
+    @property
+    def followed_within_m(self) -> float:
+        """How far the vehicle may be from a candidate that it follows: half the distance of two sampled offsets.
+
+        Farther away it is nearer to another candidate, and the costs are those of a motion that is not driven.
+        """
+        return self.lateral_m / (self.values - 1)
 
     @classmethod
     def of(cls, settings: PlannerSettings) -> "SamplingSettings":
@@ -416,12 +425,10 @@ class DrivenPlan:
     low_speed: bool
     end: EndState
 
-    def state_for(self, ego: EgoState, low_speed: bool) -> CurvilinearState | None:
-        """The curvilinear state where the ego is, if it followed this plan."""
+    def state_for(self, ego: EgoState, low_speed: bool, within_m: float) -> CurvilinearState | None:
+        """The curvilinear state of this plan, if the ego is as near to it as ``within_m``."""
         index = ego.step - self.first_step
-        if not 0 <= index < len(self.trajectory.positions):
-            return None
-        if float(np.linalg.norm(self.trajectory.positions[index] - ego.position)) > _SAME_PLACE_M:
+        if not is_on_plan(self.trajectory, index, ego, within_m):
             return None
         column = self.curvilinear[:, index]
         return CurvilinearState(column[:3].copy(), column[3:].copy(), self.low_speed).as_mode(low_speed)

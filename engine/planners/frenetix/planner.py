@@ -18,6 +18,7 @@ import numpy as np
 
 from ...geometry import Points, project
 from ..driving.drivability import Limit, violated_limit
+from ..driving.following import FollowedPlan, follow
 from ..goal import DesiredSpeed, Goal
 from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
 from ..lanes import LaneCenters, LaneCorridors
@@ -85,7 +86,8 @@ class Frenetix:
         low_speed, desired_mps = ego.speed_mps < _LOW_SPEED_MPS, self._desired_speed.at(ego)
         step = PlanningStep(observation, frame, self._settings, low_speed, desired_mps, task.step_s, reach_m)
         self._step = step
-        state = self._driven.state_for(ego, low_speed) if self._driven else None
+        within_m = self._settings.followed_within_m
+        state = self._driven.state_for(ego, low_speed, within_m) if self._driven else None
         going_on = self._driven.rest_for(ego, task.step_s) if self._driven and state else None
         state = state or initial_state(frame, ego, task.vehicle, low_speed)
         if state is None:
@@ -94,14 +96,23 @@ class Frenetix:
         matrix = sampling_matrix(state, ego.speed_mps, self._settings, task.vehicle, going_on)
         feasible = self._feasible(matrix, step)
         safety = SafetyCheck(task, observation)
+        followed: FollowedPlan | None = None
 
         def objection(sample: "frenetix.TrajectorySample") -> str | None:
+            nonlocal followed
             trajectory = copied_trajectory(sample, frame, ego, task.vehicle)
-            return violated_limit(trajectory, task.vehicle, task.step_s) or safety.objection(trajectory)
+            limit = violated_limit(trajectory, task.vehicle, task.step_s)
+            if limit is not None:
+                return limit
+            driven = safety.followed(trajectory, within_m)
+            if isinstance(driven, str):
+                return driven
+            followed = driven
+            return None
 
         chosen = first_feasible(self._ranked(feasible, step), objection, step.rejected)
         if chosen is not None:
-            return self._drive(chosen, "regular", step)
+            return self._drive(chosen, "regular", step, followed)
         return self._fallback(feasible, float(state.lateral[0]), step)
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
@@ -179,7 +190,8 @@ class Frenetix:
             positions = np.repeat(step.ego.position[None, :], count, axis=0)
             headings = np.full(count, step.ego.heading_rad)
             still = PlannedTrajectory(positions, headings, np.zeros(count), np.zeros(count))
-            return Plan(still, {}, dict(step.rejected), step.candidates, "standstill", step.core_s)
+            stopped = follow(still, step.ego, self._task.vehicle, self._task.step_s).trajectory
+            return Plan(stopped, {}, dict(step.rejected), step.candidates, "standstill", step.core_s)
 
         def how_soon(sample: "frenetix.TrajectorySample") -> tuple[float, float, float, float]:
             end = EndState.of(sample)
@@ -196,13 +208,21 @@ class Frenetix:
         vehicle = self._task.vehicle
         return violated_limit(copied_trajectory(sample, step.frame, step.ego, vehicle), vehicle, self._task.step_s)
 
-    def _drive(self, sample: "frenetix.TrajectorySample", kind: PlanKind, step: PlanningStep) -> Plan:
+    def _drive(
+        self,
+        sample: "frenetix.TrajectorySample",
+        kind: PlanKind,
+        step: PlanningStep,
+        followed: FollowedPlan | None = None,
+    ) -> Plan:
+        """The motion with which the vehicle follows a candidate; the planner goes on from the candidate itself."""
         trajectory = copied_trajectory(sample, step.frame, step.ego, self._task.vehicle)
+        followed = followed or follow(trajectory, step.ego, self._task.vehicle, self._task.step_s)
         self._driven = DrivenPlan(
             step.ego.step, trajectory, copied_curvilinear(sample), step.low_speed, EndState.of(sample)
         )
         weighted = {name: float(pair[1]) for name, pair in sorted(sample.costMap.items())}
-        return Plan(trajectory, weighted, dict(step.rejected), step.candidates, kind, step.core_s)
+        return Plan(followed.trajectory, weighted, dict(step.rejected), step.candidates, kind, step.core_s)
 
 
 class _Feasible:

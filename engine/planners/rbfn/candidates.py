@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from ...geometry import Points, Values, arc_length, gaussian, project, wrap_angle
 from ...vehicles import VehicleParameters
+from ..driving.following import is_on_plan
+from ..interface import EgoState, PlannedTrajectory
 from ..reference_path import FASTEST_MPS
 from .network import Motions, PrimitiveEnds, PrimitiveNetwork, motion_primitives
 
@@ -32,8 +34,6 @@ _STANDING_M = 0.01
 """Chosen: a stop on a shorter way is one on the spot."""
 _LEAST_PACE = 0.2
 """Inside a turn the way at an offset is shorter than the path, at most by this factor."""
-_SAME_PLACE_M = 1e-6
-"""Within this the ego is where the plan before put it: rounding only."""
 
 
 class PathTable:
@@ -96,6 +96,16 @@ class Start:
         return cls(rear, heading_rad, speed_mps, curvature_per_m, float(station), float(offset), turned)
 
 
+def _sampled_values(level: int) -> int:
+    """How many speeds and offsets are sampled."""
+    return 2 ** (level + 1) + 1
+
+
+def followed_within_m(level: int) -> float:
+    """How far the vehicle may be from a candidate that it follows: half the distance of two sampled offsets."""
+    return _LATERAL_M / (_sampled_values(level) - 1)
+
+
 @dataclass(frozen=True)
 class Samples:
     """What n candidates aim at, each of shape (n,): a target speed within a ramp, and an offset by a primitive's end.
@@ -116,7 +126,7 @@ class Samples:
         cls, start: Start, desired_mps: float, horizon_s: float, step_s: float, level: int, vehicle: VehicleParameters
     ) -> "Samples":
         """All combinations; the present speed and offset and the desired speed are among them, and the hardest stop."""
-        values = 2 ** (level + 1) + 1
+        values = _sampled_values(level)
         spans = [max(round(share * horizon_s / step_s), 1) * step_s for share in _SHARES]
         low = max(0.0, start.speed_mps - vehicle.maximum_acceleration_mps2 * horizon_s)
         reach = start.speed_mps + vehicle.maximum_acceleration_mps2 / 6.0 * horizon_s
@@ -295,20 +305,15 @@ def _along(
 
 @dataclass(frozen=True)
 class Driven:
-    """The candidate that was chosen at ``first_step``, and the centres (m, 2) that its plan had."""
+    """The candidate that was chosen at ``first_step``, as candidate and as trajectory of the centre."""
 
     first_step: int
     chosen: Candidates
-    centers: Points
+    trajectory: PlannedTrajectory
 
-    def curvature_at(self, step: int, center: Points) -> float | None:
-        """The curvature of the rear axle at a step, where the ego's centre (2,) followed this plan."""
-        index = step - self.first_step
-        if not 0 <= index < len(self.centers):
-            return None
-        if float(np.linalg.norm(self.centers[index] - center)) > _SAME_PLACE_M:
-            return None
-        return float(self.chosen.motions.curvature_per_m[0, index])
+    def holds(self, ego: EgoState, within_m: float) -> bool:
+        """Whether the ego is as near to this plan as ``within_m``."""
+        return is_on_plan(self.trajectory, ego.step - self.first_step, ego, within_m)
 
     def rest(self, path: PathTable, step: int, step_s: float) -> Candidates | None:
         """What is left of it at a later step, going on along the path with its last speed; None where it ends askew."""

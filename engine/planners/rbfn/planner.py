@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from ...geometry import Points, Values, wrap_angles
 from ...vehicles import centers, rear_axle
 from ..driving.drivability import broken_limits
+from ..driving.following import FollowedPlan, follow
 from ..goal import DesiredSpeed, Goal
 from ..interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
 from ..safety import SafetyCheck
-from .candidates import Candidates, Driven, PathTable, Samples, Start, candidates
+from .candidates import Candidates, Driven, PathTable, Samples, Start, candidates, followed_within_m
 from .costs import CHANNELS, ChannelBatch, RoadEdge
 from .network import PrimitiveNetwork
 
@@ -60,6 +61,7 @@ class RadialBasisPrimitives:
         self._desired_speed = DesiredSpeed(Goal(task.goal_ahead), task.reference, task.step_s)
         count = round(task.configuration.settings.horizon_s / task.step_s) + 1
         self._times: Values = np.arange(count, dtype=np.float64) * task.step_s
+        self._within_m = followed_within_m(task.configuration.settings.sampling_level)
         self._driven: Driven | None = None
 
     def plan(self, observation: Observation) -> Plan:
@@ -78,10 +80,10 @@ class RadialBasisPrimitives:
         self._step = step
         safety = SafetyCheck(task, observation)
         for index in self._cheapest_first(step):
-            reason = safety.objection(self._trajectory(step, index))
-            if reason is None:
-                return self._drive(step, index, "regular")
-            rejected[reason] += 1
+            followed = safety.followed(self._trajectory(step, index), self._within_m)
+            if not isinstance(followed, str):
+                return self._drive(step, index, "regular", followed)
+            rejected[followed] += 1
         return self._fallback(step)
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
@@ -92,14 +94,15 @@ class RadialBasisPrimitives:
     def _start(self, ego: EgoState) -> tuple[Start, Candidates | None]:
         """Where the rear axle begins, and the rest of the plan that is being driven, where the ego followed it."""
         rear = rear_axle(ego.position, ego.heading_rad, self._task.vehicle)
-        followed = self._driven.curvature_at(ego.step, ego.position) if self._driven else None
-        curvature, rest = followed, None
-        if curvature is None:
+        rest = None
+        if self._driven is not None and self._driven.holds(ego, self._within_m):
+            rest = self._driven.rest(self._path, ego.step, self._task.step_s)
+        if ego.steering_rad is not None:
+            curvature = float(np.tan(ego.steering_rad)) / self._task.vehicle.wheelbase_m
+        else:
             steepest = np.tan(self._task.vehicle.maximum_steering_rad) / self._task.vehicle.wheelbase_m
             turning = ego.yaw_rate_radps / max(ego.speed_mps, _SLOWEST_TURNING_MPS)
             curvature = float(np.clip(turning, -steepest, steepest))
-        elif self._driven is not None:
-            rest = self._driven.rest(self._path, ego.step, self._task.step_s)
         return Start.of(self._path, rear, ego.heading_rad, ego.speed_mps, curvature), rest
 
     def _drivable(self, found: Candidates, rejected: Counter[str]) -> NDArray[np.intp]:
@@ -167,13 +170,15 @@ class RadialBasisPrimitives:
         positions: Points = centers(rear, heading, self._task.vehicle)
         return PlannedTrajectory(positions, heading, speed, np.gradient(speed, self._task.step_s))
 
-    def _drive(self, step: _Step, index: int, kind: PlanKind) -> Plan:
+    def _drive(self, step: _Step, index: int, kind: PlanKind, followed: FollowedPlan | None = None) -> Plan:
+        """The motion with which the vehicle follows a candidate."""
         trajectory = self._trajectory(step, index)
+        followed = followed or follow(trajectory, step.ego, self._task.vehicle, self._task.step_s)
         row = slice(step.drivable[index], step.drivable[index] + 1)
         chosen = step.found.part(row)
-        self._driven = Driven(step.ego.step, chosen, trajectory.positions)
+        self._driven = Driven(step.ego.step, chosen, trajectory)
         weighted = {name: self._weights[name] * float(values[index]) for name, values in sorted(step.costs.items())}
-        return Plan(trajectory, weighted, dict(step.rejected), step.found.count, kind)
+        return Plan(followed.trajectory, weighted, dict(step.rejected), step.found.count, kind)
 
     def _fallback(self, step: _Step) -> Plan:
         if step.ego.speed_mps <= _STANDSTILL_MPS:
@@ -182,7 +187,8 @@ class RadialBasisPrimitives:
             positions = np.repeat(step.ego.position[None, :], count, axis=0)
             headings = np.full(count, step.ego.heading_rad)
             still = PlannedTrajectory(positions, headings, np.zeros(count), np.zeros(count))
-            return Plan(still, {}, dict(step.rejected), step.found.count, "standstill")
+            stopped = follow(still, step.ego, self._task.vehicle, self._task.step_s).trajectory
+            return Plan(stopped, {}, dict(step.rejected), step.found.count, "standstill")
         stops = step.found.stops_s[step.drivable]
         slowest = step.found.motions.speed_mps[step.drivable, -1]
         if not len(stops):

@@ -116,8 +116,19 @@ class PlanView(Model):
     predictions: tuple[Line, ...]
 
 
+class AreaView(Model):
+    """An outline that a planner reported at a planning step, by the name that it gave."""
+
+    step: int
+    name: str
+    outline: Line
+
+
 class DriveView(Model):
     """A run over a scene: the ego, and a value a driven state of what passengers feel and how near others were.
+
+    ``series``: more of a value a driven state, by name with unit; ``planned`` and ``told``: numbers and texts of a value
+    a planning step, debug values of the planner among them; ``areas``: its polygons.
 
     ``acceleration_cmps2``: along the path; ``gap_cm`` to the nearest other, ``nearest`` which one, ``collision_cs``:
     time to collision in 1/100 s; None: no other within 60 m, or none on a collision course. ``costs``, ``rejected``: as
@@ -145,6 +156,10 @@ class DriveView(Model):
     figures: tuple[tuple[str, str], ...]
     others: tuple[TrackView, ...]
     plans: tuple[PlanView, ...] = ()
+    series: dict[str, tuple[float | None, ...]] = Field(default_factory=dict)
+    planned: dict[str, tuple[float | None, ...]] = Field(default_factory=dict)
+    told: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    areas: tuple[AreaView, ...] = ()
 
 
 class PaneView(Model):

@@ -24,7 +24,7 @@ function outcomeMark(outcome) {
 const KEYS = [
   ["Space", "play, pause"], ["← →", "a step; with Shift, a second"], ["Home End", "the start, the end"], ["N P", "next, previous moment"],
   ["+ −", "zoom; the wheel too"], ["W A S D", "move the view; dragging too"], ["F", "follow the ego, or what is selected"], ["0", "show all that matters"],
-  ["V", "select the next vehicle; Shift: the previous"], ["E", "select the ego"], ["Esc", "select nothing"], ["I", "ids"], ["O", "plan, candidates, predictions"], ["C", "next chart"],
+  ["V", "select the next vehicle; Shift: the previous"], ["E", "select the ego"], ["Esc", "select nothing"], ["I", "ids"], ["O", "plan, candidates, predictions, areas"], ["C", "next chart"],
   ["[ ]", "slower, faster"], ["T", "dark, light"],
 ];
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
@@ -65,6 +65,7 @@ class Player {
     const pane = { title: data.title, letter, scene, drive, tracks, ego: drive ? new Track(drive.ego) : scene.start, camera: new Camera(), selected: null };
     if (drive) pane.series = seriesOf(drive);
     if (drive?.plans.length) pane.plans = drive.plans.map(plan => new PlanPaths(plan));
+    if (drive?.areas.length) pane.areas = areasByStep(drive);
     return pane;
   }
 
@@ -98,8 +99,8 @@ class Player {
     this.playButton.className = "play";
     this.followButton = button("Follow", "Follow the ego or what is selected (F)", () => this.setFollow(!this.follow));
     this.idsButton = button("Ids", "Show ids (I)", () => this.setIds(!this.ids));
-    this.plansButton = button("Plans", "Show plan, candidates and predictions (O)", () => this.setPlans(!this.plans));
-    this.plansButton.hidden = !this.panes.some(pane => pane.plans);
+    this.plansButton = button("Plans", "Show plan, candidates, predictions and areas (O)", () => this.setPlans(!this.plans));
+    this.plansButton.hidden = !this.panes.some(pane => pane.plans || pane.areas);
     this.rate = element("select", { title: "Speed ([ and ])", "aria-label": "speed", onchange: () => { this.factor = Number(this.rate.value); } },
       ...SPEEDS.map(value => element("option", { value, selected: value === 1 }, `${value} ×`)));
     this.slider = element("input", { type: "range", min: this.firstStep, max: this.lastStep, step: 1, value: this.step, "aria-label": "time",
@@ -158,6 +159,8 @@ class Player {
     const rows = [...counts].sort().map(([kind, count]) => row(classOf(kind), `${words(kind)}: ${count}`));
     if (this.panes.some(pane => pane.ego)) rows.unshift(row("ego", "ego; dashed field: its goal"));
     if (this.panes.some(pane => pane.plans)) rows.push(row("series-5", "plan; thin: other candidates"), row("series-0", "dotted: where the planner expected others"));
+    const areas = [...new Set(this.panes.flatMap(pane => (pane.drive?.areas ?? []).map(area => area.name)))];
+    if (areas.length) rows.push(row("series-2", `areas that the planner reported: ${areas.map(words).join(", ")}`));
     return element("section", {}, element("h2", {}, "Road users"), element("ul", {}, ...rows));
   }
 
@@ -465,6 +468,9 @@ class Player {
       rows.push(row("cost", each(series => figure(series.total(step), 3, ""))));
       const terms = termsOf(this.panes);
       terms.forEach((term, i) => rows.push(row(words(term), each(series => figure(series.term(term, step), 3, "")), this.panes.length === 1 && i < 6 ? `series-${i}` : null)));
+      for (const name of keysOf(this.panes, "series")) rows.push(row(name, each(series => figure(series.state(name, step), 2, ""))));
+      for (const name of keysOf(this.panes, "planned")) rows.push(row(words(name), each(series => figure(series.planned(name, step), 3, ""))));
+      for (const name of keysOf(this.panes, "told")) rows.push(row(words(name), each(series => series.told(name, step) || "–")));
       const rejected = [...new Set(this.panes.flatMap(pane => Object.keys(pane.drive?.rejected ?? {})))];
       for (const name of rejected) rows.push(row(`rejected: ${words(name)}`, each(series => String(series.rejected(name, step) ?? "–"))));
     }
@@ -536,9 +542,15 @@ function seriesOf(drive) {
     collision: step => hundredths(drive.collision_cs, step),
     term: (name, step) => drive.costs[name]?.[planned(step)] ?? null,
     rejected: (name, step) => drive.rejected[name]?.[planned(step)] ?? null,
+    state: (name, step) => drive.series[name] ? at(drive.series[name], step) ?? null : null,
+    planned: (name, step) => drive.planned[name]?.[planned(step)] ?? null,
+    told: (name, step) => drive.told[name]?.[planned(step)] ?? "",
     total: step => { const i = planned(step); return i < 0 || !terms.length ? null : terms.reduce((sum, name) => sum + drive.costs[name][i], 0); },
   };
 }
+
+/* The names that the runs of all panes have in one of their records of values by name. */
+function keysOf(panes, record) { return [...new Set(panes.flatMap(({ drive }) => Object.keys(drive?.[record] ?? {})))]; }
 
 /* The cost terms of all panes, those that weigh most over the runs first. */
 function termsOf(panes) {
@@ -568,6 +580,8 @@ function chartsOf(panes) {
   charts.push(line("gap to the nearest", "m", 2, (pane, step) => pane.series?.gap(step) ?? null));
   charts.push(line("time to collision up to 10 s", "s", 2, (pane, step) => pane.series?.collision(step) ?? null, 10));
   if (termsOf(panes).length) charts.push(panes.length === 1 ? bands(panes) : line("cost of the plan", "", 3, (pane, step) => pane.series?.total(step) ?? null));
+  for (const name of keysOf(panes, "series")) charts.push(line(name, "", 2, (pane, step) => pane.series?.state(name, step) ?? null));
+  for (const name of keysOf(panes, "planned")) charts.push(line(words(name), "", 3, (pane, step) => pane.drive && step <= pane.ego.last ? pane.series.planned(name, step) : null));
   return charts;
 }
 

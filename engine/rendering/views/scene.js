@@ -54,7 +54,7 @@ class Track {
 
 const COLOURS = ["ground", "ink", "muted", "line", "accent", "panel", "field", "road", "road-edge", "lane-line", "direction",
   "pavement", "outline", "halo", "ego", "car", "taxi", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "priorityVehicle",
-  "train", "other", "goal_reached", "collision", "timeout", "goal_missed", "goal_early", "goal_late", "infeasible", "off_road",
+  "train", "other", "goal_reached", "goal_refused", "collision", "timeout", "goal_missed", "goal_early", "goal_late", "infeasible", "off_road",
   "invalid", "series-0", "series-1", "series-2", "series-3", "series-4", "series-5", "light-red", "light-yellow", "light-green",
   "light-off"];
 
@@ -326,7 +326,30 @@ function planAt(plans, step) {
   return plans[low - 1];
 }
 
+/* The outlines that a planner reported, as closed paths by planning step. */
+function areasByStep(drive) {
+  const byStep = drive.plan_steps.map(step => ({ step, path: new Path2D() }));
+  const places = new Map(byStep.map((one, i) => [one.step, i]));
+  for (const area of drive.areas) if (places.has(area.step)) trace(byStep[places.get(area.step)].path, pointsOf(area.outline), true);
+  return byStep;
+}
+
+function drawAreas(context, pane, step, px, colours) {
+  const now = pane.areas && planAt(pane.areas, step);
+  if (!now || step > pane.ego.last) return;
+  context.save();
+  context.globalAlpha = 0.15;
+  context.fillStyle = colours["series-2"];
+  context.fill(now.path);
+  context.restore();
+  context.strokeStyle = colours["series-2"];
+  context.lineWidth = 1.5 * px;
+  context.setLineDash([]);
+  context.stroke(now.path);
+}
+
 function drawPlan(context, pane, step, px, colours) {
+  drawAreas(context, pane, step, px, colours);
   const now = pane.plans && planAt(pane.plans, step);
   if (!now || step > pane.ego.last) return;
   const stroke = (path, colour, width, dashes) => {

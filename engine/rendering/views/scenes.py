@@ -4,10 +4,12 @@ Text of scenarios and runs is untrusted: it is made one printable line here, esc
 (``pages.py``) and only ever set as text by the page's scripts.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,16 +18,17 @@ from ....schemas.measures import metric_words
 from ....schemas.planning import RunPlans
 from ....schemas.rendering import ViewPane, ViewRequest
 from ....schemas.results import with_unit
-from ....schemas.runs import ReviewRequest, RunReview, RunSource, ScenarioSource, ending
-from ....schemas.text import one_line
-from ...analysis import METRICS, Course, RunSet, course_of, read_steps, review_runs
+from ....schemas.runs import ReviewRequest, RunReview, RunSeries, RunSource, ScenarioSource, ending
+from ....schemas.text import measured, one_line
+from ...analysis import METRICS, Course, RunSet, course_of, read_series, read_steps, review_runs
 from ...commonroad import Track, kept_recording
 from ...execution import silent
 from ...geometry import Points, Values, length_m, point_at
-from ...vehicles import EGO_SIZE_M
+from ...vehicles import vehicle_classes
 from ..content import DrivenPath, LaneletShape, ScenarioContent, Viewport, content_of, driven_path
 from ..road import dividers, outer_edges
 from .data import (
+    AreaView,
     DriveView,
     LaneletView,
     Line,
@@ -177,9 +180,9 @@ def _start(content: ScenarioContent, origin: Points) -> TrackView | None:
         return None
     start = Track(
         obstacle_id=_EGO_ID,
-        kind="car",
-        length_m=EGO_SIZE_M[0],
-        width_m=EGO_SIZE_M[1],
+        kind=vehicle_classes()[content.ego_class].commonroad_type,
+        length_m=content.ego_size_m[0],
+        width_m=content.ego_size_m[1],
         first_step=content.ego_step,
         positions=content.ego_position[None, :],
         headings_rad=np.array([content.ego_heading_rad]),
@@ -266,7 +269,7 @@ def drive_view(source: RunSource, path: DrivenPath, scenario: ScenarioSource, or
     review = review_runs(ReviewRequest(runs=(source,), scenarios=(scenario,)), silent).reviews[0]
     ego = Track(
         obstacle_id=_EGO_ID,
-        kind="car",
+        kind=vehicle_classes()[record.ego_class].commonroad_type,
         length_m=record.ego_length_m,
         width_m=record.ego_width_m,
         first_step=path.first_step,
@@ -294,7 +297,32 @@ def drive_view(source: RunSource, path: DrivenPath, scenario: ScenarioSource, or
         moments=tuple(_moments(source, review, path.first_step)),
         figures=tuple(figures(source)),
         others=tuple(track_view(track, origin, driven=True) for track in path.others.values()),
+        **_over_time(read_series(source), origin),
     )
+
+
+def _over_time(series: RunSeries | None, origin: Points) -> dict[str, Any]:
+    """The series of a run as fields of ``DriveView``; none of a run that was stored without them."""
+    if series is None:
+        return {}
+    degrees = 180 / math.pi
+    states = {
+        "lateral offset (m)": series.lateral_offset_m,
+        "heading error (°)": tuple(round(degrees * value, 2) for value in series.heading_error_rad),
+        "steering (°)": tuple(round(degrees * value, 2) for value in series.steering_rad),
+    }
+    planned = {"desired speed (m/s)": series.desired_speed_mps, **series.numbers}
+    reasons = {"desired speed because": series.desired_speed_reasons}
+    areas = [
+        AreaView(step=one.step, name=one_line(one.name), outline=_sent(np.column_stack([one.x_m, one.y_m]), origin))
+        for one in series.polygons
+    ]
+    return {
+        "series": {name: values for name, values in states.items() if values},
+        "planned": {one_line(name): values for name, values in planned.items() if values},
+        "told": {one_line(name): values for name, values in (reasons | series.texts).items() if values},
+        "areas": tuple(areas),
+    }
 
 
 def _plans(path: str, origin: Points) -> Iterable[PlanView]:
@@ -363,4 +391,4 @@ def figures(source: RunSource) -> Iterable[tuple[str, str]]:
     for metric in METRICS:
         value = metric.value(source.record)
         if value is not None:
-            yield metric_words(metric.name), with_unit(f"{value:.3g}", metric.unit)
+            yield metric_words(metric.name), with_unit(measured(value), metric.unit)

@@ -18,7 +18,7 @@ from ....schemas.artifacts import ForeignExport, ForeignExportRequest
 from ....schemas.text import counted, one_line
 from ...commonroad import LoadedScenario, Track, center_of, last_recorded_step, middle_of, read_scenario, static_tracks
 from ...execution import ProgressReporter
-from ...vehicles import EGO_SIZE_M, nearest_class
+from ...vehicles import ego_class, nearest_class, vehicle_classes
 
 EGO = "Ego"
 _MADE = datetime(2025, 1, 1, tzinfo=UTC)
@@ -152,16 +152,17 @@ def _add_speed(init: Any, name: str, speed_mps: float) -> None:
 
 
 def _add_ego(loaded: LoadedScenario, entities: Any, init: Any) -> None:
-    """The ego of the first planning problem: a car at its initial state."""
+    """The ego of the first planning problem, as what it is, at its initial state."""
     from scenariogeneration import xosc
 
     if not loaded.planning_problems.planning_problem_dict:
         return
-    state = loaded.problem().initial_state
+    problem = loaded.problem()
+    state, name = problem.initial_state, loaded.ego_class(int(problem.planning_problem_id))
     (x, y), heading = (float(value) for value in center_of(state.position)), middle_of(state.orientation)
-    axles = nearest_class("car", EGO_SIZE_M[0])
+    axles, size_m = vehicle_classes()[name], ego_class(name).vehicle.size_m
     behind = axles.rear_axle_m
-    entities.add_scenario_object(EGO, _described(EGO, "car", EGO_SIZE_M, behind, axles.wheelbase_m))
+    entities.add_scenario_object(EGO, _described(EGO, axles.commonroad_type, size_m, behind, axles.wheelbase_m))
     place = xosc.WorldPosition(x - behind * math.cos(heading), y - behind * math.sin(heading), 0, heading)
     init.add_init_action(EGO, xosc.TeleportAction(place))
     _add_speed(init, EGO, float(middle_of(state.velocity)))

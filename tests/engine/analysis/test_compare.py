@@ -44,21 +44,25 @@ def test_flips_each_way_and_what_changed() -> None:
 
 def test_few_pairs_are_said_plainly() -> None:
     found = compared(runs(["collision"] * 2), runs(["goal_reached"] * 2, SAFE))
-    assert "2 pairs, 2 flipped: no test can be significant" in found.to_text()
+    assert found.comparisons[0].headline_code == "flips_too_few"
+    assert found.comparisons[0].metrics_code == "untested"
+    assert "2 of 2 pairs flipped to success; too few pairs for a test." in found.to_text()
     assert all(test.p is None for test in found.comparisons[0].metrics)
     assert "metric" not in found.comparisons[0].verdict
 
 
 def test_a_single_pair_is_a_pair_and_none_is_none() -> None:
     one = compared(runs(["goal_reached"]), runs(["goal_reached"], SAFE)).comparisons[0]
-    assert one.verdict.startswith("same outcome: both reach the goal; no metric better or worse; one pair shows")
+    assert one.headline_code == "one_pair_same"
+    assert one.verdict.startswith("same outcome: both reach the goal; one pair shows")
     none = compared(runs(["invalid"]), runs(["goal_reached"], SAFE)).comparisons[0]
-    assert none.verdict == "No valid pair: nothing can be compared."
+    assert none.headline_code == "no_valid_pair"
 
 
 def test_equal_runs_differ_in_nothing_and_that_is_said() -> None:
     found = compared(runs(["goal_reached"] * 6), runs(["goal_reached"] * 6, SAFE)).comparisons[0]
-    said = "No difference in success shown (none of 6 pairs flipped); about 77 scenarios would show 10 points."
+    assert (found.headline_code, found.metrics_code) == ("tie", "none")
+    said = "None of 6 pairs flipped; about 77 scenarios would show 10 points."
     assert found.verdict == f"{said} No metric differs significantly."
 
 
@@ -158,7 +162,7 @@ def test_a_scenario_and_its_edited_version_are_a_pair_and_the_edit_is_told() -> 
     assert (found.success.pairs, found.edited_count, found.unpaired) == (1, 1, 0)
     assert (found.edited[0].common, found.edited[0].done) == ("ZAM_A-1_1_T-1", ("set_speed lead (speed 10m/s)",))
     assert found.to_failure[0].after_scenario_id == "ZAM_A-1_1_T-2"
-    assert found.verdict.startswith("worse: goal_reached → collision")
+    assert found.headline_code == "one_pair_worse"
     assert "- edited (ZAM_A-1_1_T-1 → ZAM_A-1_1_T-2): set_speed lead (speed 10m/s)" in result.to_text()
 
 
@@ -185,9 +189,8 @@ def test_a_single_pair_gives_directions_and_no_tests() -> None:
     better = metrics(minimum_distance_m=3.0, maximum_jerk_mps3=4.0, distance_m=51.0)
     result = compared(first, [source(record(config=SAFE, figures=better))])
     said = result.to_text()
-    assert "better in 1 metric and worse in 1 metric" in said
-    assert "- better: minimum distance 2 → 3 m" in said
-    assert "- worse: largest jerk 2 → 4 m/s³" in said
+    assert "- better in this pair: minimum distance 2 → 3 m" in said
+    assert "- worse in this pair: largest jerk 2 → 4 m/s³" in said
     assert "- changed: distance driven 50 → 51 m" in said
     assert "test" not in said.replace("fastest", "")
 
@@ -209,7 +212,8 @@ def test_metrics_that_differ_come_first_and_the_others_stand_in_one_line() -> No
     lines = result.to_text().splitlines()
     assert lines[2].startswith("- minimum distance: median 1.55 → 2.1 m, shift")
     assert lines[3].startswith("- no difference shown (medians): time to collision 4 s, time headway 2 s")
-    assert len(lines) == 6
+    assert lines[4].startswith("- runs: run_")
+    assert len(lines) == 7
 
 
 def test_planners_without_common_weights_are_not_listed_weight_by_weight() -> None:
@@ -218,12 +222,12 @@ def test_planners_without_common_weights_are_not_listed_weight_by_weight() -> No
     assert "weights changed: 9 weights and settings that only one of the planners has" in result.to_text()
 
 
-def test_the_verdict_of_a_single_pair_counts_what_is_listed() -> None:
+def test_a_single_pair_is_no_verdict_on_metrics() -> None:
     first = [source(record(figures=metrics(minimum_time_headway_s=0.8200, maximum_jerk_mps3=2.0)))]
     second = [source(record(config=SAFE, figures=metrics(minimum_time_headway_s=0.8204, maximum_jerk_mps3=3.0)))]
     said = compared(first, second).to_text()
-    assert "; worse in 1 metric; one pair" in said
-    assert "- worse: largest jerk 2 → 3 m/s³" in said
+    assert "metric" not in said.splitlines()[0]
+    assert "- worse in this pair: largest jerk 2 → 3 m/s³" in said
     assert "time headway 0.82 s" in said
 
 
@@ -295,3 +299,66 @@ def test_a_metric_that_differs_in_some_scenarios_only_is_not_said_to_fall() -> N
     assert (metric.shift, metric.higher, metric.lower, metric.better) == (0.0, 0, 10, None)
     assert "minimum_distance_m falls" not in found.verdict
     assert "alike: minimum_distance_m (in 0 higher, in 10 lower)" in found.verdict
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "code"),
+    [
+        ("ccc" + "g", "ggg" + "g", "flips_too_few"),
+        ("g" * 4, "g" * 4, "tie"),
+        ("c" * 5 + "g" * 200, "g" * 205, "alike"),
+        ("c" * 9 + "g" * 6 + "g" * 10, "g" * 9 + "c" * 6 + "g" * 10, "no_difference_shown"),
+        ("c" * 12 + "g" * 4, "g" * 16, "better"),
+        ("g" * 16, "c" * 12 + "g" * 4, "worse"),
+        ("c", "g", "one_pair_better"),
+    ],
+)
+def test_the_code_of_a_headline_follows_its_flips(before: str, after: str, code: str) -> None:
+    ends: dict[str, Outcome] = {"g": "goal_reached", "c": "collision"}
+    first, second = ([ends[letter] for letter in side] for side in (before, after))
+    found = compared(runs(first), runs(second, SAFE)).comparisons[0]
+    assert found.headline_code == code
+    flips = sum(one != other for one, other in zip(before, after, strict=True))
+    if flips:
+        assert "o difference" not in found.verdict, "flips are told as flips"
+        flipped = {run for flip in (*found.to_success, *found.to_failure) for run in (flip.before_run, flip.after_run)}
+        assert set(found.run_ids[:2]) <= flipped
+
+
+def test_the_table_names_a_better_side_only_where_the_headline_does() -> None:
+    gaps = [1.0 + n / 10 for n in range(7)]
+    wider = [gap + 0.5 for gap in gaps]
+    jerky = [metrics(minimum_distance_m=gap, maximum_jerk_mps3=2.0 + (-1) ** n) for n, gap in enumerate(wider)]
+    second = [
+        source(record(f"ZAM_T-{n}_1_T-1", "goal_reached", SAFE, figures=figures)) for n, figures in enumerate(jerky)
+    ]
+    found = compared(runs(["goal_reached"] * 7, gaps=gaps), second).comparisons[0]
+    (metric,) = (one for one in found.metrics if one.name == "minimum_distance_m")
+    assert metric.p == pytest.approx(2 * 0.5**7), "significant alone"
+    assert metric.p_holm == pytest.approx(2 * 2 * 0.5**7), "with the jerk, which could have been shown as well"
+    assert (metric.better, found.metrics_code) == ("after", "better")
+    braking = [
+        one.model_copy(
+            update={"maximum_braking_mps2": 1.0 + n, "maximum_lateral_acceleration_mps2": 1.0 + (-1) ** n / 2}
+        )
+        for n, one in enumerate(jerky)
+    ]
+    third = [source(record(f"ZAM_T-{n}_1_T-1", "goal_reached", SAFE, figures=one)) for n, one in enumerate(braking)]
+    found = compared(runs(["goal_reached"] * 7, gaps=gaps), third).comparisons[0]
+    assert [one.name for one in found.metrics if one.better] == []
+    assert found.metrics_code == "none"
+
+
+def test_sides_are_compared_in_the_couples_that_are_asked_for() -> None:
+    good, bad = runs(["goal_reached"] * 3), runs(["collision"] * 3, SAFE)
+    again = [RunSource(record=one.record.model_copy(update={"run_id": f"{one.record.run_id}_2"})) for one in good]
+    worse = [RunSource(record=one.record.model_copy(update={"run_id": f"{one.record.run_id}_2"})) for one in bad]
+    groups = {"A1": good, "B1": bad, "A2": again, "B2": worse}
+    sides = tuple(side(label, group) for label, group in groups.items())
+    sources = tuple(one for group in groups.values() for one in group)
+    found = compare(CompareRequest(sides=sides, runs=sources, couples=((0, 2), (1, 3))), silent)
+    assert [(one.before, one.after, one.headline_code) for one in found.comparisons] == [
+        ("A1", "A2", "tie"),
+        ("B1", "B2", "tie"),
+    ]
+    assert found.ranking == ()

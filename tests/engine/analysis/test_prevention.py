@@ -8,13 +8,15 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plannerforge.engine.analysis.prevention import BRAKING_MPS2, JERK_MPS3, Surroundings
+from plannerforge.engine.analysis.prevention import Surroundings
 from plannerforge.engine.analysis.prevention import prevention_of as prevention_or_none
 from plannerforge.engine.commonroad import Track
+from plannerforge.engine.planners import brakes_of
 from plannerforge.schemas.runs import Prevention
 
 STEP_S = 0.1
 LENGTH_M, WIDTH_M = 4.5, 1.8
+CAR = brakes_of("car")
 
 
 def track(
@@ -43,7 +45,7 @@ def stopping_m(speed_mps: float) -> float:
     """How far an ego comes that brakes with a jerk to a largest deceleration, by integrating finely."""
     braking, way, step = 0.0, 0.0, 1e-4
     while speed_mps > 0:
-        braking = min(braking + JERK_MPS3 * step, BRAKING_MPS2)
+        braking = min(braking + CAR.jerk_mps3 * step, CAR.full_mps2)
         way += speed_mps * step
         speed_mps -= braking * step
     return way
@@ -124,7 +126,10 @@ def test_words_name_those_that_prevent_it_and_those_that_do_not() -> None:
     hit = first_touch(ego, standing)
     words = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S).in_words()
     assert words.startswith("preventable by full braking until ")
-    assert words.endswith(" s, UN R157's fuzzy driver and RSS, not by UN R157's careful driver")
+    assert words.endswith(
+        " s, UN R157's fuzzy driver and RSS, not by UN R157's careful driver; "
+        "from the start full braking, UN R157's fuzzy driver and RSS do"
+    )
 
 
 def test_a_contact_that_the_tracks_do_not_show_is_not_judged() -> None:

@@ -10,8 +10,8 @@ from support.catalog import facts
 
 from plannerforge.engine.catalog import ReadFile, ScenarioIntake
 from plannerforge.engine.workspace import Workspace, content_digest
+from plannerforge.schemas.artifacts import ImportedItem
 from plannerforge.schemas.errors import PlannerForgeError
-from plannerforge.schemas.importing import ImportedItem
 
 pytestmark = pytest.mark.anyio
 ID = "ZAM_Builder-1_1_T-1"

@@ -24,7 +24,9 @@ def digest_of(path: Path) -> str:
 
 def recording_of(path: Path) -> Recording:
     loaded = read_recorded(path).loaded
-    return Recording(loaded.scenario, loaded.planning_problems, loaded.declared_id, loaded.plain_states)
+    return Recording(
+        loaded.scenario, loaded.planning_problems, loaded.declared_id, loaded.plain_states, loaded.ego_classes
+    )
 
 
 @pytest.fixture

@@ -57,7 +57,7 @@ def test_danger_is_the_criticality_of_the_same_drive(tmp_path: Path) -> None:
     drive, others = tracks[32], tuple(track for key, track in tracks.items() if key != 32)
     ego = replace(drive, length_m=BMW_320I.length_m, width_m=BMW_320I.width_m)
     whole = drive_criticality(ego, others)
-    found = ego_risk_to(drive, others, step_s=0.1).figures
+    found = ego_risk_to(ego, others, step_s=0.1).figures
     assert found.minimum_distance_m == pytest.approx(whole.minimum_distance_m, abs=1e-3)
     assert found.minimum_time_to_collision_s == pytest.approx(whole.minimum_time_to_collision_s, abs=1e-3)
     assert found.risk_score == whole.risk_score

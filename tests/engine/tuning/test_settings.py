@@ -11,7 +11,7 @@ from plannerforge.engine.planners import PLANNERS
 from plannerforge.engine.tuning import changed_configuration, differences, named_configuration, to_yaml, tuning_of
 from plannerforge.engine.tuning.settings import changed_settings, known_settings, setting_values
 from plannerforge.engine.tuning.weight_file import read_weight_file
-from plannerforge.engine.vehicles.models import VEHICLES
+from plannerforge.engine.vehicles.models import VEHICLES, vehicle_of
 from plannerforge.schemas.errors import InvalidRequest, PlannerForgeError, UnknownName
 from plannerforge.schemas.planning import PlannerConfiguration, PlannerSettings
 
@@ -36,7 +36,17 @@ def test_settings_are_part_of_the_configuration() -> None:
 
 
 def test_default_settings_leave_the_id_as_it_was_without_settings() -> None:
-    assert changed("horizon_s=3", "vehicle=2", "length_m=4.508").config_id == base().config_id == "cfg_91fad88b6c42"
+    assert changed("horizon_s=3", "length_m=4.508").config_id == base().config_id == "cfg_91fad88b6c42"
+
+
+def test_stating_vehicle_2_is_another_configuration_than_leaving_it_to_the_ego() -> None:
+    stated = changed("vehicle=2")
+    assert stated.config_id != base().config_id
+    assert stated.name.endswith("vehicle=2")
+    assert stated.settings.states_vehicle
+    assert vehicle_of(stated.settings, "truck") == VEHICLES[2]
+    assert vehicle_of(base().settings, "truck").length_m == 7.1
+    assert changed("horizon_s=4").settings.stated_values.keys() == {"horizon_s", "replan_steps", "sampling_level"}
 
 
 def test_a_stored_configuration_without_settings_has_the_default_ones() -> None:
@@ -117,7 +127,7 @@ def test_every_setting_takes_its_range_and_nothing_outside(data: st.DataObject) 
         return
     assert setting.lowest <= value <= setting.highest
     assert setting_values(settings)[setting.name] == value
-    assert changed_settings(settings, [f"{k}={v!r}" for k, v in setting_values(settings).items()])[0] == settings
+    assert changed_settings(settings, [f"{k}={v!r}" for k, v in settings.stated_values.items()])[0] == settings
 
 
 def test_every_planner_has_a_tuning_that_fits_its_presets() -> None:

@@ -1,0 +1,140 @@
+"""Places along a line that comes back to itself, told apart by where a track was before.
+
+A roundabout, a loop or a hairpin passes the same place more than once, and the nearest point of the line may then lie
+on another lap. A track moves along the line about as far as it moves in the plane, so the place before says which lap
+is meant. Stations are arc lengths in m from the line's first point, offsets are in m with left positive.
+"""
+
+import math
+from copy import copy
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .polyline import Points, Values, arc_length
+
+_PACE, _SLACK_M = 2.0, 2.0
+"""A track is still on its lap if it advances along the line by this multiple of its own way and this much more. On the
+inside of a curve of radius R, at an offset of R/2, the station advances by twice the way."""
+_COST_PER_M = 0.5
+"""A leap along the line costs as much as half of its length in distance from the line. The next lap of a roundabout of
+the smallest size that cars can drive (13 m across, 40 m around) costs as much as 20 m then, more than its diameter."""
+_WINDOW_M = 20.0
+"""How far beyond the track's reach a follower looks at first. A place that is farther along costs more than half of
+that in distance, so it cannot win against one that is nearer to the line than 10 m."""
+_MOST_BEGINNINGS = 8
+"""How many places are tried as the beginning of a track whose lap is not known: the nearest ones."""
+_SAME_M = 0.01
+"""Beginnings whose tracks are equally near to the line, to a centimetre, fit equally well: the first of them counts."""
+_LEAST_SQUARED_M2 = 1e-12
+"""Stands for the squared length of a segment between equal points, so that no projection divides by zero."""
+
+
+class PathFollower:
+    """Follows a track along a line from one position to the next and stays on the track's lap.
+
+    Args:
+        points: the line, shape (n, 2), at least two points.
+        begin_m: the station near which the track begins. If it is None, the track begins on the lap that passes
+            nearest to its first position.
+    """
+
+    def __init__(self, points: Points, begin_m: float | None = None) -> None:
+        step = np.diff(points, axis=0)
+        self._start, self._step = points[:-1].T.copy(), step.T.copy()
+        self._squared = np.maximum(step[:, 0] ** 2 + step[:, 1] ** 2, _LEAST_SQUARED_M2)
+        self._lengths = np.sqrt(self._squared)
+        self._stations = arc_length(points)
+        self._last_m, self._last_at = begin_m, (math.nan, math.nan)
+
+    def beginning_at(self, begin_m: float | None) -> "PathFollower":
+        """Return a follower of another track on the same line."""
+        other = copy(self)
+        other._last_m, other._last_at = begin_m, (math.nan, math.nan)
+        return other
+
+    def place(self, position: Points) -> tuple[float, float]:
+        """Return the station in m of the track's next position (2,) and its signed offset in m from the line there."""
+        x, y = position.tolist()
+        moved = math.hypot(x - self._last_at[0], y - self._last_at[1])
+        reach_m = _SLACK_M + (_PACE * moved if math.isfinite(moved) else 0.0)
+        found = None if self._last_m is None else self._near_the_last(x, y, self._last_m, reach_m)
+        if found is None:
+            segments, stations, distances = self._feet(x, y, 0, len(self._squared))
+            costs = distances if self._last_m is None else _costs(stations, distances, self._last_m, reach_m)
+            best = int(np.argmin(costs))
+            found = int(segments[best]), float(stations[best]), float(distances[best])
+        segment, self._last_m, distance = found
+        self._last_at = (x, y)
+        (start_x, start_y), (step_x, step_y) = self._start[:, segment], self._step[:, segment]
+        return self._last_m, math.copysign(distance, step_x * (y - start_y) - step_y * (x - start_x))
+
+    def beginnings(self, position: Points) -> Values:
+        """Return the stations in m of the nearest places of all laps that pass a position (2,), the nearest first."""
+        x, y = position.tolist()
+        _, stations, distances = self._feet(x, y, 0, len(self._squared))
+        return stations[np.argsort(distances, kind="stable")[:_MOST_BEGINNINGS]]
+
+    def _near_the_last(self, x: float, y: float, last_m: float, reach_m: float) -> tuple[int, float, float] | None:
+        """The best place in the window around the last one; None if a place outside may be better."""
+        window_m = reach_m + _WINDOW_M
+        low = max(int(np.searchsorted(self._stations, last_m - window_m)) - 1, 0)
+        high = min(int(np.searchsorted(self._stations, last_m + window_m)) + 1, len(self._squared))
+        segments, stations, distances = self._feet(x, y, low, high)
+        if not len(segments):
+            return None
+        costs = _costs(stations, distances, last_m, reach_m)
+        best = int(np.argmin(costs))
+        if costs[best] > _COST_PER_M * _WINDOW_M:
+            return None
+        return int(segments[best]), float(stations[best]), float(distances[best])
+
+    def _feet(self, x: float, y: float, low: int, high: int) -> tuple[NDArray[np.intp], Values, Values]:
+        """Segments from ``low`` to before ``high`` at which the distance from a point is smallest for its lap.
+
+        Returns:
+            The segments, and the station and the distance of the nearest point of each.
+        """
+        (start_x, start_y), (step_x, step_y) = self._start[:, low:high], self._step[:, low:high]
+        along = ((x - start_x) * step_x + (y - start_y) * step_y) / self._squared[low:high]
+        along = np.minimum(np.maximum(along, 0.0), 1.0)
+        away_x, away_y = start_x + step_x * along - x, start_y + step_y * along - y
+        squared = away_x * away_x + away_y * away_y
+        # At a cut the line goes on, so a distance that still falls there is no smallest one.
+        before = np.concatenate([[math.inf if low == 0 else -math.inf], squared[:-1]])
+        after = np.concatenate([squared[1:], [math.inf if high == len(self._squared) else -math.inf]])
+        here = np.flatnonzero((squared <= before) & (squared < after))
+        return low + here, self._stations[low + here] + along[here] * self._lengths[low + here], np.sqrt(squared[here])
+
+
+def _costs(stations: Values, distances: Values, last_m: float, reach_m: float) -> Values:
+    """What places cost as the next one of a track: their distance, and how far they are beyond its reach."""
+    return distances + _COST_PER_M * np.maximum(np.abs(stations - last_m) - reach_m, 0.0)
+
+
+def project_along(points: Points, track: Points, begin_m: float | None = None) -> tuple[Values, Values]:
+    """Project the positions of a track onto a line with continuity: on the lap on which the track is.
+
+    Unlike :func:`~.polyline.project_all`, which takes the nearest point for each position by itself, it follows the
+    track from its first position on. Use it for the track of a vehicle on a line that may come near itself.
+
+    Args:
+        points: the line, shape (n, 2), at least two points.
+        track: positions in the order of driving, shape (m, 2).
+        begin_m: the station near which the track begins. If it is None, every lap that passes the first position is
+            tried, and the one to which the track stays nearest is taken, the first on the line if several do.
+
+    Returns:
+        Stations (m,) in m and signed offsets (m,) in m, left positive.
+    """
+    if not len(track):
+        return np.empty(0), np.empty(0)
+    line = PathFollower(points)
+    begins = [begin_m] if begin_m is not None else sorted(line.beginnings(track[0]).tolist())
+    followed = []
+    for begin in begins:
+        follower = line.beginning_at(begin)
+        places = np.array([follower.place(position) for position in track])
+        followed.append((round(float(np.abs(places[:, 1]).mean()) / _SAME_M), places))
+    best = min(followed, key=lambda one: one[0])[1]
+    return best[:, 0], best[:, 1]

@@ -1,0 +1,295 @@
+"""Whether CommonRoad's benchmark accepts a run that reached its goal: ``valid_solution`` in closed form.
+
+``valid_solution`` of commonroad-drivability-checker takes 0.1 to 0.9 s a trajectory, most of it for the feasibility of
+each step: it searches the acceleration and steering rate that lead nearest to the next state, and asks whether they
+lead within 2 cm and 0.03 rad of it. In a step of 0.1 s the motion is so nearly linear in both that the search has a
+closed form, which is computed here for all steps at once. Steps that are near a tolerance or near a limit of the
+vehicle are left to the checker's own search; a motion that a vehicle drives has none.
+
+The other criteria: a state meets the goal (CommonRoad's ``GoalRegion``), the body touches no road user, and no part of
+it is ever outside the lanelets, neither in a gap between them nor beyond the end of the map. The start is the planning
+problem's by construction. ``python -m plannerforge.evals.loop --only acceptance_agree`` measures the agreement with
+``valid_solution``.
+"""
+
+import copy
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....schemas.runs import Refusal, RunSteps
+from ...geometry import Points, Values, wrap_angles
+from ...vehicles import VehicleParameters
+from .solution import mean_steering_angles
+
+if TYPE_CHECKING:
+    from commonroad.planning.goal import GoalRegion
+    from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
+    from shapely.geometry.base import BaseGeometry
+
+_POSITION_M, _HEADING_RAD = 0.02, 0.03
+"""Tolerances of a step in ``position_orientation_feasibility_criteria``, each along x and y and for the heading."""
+_SPEED_MPS = 0.03
+"""Beyond this error of speed, and beyond the position's tolerance, its search weighs errors twice."""
+_CLEARLY = 0.5
+"""Errors below this share of the tolerances, and above their reciprocal, are clear; the search decides between them."""
+_OUTSIDE_M2 = 1e-6
+"""A smaller area is rounding: where lanelets touch, their outlines differ in the last digits. Of 35,779 states of
+driven motions the part outside was exactly nothing or more than 1e-3 m², and the checker agreed in all."""
+_NEAR_LIMIT = 0.999
+"""Share of the largest acceleration from which the search decides: it is stopped by the limit as by a wall."""
+
+
+@dataclass(frozen=True)
+class DrivenStates:
+    """A driven motion of the centre, one entry a state: positions (n, 2), headings, speeds and steering angles (n,)."""
+
+    positions: Points
+    headings_rad: Values
+    speeds_mps: Values
+    steering_rad: Values
+    first_step: int
+
+    @classmethod
+    def of(cls, steps: RunSteps, vehicle: VehicleParameters, step_s: float) -> "DrivenStates":
+        """The motion that a solution file of a run holds."""
+        positions = np.column_stack([steps.x_m, steps.y_m])
+        steering = mean_steering_angles(steps, step_s, vehicle.wheelbase_m, vehicle.maximum_steering_rad)
+        return cls(positions, np.array(steps.heading_rad), np.array(steps.speed_mps), steering, steps.first_step)
+
+
+@dataclass(frozen=True)
+class Refused:
+    """Why a motion is refused, and the index of the first state that it is refused for; None if it is for all."""
+
+    code: Refusal
+    index: int | None = None
+
+
+def refusal(
+    driven: DrivenStates, goal: "GoalRegion", network: "LaneletNetwork", vehicle: VehicleParameters, step_s: float
+) -> Refused | None:
+    """Why ``valid_solution`` refuses a motion that hit no road user; None if it accepts it."""
+    if not meets_goal(driven, goal):
+        return Refused("goal_not_met")
+    outside = first_off_lanelets(driven, network, vehicle)
+    if outside is not None:
+        return Refused("off_lanelets", outside)
+    undrivable = first_undrivable_step(driven, vehicle, step_s)
+    return None if undrivable is None else Refused("not_drivable", undrivable)
+
+
+def meets_goal(driven: DrivenStates, goal: "GoalRegion") -> bool:
+    """Whether any state meets the goal as CommonRoad asks it (``PlanningProblem.goal_reached``); the last one first."""
+    from commonroad.scenario.state import KSState
+
+    for index in reversed(range(len(driven.speeds_mps))):
+        state = KSState(
+            time_step=driven.first_step + index,
+            position=driven.positions[index],
+            velocity=float(driven.speeds_mps[index]),
+            orientation=float(driven.headings_rad[index]),
+            steering_angle=float(driven.steering_rad[index]),
+        )
+        if goal.is_reached(state):
+            return True
+    return False
+
+
+def first_off_lanelets(driven: DrivenStates, network: "LaneletNetwork", vehicle: VehicleParameters) -> int | None:
+    """The first state at which any part of the body is outside the lanelets, or None.
+
+    Lanelets that lie side by side count as one, from their outermost left to their outermost right bound. The checker
+    fills all that is outside with triangles, the room beyond the ends of the network too. Only lanelets under the
+    motion can matter.
+    """
+    import shapely
+
+    bodies = _bodies(driven, vehicle)
+    area = shapely.union_all(_sections_under(network, shapely.box(*shapely.total_bounds(bodies))))
+    shapely.prepare(area)
+    doubtful = np.flatnonzero(~shapely.covers(area, bodies))
+    outside = doubtful[shapely.area(shapely.difference(bodies[doubtful], area)) > _OUTSIDE_M2]
+    return int(outside[0]) if len(outside) else None
+
+
+def _bodies(driven: DrivenStates, vehicle: VehicleParameters) -> NDArray[np.object_]:
+    """The ego's rectangle at every state."""
+    import shapely
+
+    cos, sin = np.cos(driven.headings_rad), np.sin(driven.headings_rad)
+    along = np.stack([cos, sin], axis=1) * (vehicle.length_m / 2)
+    across = np.stack([-sin, cos], axis=1) * (vehicle.width_m / 2)
+    corners = [along + across, across - along, -along - across, along - across]
+    rings = driven.positions[:, None, :] + np.stack(corners, axis=1)
+    return np.asarray(shapely.polygons(rings))
+
+
+def _sections_under(network: "LaneletNetwork", near: "BaseGeometry") -> list["BaseGeometry"]:
+    """The lanelets that meet an area, each with those beside it as one polygon."""
+    import shapely
+
+    found, done = [], set[int]()
+    for lanelet in network.lanelets:
+        if lanelet.lanelet_id in done or not lanelet.polygon.shapely_object.intersects(near):
+            continue
+        members, left, right = _section(network, lanelet)
+        done |= members
+        found.append(shapely.make_valid(shapely.Polygon(np.concatenate([left, right[::-1]]))))
+        if len(members) > 1:  # lanelets of a section need not begin and end on one line
+            found += [shapely.make_valid(network.find_lanelet_by_id(key).polygon.shapely_object) for key in members]
+    return found
+
+
+def _section(network: "LaneletNetwork", lanelet: "Lanelet") -> tuple[set[int], Points, Points]:
+    """A lanelet and all beside it: their ids, the leftmost and the rightmost bound, in the lanelet's direction."""
+    members = {lanelet.lanelet_id}
+    bounds = []
+    for to_left in (True, False):
+        here, forwards = lanelet, True
+        while True:
+            on_left = to_left == forwards
+            beside = here.adj_left if on_left else here.adj_right
+            if beside is None or beside in members:
+                break
+            same = here.adj_left_same_direction if on_left else here.adj_right_same_direction
+            following = network.find_lanelet_by_id(beside)
+            if following is None:
+                break
+            here, forwards = following, forwards == bool(same)
+            members.add(here.lanelet_id)
+        vertices = np.asarray(here.left_vertices if to_left == forwards else here.right_vertices)
+        bounds.append(vertices if forwards else vertices[::-1])
+    return members, bounds[0], bounds[1]
+
+
+def first_undrivable_step(driven: DrivenStates, vehicle: VehicleParameters, step_s: float) -> int | None:
+    """The first step that the kinematic single-track model cannot drive within the checker's tolerances, or None."""
+    steps = _Steps.of(driven, vehicle)
+    clear, good = steps.judged(vehicle, step_s)
+    for index in np.flatnonzero(~(clear & good)):
+        if clear[index] or not _can_be_searched(driven, int(index), vehicle, step_s):
+            return int(index)
+    return None
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """All steps of a motion: state and next state of the rear axle, (n − 1,) each."""
+
+    x_m: Values
+    y_m: Values
+    heading_rad: Values
+    speed_mps: Values
+    steering_rad: Values
+    next_x_m: Values
+    next_y_m: Values
+    next_heading_rad: Values
+    next_speed_mps: Values
+
+    @classmethod
+    def of(cls, driven: DrivenStates, vehicle: VehicleParameters) -> "_Steps":
+        """The steps of a motion of the centre."""
+        heading, back = driven.headings_rad, vehicle.rear_axle_behind_center_m
+        x = driven.positions[:, 0] - back * np.cos(heading)
+        y = driven.positions[:, 1] - back * np.sin(heading)
+        speed = driven.speeds_mps
+        return cls(
+            x[:-1], y[:-1], heading[:-1], speed[:-1], driven.steering_rad[:-1], x[1:], y[1:], heading[1:], speed[1:]
+        )
+
+    def judged(self, vehicle: VehicleParameters, step_s: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which steps have a clear verdict, and which are good by it.
+
+        The errors in x, y, speed and heading are nearly linear in acceleration and steering rate: two Gauss-Newton
+        steps from the mean acceleration, within the limits, are the search.
+        """
+        largest, rate_limit = vehicle.maximum_acceleration_mps2, vehicle.maximum_steering_rate_radps
+        lateral = self.speed_mps**2 * np.tan(self.steering_rad) / vehicle.wheelbase_m
+        slides = np.abs(lateral) > largest
+        room = np.sqrt(np.maximum(largest**2 - lateral**2, 0.0))
+        powered = largest * vehicle.switching_speed_mps / np.maximum(self.speed_mps, vehicle.switching_speed_mps)
+        lowest, highest = -room, np.minimum(room, powered)
+        acceleration = np.clip((self.next_speed_mps - self.speed_mps) / step_s, lowest, highest)
+        rate = np.zeros_like(acceleration)
+        for _ in range(3):
+            errors = self._errors(acceleration, rate, vehicle, step_s)
+            gain_a, gain_r = self._gains(rate, vehicle, step_s)
+            aa, ar, rr = (gain_a * gain_a).sum(axis=0), (gain_a * gain_r).sum(axis=0), (gain_r * gain_r).sum(axis=0)
+            wanted_a = (gain_a * errors).sum(axis=0) + aa * acceleration + ar * rate
+            wanted_r = (gain_r * errors).sum(axis=0) + ar * acceleration + rr * rate
+            rr = np.maximum(rr, 1e-12)
+            determinant = np.maximum(aa * rr - ar**2, 1e-18)
+            rate = np.clip((aa * wanted_r - ar * wanted_a) / determinant, -rate_limit, rate_limit)
+            acceleration = np.clip((wanted_a - ar * rate) / aa, lowest, highest)
+            rate = np.clip((wanted_r - ar * acceleration) / rr, -rate_limit, rate_limit)
+        off_x, off_y, off_speed, off_heading = np.abs(self._errors(acceleration, rate, vehicle, step_s))
+        tolerances = np.array([_POSITION_M, _POSITION_M, _SPEED_MPS, _HEADING_RAD])[:, None]
+        shares = np.stack([off_x, off_y, off_speed, off_heading]) / tolerances
+        good = (shares < _CLEARLY).all(axis=0) & ~slides
+        hardest = np.hypot(acceleration, lateral) > _NEAR_LIMIT * largest
+        bad = slides | (shares[[0, 1, 3]].max(axis=0) > 1.0 / _CLEARLY)
+        return (good & ~hardest) | bad, good
+
+    def _errors(self, acceleration: Values, rate: Values, vehicle: VehicleParameters, step_s: float) -> Points:
+        """How far the next state is beyond the one that inputs lead to, (4, n): x, y, speed, heading."""
+        wheelbase = vehicle.wheelbase_m
+        v, steering = self.speed_mps, self.steering_rad
+        shares = np.array([0.0, 0.25, 0.5, 0.75, 1.0])[:, None] * step_s
+        speeds = v + acceleration * shares
+        limit = vehicle.maximum_steering_rad
+        turning = speeds * np.tan(np.clip(steering + rate * shares, -limit, limit)) / wheelbase
+        half = (turning[0] + 4 * turning[1] + turning[2]) * (step_s / 12)
+        whole = half + (turning[2] + 4 * turning[3] + turning[4]) * (step_s / 12)
+        headings = self.heading_rad + np.stack([np.zeros_like(half), half, whole])
+        parts = speeds[::2] * np.array([1.0, 4.0, 1.0])[:, None] * (step_s / 6)
+        return np.stack(
+            [
+                self.next_x_m - self.x_m - (parts * np.cos(headings)).sum(axis=0),
+                self.next_y_m - self.y_m - (parts * np.sin(headings)).sum(axis=0),
+                self.next_speed_mps - speeds[-1],
+                wrap_angles(self.next_heading_rad - headings[-1]),
+            ]
+        )
+
+    def _gains(self, rate: Values, vehicle: VehicleParameters, step_s: float) -> tuple[Points, Points]:
+        """The change of x, y, speed and heading with the acceleration and with the steering rate, (4, n) each."""
+        cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
+        tangent = np.tan(self.steering_rad + rate * step_s / 2)
+        half, bend = step_s**2 / 2, tangent / vehicle.wheelbase_m
+        turn = self.speed_mps * (1 + tangent**2) / vehicle.wheelbase_m * half
+        aside = self.speed_mps * turn * step_s / 3
+        by_acceleration = np.stack([half * cos, half * sin, np.full_like(cos, step_s), bend * half])
+        return by_acceleration, np.stack([-aside * sin, aside * cos, np.zeros_like(cos), turn])
+
+
+def _can_be_searched(driven: DrivenStates, index: int, vehicle: VehicleParameters, step_s: float) -> bool:
+    """Whether the checker's own search finds inputs for one step."""
+    from commonroad.common.solution import VehicleType
+    from commonroad.scenario.state import KSState
+    from commonroad_dc.feasibility.feasibility_checker import state_transition_feasibility
+    from commonroad_dc.feasibility.vehicle_dynamics import VehicleDynamics
+
+    model = VehicleDynamics.KS(VehicleType.BMW_320i)
+    model.parameters = copy.deepcopy(model.parameters)  # the library shares one of them among all models
+    model.parameters.a = vehicle.wheelbase_m - vehicle.rear_axle_behind_center_m
+    model.parameters.b = vehicle.rear_axle_behind_center_m
+    longitudinal, steering = model.parameters.longitudinal, model.parameters.steering
+    longitudinal.a_max, longitudinal.v_max = vehicle.maximum_acceleration_mps2, vehicle.maximum_speed_mps
+    longitudinal.v_switch = vehicle.switching_speed_mps
+    steering.max, steering.min = vehicle.maximum_steering_rad, -vehicle.maximum_steering_rad
+    steering.v_max, steering.v_min = vehicle.maximum_steering_rate_radps, -vehicle.maximum_steering_rate_radps
+    before, after = (
+        KSState(
+            time_step=place,
+            position=driven.positions[place],
+            steering_angle=float(driven.steering_rad[place]),
+            velocity=float(driven.speeds_mps[place]),
+            orientation=math.remainder(float(driven.headings_rad[place]), math.tau),
+        )
+        for place in (index, index + 1)
+    )
+    return bool(state_transition_feasibility(before, after, model, step_s)[0])

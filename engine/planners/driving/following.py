@@ -1,0 +1,312 @@
+"""The ego as a vehicle: it follows a plan by steering and accelerating within its limits.
+
+A plan is a line of states; whether any steering leads from one to the next, the plan does not say. Here the rear axle
+moves as in the kinematic single-track model of CommonRoad (Althoff and Würsching, "CommonRoad: Vehicle Models", 2020):
+with speed v, steering angle δ and wheelbase L the heading turns by v · tan δ / L, and the inputs of a time step are a
+constant acceleration and a constant steering rate. Speeds are those of the plan. The steering rates are those with
+which the rear and the front axle stay nearest to the plan over its whole length, a least-squares problem with bounds:
+the vehicle begins to steer before a corner that turns in faster than its wheels do.
+
+What is driven is what this integration gives, so the wheels always roll and the steering rate is never exceeded. A plan
+that the vehicle can drive is followed to within millimetres.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from ...geometry import Points, Values
+from ...vehicles import VehicleParameters, centers
+from ..interface import EgoState, PlannedTrajectory
+
+FOLLOWED_WITHIN_M = 0.3
+"""Chosen: a vehicle this near to its plan is on it, for planners that sample no offsets whose distance would say it."""
+_RATE_WEIGHT_M = 0.01
+"""Metres of deviation that 1 rad/s of steering costs in the least-squares problem: below it the line of a plan, which
+has corners of millimetres, is not worth steering for (a plan along chords of 1 m deviates from its arc of 8 m radius by
+16 mm)."""
+_SHORTEST_STEP_M = 2e-3
+"""In a shorter step the turn of the plan says nothing about its steering angle, which then stays as it is."""
+_LINEARISATIONS, _ON_THE_LINE_M = 2, 0.005
+"""The problem is made linear about the plan, and once more about what came out where that is not on the plan yet."""
+_RATE_SHARE = 0.98
+"""Share of the largest steering rate that is used: whoever computes the rate from headings and speeds, as judges do who
+know no steering angle, averages over steps in which the speed changes, and must not find more than the limit."""
+_MOST_ROUNDS, _CENTRING, _TO_THE_BOUND, _SETTLED_M2 = 25, 0.1, 0.99, 1e-5
+"""Of the search for the best rates: the centring of a round, the share of the way to a bound that it goes at most, and
+the gap below which it is done, (3 mm)² of deviation squared and summed over all steps. It takes about ten rounds, and
+whatever it ends with is within the bounds."""
+
+
+@dataclass(frozen=True)
+class FollowedPlan:
+    """The motion with which the vehicle follows a plan.
+
+    ``deviation_m``: the largest distance of the rear axle from the plan, across it; ``within_tyres``: whether tyres and
+    engine allow the plan's accelerations; where they do not, ``trajectory`` has smaller ones.
+    """
+
+    trajectory: PlannedTrajectory
+    deviation_m: float
+    within_tyres: bool
+
+
+def is_on_plan(plan: PlannedTrajectory, index: int, ego: EgoState, within_m: float) -> bool:
+    """Whether the vehicle is as near as ``within_m`` to where a state of its plan has it."""
+    if not 0 <= index < len(plan.positions):
+        return False
+    away = plan.positions[index] - ego.position
+    return math.hypot(away[0], away[1]) <= within_m
+
+
+def follow(plan: PlannedTrajectory, ego: EgoState, vehicle: VehicleParameters, step_s: float) -> FollowedPlan:
+    """The motion of the vehicle from where it is, as near to a plan as its limits allow.
+
+    ``plan``: states of the centre, the first of which is the present one. The ego's steering angle is the one that it
+    has; an ego without one (at the first step of a run, where a planning problem states none) begins with the angle
+    that suits the plan.
+    """
+    count = len(plan.positions)
+    if count < 2:
+        return FollowedPlan(replace(plan, steering_rad=np.full(count, ego.steering_rad or 0.0)), 0.0, True)
+    track = _Track.of(plan, vehicle)
+    speeds = np.maximum(plan.speeds_mps, 0.0)
+    speeds[0] = ego.speed_mps
+    start = _Pose.of(ego, vehicle)
+    steering, driven = _steered(track, speeds, start, ego.steering_rad, vehicle, step_s)
+    limited = _within_tyres(speeds, steering, vehicle, step_s)
+    within = limited is speeds
+    if not within:
+        speeds = limited
+        driven = _roll(start, speeds, steering, vehicle.wheelbase_m, step_s)
+    deviation_m = float(np.abs(track.across(driven)).max())
+    accelerations = plan.accelerations_mps2 if within else np.gradient(speeds, step_s)
+    headings = driven.headings_rad
+    positions = centers(np.stack([driven.x_m, driven.y_m], axis=1), headings, vehicle)
+    positions[0], headings[0] = ego.position, ego.heading_rad
+    return FollowedPlan(PlannedTrajectory(positions, headings, speeds, accelerations, steering), deviation_m, within)
+
+
+@dataclass(frozen=True)
+class _Pose:
+    """A rear axle in m and its heading in rad."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+
+    @classmethod
+    def of(cls, ego: EgoState, vehicle: VehicleParameters) -> "_Pose":
+        back, heading = vehicle.rear_axle_behind_center_m, ego.heading_rad
+        return cls(
+            float(ego.position[0]) - back * math.cos(heading),
+            float(ego.position[1]) - back * math.sin(heading),
+            heading,
+        )
+
+
+@dataclass(frozen=True)
+class _Rolled:
+    """What an integration gives, one entry a state: rear axle and heading; one entry a step: the heading halfway."""
+
+    x_m: Values
+    y_m: Values
+    headings_rad: Values
+    halfway_rad: Values
+
+
+@dataclass(frozen=True)
+class _Track:
+    """A plan as its rear axle sees it."""
+
+    x_m: Values
+    y_m: Values
+    headings_rad: Values
+    sin: Values
+    cos: Values
+
+    @classmethod
+    def of(cls, plan: PlannedTrajectory, vehicle: VehicleParameters) -> "_Track":
+        back, headings = vehicle.rear_axle_behind_center_m, plan.headings_rad
+        sin, cos = np.sin(headings), np.cos(headings)
+        return cls(plan.positions[:, 0] - back * cos, plan.positions[:, 1] - back * sin, headings, sin, cos)
+
+    def across(self, driven: _Rolled) -> Values:
+        """How far to the left of the plan a motion is at every state but the first, in m."""
+        away_x, away_y = driven.x_m - self.x_m, driven.y_m - self.y_m
+        return np.asarray((away_y * self.cos - away_x * self.sin)[1:])
+
+    def turned(self, driven: _Rolled) -> Values:
+        """How far a motion heads to the left of the plan at every state but the first, in rad."""
+        turn = driven.headings_rad - self.headings_rad
+        return np.asarray((turn - math.tau * round(float(turn[0]) / math.tau))[1:])
+
+
+def _roll(start: _Pose, speeds: Values, steering: Values, wheelbase_m: float, step_s: float) -> _Rolled:
+    """The motion of the rear axle for speeds and steering angles (n,), both of which change evenly within a step.
+
+    Simpson's rule, for the heading over halves of a step and for the place over whole ones; its error is below a
+    micrometre a step.
+    """
+    shares = _QUARTERS
+    v = speeds[:-1, None] + np.diff(speeds)[:, None] * shares
+    rate = v * np.tan(steering[:-1, None] + np.diff(steering)[:, None] * shares) / wheelbase_m
+    half = (rate[:, 0] + 4.0 * rate[:, 1] + rate[:, 2]) * (step_s / 12.0)
+    whole = half + (rate[:, 2] + 4.0 * rate[:, 3] + rate[:, 4]) * (step_s / 12.0)
+    heading = np.empty(len(speeds))
+    heading[0] = start.heading_rad
+    heading[1:] = start.heading_rad + np.cumsum(whole)
+    halfway = heading[:-1] + half
+    ends = v[:, ::2] * (step_s / 6.0)
+    cos, sin = np.cos(heading), np.sin(heading)
+    x, y = np.empty(len(speeds)), np.empty(len(speeds))
+    x[0], y[0] = start.x_m, start.y_m
+    x[1:] = start.x_m + np.cumsum(ends[:, 0] * cos[:-1] + 4.0 * ends[:, 1] * np.cos(halfway) + ends[:, 2] * cos[1:])
+    y[1:] = start.y_m + np.cumsum(ends[:, 0] * sin[:-1] + 4.0 * ends[:, 1] * np.sin(halfway) + ends[:, 2] * sin[1:])
+    return _Rolled(x, y, heading, halfway)
+
+
+_QUARTERS: Values = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+
+
+def _steered(
+    track: _Track, speeds: Values, start: _Pose, present_rad: float | None, vehicle: VehicleParameters, step_s: float
+) -> tuple[Values, _Rolled]:
+    """The steering angle at every state (n,), whose rate of change is within the vehicle's, and its motion."""
+    way = 0.5 * (speeds[1:] + speeds[:-1]) * step_s
+    steering = _steering_of_plan(track, way, vehicle)
+    if present_rad is not None:
+        steering[0] = present_rad
+    driven = _roll(start, speeds, steering, vehicle.wheelbase_m, step_s)
+    for _ in range(_LINEARISATIONS):
+        steering = _improved(track, driven, way, steering, vehicle, step_s, begins_free=present_rad is None)
+        driven = _roll(start, speeds, steering, vehicle.wheelbase_m, step_s)
+        if float(np.abs(track.across(driven)).max()) < _ON_THE_LINE_M:
+            break
+    return steering, driven
+
+
+def _steering_of_plan(track: _Track, way: Values, vehicle: VehicleParameters) -> Values:
+    """The steering angle in rad at every state, the mean of those that the turns before and after it need."""
+    turn = np.diff(track.headings_rad)
+    moving = way > _SHORTEST_STEP_M
+    between = np.arctan(vehicle.wheelbase_m * turn / np.where(moving, way, 1.0))
+    if not moving.all():
+        last = np.maximum.accumulate(np.where(moving, np.arange(len(way)), -1))
+        between = np.where(last >= 0, between[last], between[int(moving.argmax())] if moving.any() else 0.0)
+    angles = np.empty(len(way) + 1)
+    angles[0], angles[-1] = between[0], between[-1]
+    angles[1:-1] = 0.5 * (between[1:] + between[:-1])
+    limited: Values = np.clip(angles, -vehicle.maximum_steering_rad, vehicle.maximum_steering_rad)
+    return limited
+
+
+def _improved(
+    track: _Track,
+    driven: _Rolled,
+    way: Values,
+    steering: Values,
+    vehicle: VehicleParameters,
+    step_s: float,
+    *,
+    begins_free: bool,
+) -> Values:
+    """The steering angles (n,) of the bounded least-squares problem, made linear about angles and their motion.
+
+    Unknown are the rates of the steps and, where the vehicle ``begins_free``, the first angle.
+    """
+    wheelbase, bound = vehicle.wheelbase_m, _RATE_SHARE * vehicle.maximum_steering_rate_radps
+    middle = 0.5 * (steering[1:] + steering[:-1])
+    gain = way / wheelbase * (1.0 + np.tan(middle) ** 2)
+    angles = _mean_angles(len(way), step_s)
+    by_step = gain[:, None] * angles
+    turned = np.cumsum(by_step, axis=0)
+    halfway = way[:, None] * (turned - 0.5 * by_step)
+    along = np.cumsum(np.cos(driven.halfway_rad)[:, None] * halfway, axis=0)
+    aside = np.cumsum(np.sin(driven.halfway_rad)[:, None] * halfway, axis=0)
+    rear = track.cos[1:, None] * along + track.sin[1:, None] * aside
+    front = rear + wheelbase * turned
+    unknown = np.empty(len(way) + 1)
+    unknown[:-1], unknown[-1] = np.diff(steering) / step_s, steering[0]
+    rear_m, turned_rad = track.across(driven), track.turned(driven)
+    wanted_rear = rear @ unknown - rear_m
+    wanted_front = front @ unknown - (rear_m + wheelbase * turned_rad)
+    matrix = rear.T @ rear + front.T @ front
+    right = rear.T @ wanted_rear + front.T @ wanted_front
+    rates = np.arange(len(way))
+    matrix[rates, rates] += _RATE_WEIGHT_M**2
+    matrix[-1, -1] += _RATE_WEIGHT_M**2 * 1e-3  # so that a standing vehicle has a solution
+    right[-1] += _RATE_WEIGHT_M**2 * 1e-3 * steering[0]
+    bounds = np.full(len(unknown), bound)
+    bounds[-1] = vehicle.maximum_steering_rad
+    if not begins_free:
+        right -= matrix[:, -1] * steering[0]
+        solved = np.append(_bounded(matrix[:-1, :-1], right[:-1], bounds[:-1]), steering[0])
+    else:
+        solved = _bounded(matrix, right, bounds)
+    angles_rad = np.empty(len(unknown))
+    angles_rad[0] = solved[-1]
+    angles_rad[1:] = solved[-1] + step_s * np.cumsum(solved[:-1])
+    limit = vehicle.maximum_steering_rad
+    limited: Values = np.clip(angles_rad, -limit, limit)
+    return limited
+
+
+@lru_cache(maxsize=64)
+def _mean_angles(steps: int, step_s: float) -> Points:
+    """Mean steering angle of each step (rows) by the rates of all steps and the first angle (columns)."""
+    matrix = np.tril(np.full((steps, steps + 1), step_s), -1)
+    matrix[np.arange(steps), np.arange(steps)] = 0.5 * step_s
+    matrix[:, -1] = 1.0
+    return matrix
+
+
+def _bounded(matrix: Points, right: Values, bounds: Values) -> Values:
+    """The x with |x| ≤ bounds that minimises x·M·x/2 − b·x for a positive definite M.
+
+    By a primal-dual interior-point method (Nocedal and Wright, "Numerical Optimization", 2006, chapter 16.6), whose
+    rounds hardly depend on how many bounds are met.
+    """
+    best = np.linalg.solve(matrix, right)
+    if (np.abs(best) <= bounds).all():
+        return np.asarray(best)
+    x = np.clip(best, -0.5 * bounds, 0.5 * bounds)
+    slope = matrix @ x - right
+    above = below = np.full(len(x), max(float(np.abs(slope).max()), _SETTLED_M2))  # multipliers of the two bounds
+    diagonal = np.arange(len(x))
+    for _ in range(_MOST_ROUNDS):
+        up, down = bounds - x, bounds + x
+        gap = float(above @ up + below @ down)
+        if gap <= _SETTLED_M2:
+            break
+        aim = _CENTRING * gap / (2 * len(x))
+        system = matrix.copy()
+        system[diagonal, diagonal] += above / up + below / down
+        step = np.linalg.solve(system, -slope - aim / up + aim / down)
+        above_step = (aim + above * step) / up - above
+        below_step = (aim - below * step) / down - below
+        nearest = np.concatenate([step / up, -step / down, -above_step / above, -below_step / below]).max()
+        share = min(1.0, _TO_THE_BOUND / nearest) if nearest > 0 else 1.0
+        x, above, below = x + share * step, above + share * above_step, below + share * below_step
+        slope = matrix @ x - right
+    return np.asarray(x)
+
+
+def _within_tyres(speeds: Values, steering: Values, vehicle: VehicleParameters, step_s: float) -> Values:
+    """The speeds themselves if tyres and engine allow them, else the nearest that they allow, step by step."""
+    largest = vehicle.maximum_acceleration_mps2
+    bend = np.tan(steering[:-1]) / vehicle.wheelbase_m
+    along, across = np.diff(speeds) / step_s, speeds[:-1] ** 2 * bend
+    powered = largest * vehicle.switching_speed_mps / np.maximum(speeds[:-1], vehicle.switching_speed_mps)
+    if (along**2 + across**2 <= largest**2).all() and (along <= powered).all():
+        return speeds
+    allowed = speeds.tolist()
+    for index, turn in enumerate(bend.tolist()):
+        speed = allowed[index]
+        room = math.sqrt(max(largest**2 - (speed * speed * turn) ** 2, 0.0))
+        fastest = min(room, largest * vehicle.switching_speed_mps / max(speed, vehicle.switching_speed_mps))
+        wanted = (allowed[index + 1] - speed) / step_s
+        allowed[index + 1] = max(speed + min(max(wanted, -room), fastest) * step_s, 0.0)
+    return np.array(allowed)

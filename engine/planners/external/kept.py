@@ -1,0 +1,42 @@
+"""The programs that stay: one process for many runs, kept by its declaration until the worker ends."""
+
+import atexit
+from functools import cache
+
+from ....schemas.planning import CommandPlanner
+from .process import PlannerProcess
+
+
+@cache
+def _kept() -> dict[str, PlannerProcess]:
+    kept: dict[str, PlannerProcess] = {}
+
+    def end() -> None:
+        for process in kept.values():
+            process.close()
+
+    atexit.register(end)
+    return kept
+
+
+def standing_process(name: str, declared: CommandPlanner) -> PlannerProcess:
+    """The process of a program that stays; a new one where there is none, or where it has ended.
+
+    Raises:
+        PlannerFailure: it cannot be started.
+    """
+    kept, key = _kept(), declared.model_dump_json()
+    process = kept.get(key)
+    if process is not None and not process.alive:
+        kept.pop(key).close()
+        process = None
+    if process is None:
+        process = kept[key] = PlannerProcess(name, declared)
+    return process
+
+
+def forget_process(declared: CommandPlanner) -> None:
+    """End a program that stays after what it did wrong: nothing is known of what else it will say."""
+    process = _kept().pop(declared.model_dump_json(), None)
+    if process is not None:
+        process.close()

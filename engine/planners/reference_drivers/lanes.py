@@ -1,0 +1,29 @@
+"""The line that keeps to the ego's lane and route, from where a planning problem begins."""
+
+from typing import TYPE_CHECKING
+
+from ....schemas.errors import NotPossible
+from ...geometry import Points
+from ...vehicles import VehicleParameters
+from ..goal import Goal, path_to, select_goal_state
+from ..interface import EgoState
+from ..reference_path import BEYOND_GOAL_M
+
+if TYPE_CHECKING:
+    from commonroad.planning.planning_problem import PlanningProblem
+    from commonroad.scenario.scenario import Scenario
+
+_ON_M = 300.0
+"""How far a route goes on that has no place as its goal: 10 s at 30 m/s."""
+
+
+def lane_line(scenario: "Scenario", problem: "PlanningProblem", vehicle: VehicleParameters) -> Points | None:
+    """Return the reference path of a planning problem, shape (n, 2); None if no route leads to its goal."""
+    if not problem.goal.state_list:
+        return None
+    ego, network = EgoState.of(problem.initial_state), scenario.lanelet_network
+    aim = select_goal_state(network, problem.goal, ego, vehicle, float(scenario.dt))
+    try:
+        return path_to(Goal(aim), aim, network, ego, ahead_m=_ON_M, beyond_m=BEYOND_GOAL_M).points
+    except NotPossible:
+        return None

@@ -1,0 +1,413 @@
+"""Reference drivers as pure models: what each one sees, when it reacts, and how hard it brakes.
+
+A driver is a frozen dataclass. ``react(memory, moment)`` takes what the driver remembers and what it sees at one moment,
+and returns its new memory and the deceleration in m/s² that it wants, or None if it does not react. Nothing here knows
+tracks, planners or simulations. The vehicle's :class:`Brakes` limit how fast and how far a wanted deceleration builds up.
+
+* :class:`CarefulDriver`: the competent and careful human driver of UN Regulation No. 157 (ECE/TRANS/WP.29/2020/81,
+  Annex 4, Appendix 3, paragraphs 3.3 and 3.4; performance model 1 of Annex 3 since the 01 series of amendments).
+* :class:`FuzzyDriver`: the fuzzy safety model (FSM; performance model 2 there). Mattas and others, "Fuzzy surrogate
+  safety metrics for real-time assessment of rear-end collision risk", Accident Analysis and Prevention 148, 2020, and
+  "Driver models for the definition of safety requirements of automated vehicles in international regulations", there
+  174, 2022. The parameters are those of the code that the European Commission's Joint Research Centre publishes.
+* :class:`RssDriver`: Responsibility-Sensitive Safety. Shalev-Shwartz, Shammah, Shashua, "On a formal model of safe and
+  scalable self-driving cars", arXiv:1708.06374, definitions 1, 2, 6 and 7; IEEE 2846-2022 names the same parameters and
+  leaves their values open.
+* :class:`FullBraking`: full braking at once, and :class:`KeepLane`: no reaction at all. They bound the others.
+
+Distances are in m, speeds in m/s, accelerations in m/s², times in s.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+from ....schemas.runs import ReferenceDriverName
+
+GRAVITY_MPS2 = 9.81
+
+
+@dataclass(frozen=True)
+class Brakes:
+    """How hard a vehicle brakes at most, and the time in which the braking builds up evenly to that."""
+
+    full_mps2: float
+    build_up_s: float
+
+    @property
+    def jerk_mps3(self) -> float:
+        """How fast the braking builds up, in m/s³."""
+        return self.full_mps2 / self.build_up_s
+
+    def after(self, braking_mps2: float, wanted_mps2: float, step_s: float) -> float:
+        """Return the braking one step later if a driver wants a deceleration; releasing the pedal takes no time."""
+        return min(braking_mps2 + self.jerk_mps3 * step_s, self.full_mps2, wanted_mps2)
+
+
+CAR_BRAKES = Brakes(0.774 * GRAVITY_MPS2, 0.6)
+"""UN R157, Annex 4, Appendix 3, table 1: 0.774 g after 0.6 s on a dry road."""
+HEAVY_BRAKES = Brakes(5.0, 0.6 / 0.75)
+"""Trucks and buses: 5 m/s² is the least performance of the service brakes of categories M2, M3, N2 and N3 (UN R13,
+Annex 4; taken into UN R157 by its Supplement 3, ECE/TRANS/WP.29/2021/143). UN R13, Annex 6 allows 0.6 s until 75 % of
+the pressure is there."""
+_HEAVY = ("truck", "bus")
+
+
+def brakes_of(kind: str) -> Brakes:
+    """Return the brakes of a class of vehicle, named as CommonRoad's obstacle types are; cars by default."""
+    return HEAVY_BRAKES if kind in _HEAVY else CAR_BRAKES
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Another road user as a driver sees it along its way at one moment.
+
+    ``gap_m``: from the driver's front to its nearest end, negative beside and behind; ``past_m``: how far the driver
+    has to go until its rear is past the other's far end. ``aside_m``: the gap between both bodies across the way, 0 or
+    less if it is in the way; ``nearing_mps``: how fast that gap closes; ``along_mps`` and ``slowing_mps2``: its speed
+    along the way and its deceleration.
+    """
+
+    key: int
+    gap_m: float
+    past_m: float
+    aside_m: float
+    nearing_mps: float
+    along_mps: float
+    slowing_mps2: float
+
+    @property
+    def is_in_way(self) -> bool:
+        """Whether it is in the way, ahead of the driver or beside its front."""
+        return self.aside_m <= 0 and not self.is_passed
+
+    @property
+    def is_passed(self) -> bool:
+        """Whether the driver is past it."""
+        return self.past_m <= 0
+
+    def is_in_way_before_passed(self, closing_mps: float, later_s: float = 0.0) -> bool:
+        """Whether one aside is in the way, at its present rate, before the driver is past it (or so much later)."""
+        if self.nearing_mps <= 0 or closing_mps <= 0:
+            return False
+        return self.aside_m / self.nearing_mps <= self.past_m / closing_mps + later_s
+
+    def time_to_collision_s(self, own_mps: float) -> float:
+        """Return the time until the driver reaches it along the way if both keep their speeds; infinite if never."""
+        closing = own_mps - self.along_mps
+        return max(self.gap_m, 0.0) / closing if closing > 0 else math.inf
+
+    def time_headway_s(self, own_mps: float) -> float:
+        """Return the time in which the driver covers the gap; infinite if it stands."""
+        return max(self.gap_m, 0.0) / own_mps if own_mps > 0 else math.inf
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What a driver sees: the time, its own speed and acceleration, and the others that it can see."""
+
+    time_s: float
+    own_mps: float
+    own_mps2: float
+    seen: tuple[Seen, ...]
+
+
+class ReferenceDriver(Protocol):
+    """A driver model. ``begin`` returns the memory of a driver that takes over now."""
+
+    @property
+    def name(self) -> ReferenceDriverName:
+        """The name by which verdicts, docs and configurations know the driver."""
+
+    def begin(self) -> Any:
+        """Return an empty memory."""
+
+    def react(self, memory: Any, moment: Moment) -> tuple[Any, float | None]:
+        """Return the new memory and the wanted deceleration; None if the driver does not react."""
+
+
+_SLOWER_MPS = 0.1
+"""The resolution with which speeds are told apart: slower than this is standing, as in the time headway."""
+_STILL_SLOWING_MPS2 = 1.0
+"""A stronger deceleration counts as braking, as in the description of contacts."""
+_ROUNDING_S = 1e-9
+
+
+@dataclass(frozen=True)
+class _Hazard:
+    """What the careful driver knows of one road user: since when it shows each trigger, and when the risk was clear."""
+
+    farthest_m: float
+    coming_since_s: float | None = None
+    slowing_since_s: float | None = None
+    slower_since_s: float | None = None
+    decided_s: float | None = None
+
+
+@dataclass(frozen=True)
+class CarefulDriver:
+    """UN R157's competent and careful driver with its three triggers.
+
+    A road user is *noticed* when it has come nearer to the way by ``wandering_m`` or is in it (cut-in, 3.4.1), when it
+    brakes in the way by more than ``hard_mps2`` (deceleration, 3.4.3), or when it is in the way and slower than the
+    driver (cut-out, 3.4.2: the regulation means the one that a cut-out reveals; a leader that has become slower is
+    treated alike). The regulation's others change from the lane beside, ``lane_m`` wide (4.1); what is farther aside
+    is noticed only if, at its present rate, it is in the way before the driver is past it. ``perception_s`` later the risk is *perceived*; it is *critical* if the time to collision is below
+    ``critical_ttc_s`` (cut-in), or the time headway below ``critical_thw_s`` (deceleration, cut-out). ``delay_s`` after
+    that the driver brakes fully, until the other is neither slower nor braking, or has left the way.
+    """
+
+    wandering_m: float = 0.375
+    perception_s: float = 0.4
+    delay_s: float = 0.75
+    critical_ttc_s: float = 2.0
+    critical_thw_s: float = 2.0
+    hard_mps2: float = 5.0
+    lane_m: float = 3.5
+
+    @property
+    def name(self) -> ReferenceDriverName:
+        """The name of this driver."""
+        return "r157_careful"
+
+    def begin(self) -> Mapping[int, _Hazard]:
+        """Return the memory of a driver that has noticed nobody yet."""
+        return {}
+
+    def react(self, memory: Mapping[int, _Hazard], moment: Moment) -> tuple[Mapping[int, _Hazard], float | None]:
+        """Brake fully if any perceived risk is critical since the delay."""
+        hazards = {seen.key: self._hazard(memory.get(seen.key), seen, moment) for seen in moment.seen}
+        decided = [hazard.decided_s for hazard in hazards.values() if hazard.decided_s is not None]
+        brakes = any(moment.time_s - since >= self.delay_s - _ROUNDING_S for since in decided)
+        return hazards, math.inf if brakes else None
+
+    def _hazard(self, before: _Hazard | None, seen: Seen, moment: Moment) -> _Hazard:
+        known = before or _Hazard(seen.aside_m)
+        if known.decided_s is not None:
+            acts = moment.time_s - known.decided_s >= self.delay_s + _ROUNDING_S
+            return _Hazard(seen.aside_m) if acts and self._is_over(seen, moment) else known
+        now, closing = moment.time_s, moment.own_mps - seen.along_mps
+        farthest = max(known.farthest_m, seen.aside_m)
+        coming = seen.is_in_way or (farthest - seen.aside_m > self.wandering_m and self._may_come(seen, closing))
+        hard = seen.is_in_way and (seen.slowing_mps2 > self.hard_mps2 or known.slowing_since_s is not None)
+        hazard = _Hazard(
+            farthest,
+            coming_since_s=_since(known.coming_since_s, now, coming),
+            slowing_since_s=_since(known.slowing_since_s, now, hard and (closing > 0 or seen.slowing_mps2 > 0)),
+            slower_since_s=_since(known.slower_since_s, now, seen.is_in_way and closing > _SLOWER_MPS),
+        )
+        return replace(hazard, decided_s=now) if self._is_critical(hazard, seen, moment) else hazard
+
+    def _is_critical(self, hazard: _Hazard, seen: Seen, moment: Moment) -> bool:
+        def perceived(since_s: float | None) -> bool:
+            return since_s is not None and moment.time_s - since_s >= self.perception_s - _ROUNDING_S
+
+        if seen.is_passed or moment.own_mps <= seen.along_mps:
+            return False
+        near = seen.time_headway_s(moment.own_mps) < self.critical_thw_s
+        if near and (perceived(hazard.slowing_since_s) or perceived(hazard.slower_since_s)):
+            return True
+        return perceived(hazard.coming_since_s) and seen.time_to_collision_s(moment.own_mps) < self.critical_ttc_s
+
+    def _may_come(self, seen: Seen, closing_mps: float) -> bool:
+        """Whether one that comes nearer is in the lane beside, or is in the way in time."""
+        if seen.aside_m <= self.lane_m:
+            return True
+        return seen.is_in_way_before_passed(closing_mps)
+
+    def _is_over(self, seen: Seen, moment: Moment) -> bool:
+        """Whether what the driver brakes for is over."""
+        if seen.is_passed:
+            return True
+        if seen.aside_m > 0:
+            return seen.nearing_mps <= 0
+        return moment.own_mps <= seen.along_mps and seen.slowing_mps2 <= _STILL_SLOWING_MPS2
+
+
+def _since(before_s: float | None, now_s: float, holds: bool) -> float | None:
+    """Return since when a condition has held without a break; None if it does not hold."""
+    return None if not holds else now_s if before_s is None else before_s
+
+
+@dataclass(frozen=True)
+class _Alertness:
+    """Since when a situation has been unsafe, and since when it has been safe again; None: it has not."""
+
+    unsafe_since_s: float | None = None
+    safe_since_s: float | None = None
+
+    def after(self, is_unsafe: bool, now_s: float, calm_s: float) -> "_Alertness":
+        """Return the alertness after one more moment; a driver that saw nothing unsafe for a while is calm again."""
+        if is_unsafe:
+            return _Alertness(now_s if self.unsafe_since_s is None else self.unsafe_since_s)
+        if self.unsafe_since_s is None:
+            return self
+        safe_since_s = now_s if self.safe_since_s is None else self.safe_since_s
+        return _Alertness() if now_s - safe_since_s >= calm_s else _Alertness(self.unsafe_since_s, safe_since_s)
+
+    def responds(self, now_s: float, response_s: float) -> bool:
+        """Whether the response time has passed since the situation became unsafe."""
+        return self.unsafe_since_s is not None and now_s - self.unsafe_since_s >= response_s - _ROUNDING_S
+
+
+@dataclass(frozen=True)
+class FuzzyDriver:
+    """The driver of the fuzzy safety model: it begins early and gently, and brakes as hard as the situation is unsafe.
+
+    ``gentle_mps2``, ``hard_mps2``: its own comfortable and hardest braking; ``front_mps2``: that of the one ahead;
+    ``standstill_m``: the gap that it keeps when standing; ``margin_m``: added to the safe distance; ``earlier_s``: how
+    much later than the driver is past it another may come into the way.
+    """
+
+    response_s: float = 0.75
+    gentle_mps2: float = 4.0
+    hard_mps2: float = 6.0
+    front_mps2: float = 7.0
+    standstill_m: float = 2.0
+    margin_m: float = 2.0
+    earlier_s: float = 0.1
+
+    @property
+    def name(self) -> ReferenceDriverName:
+        """The name of this driver."""
+        return "fsm"
+
+    def begin(self) -> _Alertness:
+        """Return the memory of a calm driver."""
+        return _Alertness()
+
+    def react(self, memory: _Alertness, moment: Moment) -> tuple[_Alertness, float | None]:
+        """Brake by how unsafe it is, once the response time has passed."""
+        wanted = max((self.wanted_mps2(seen, moment) for seen in moment.seen), default=0.0)
+        memory = memory.after(wanted > 0, moment.time_s, self.response_s)
+        return memory, wanted if wanted > 0 and memory.responds(moment.time_s, self.response_s) else None
+
+    def wanted_mps2(self, seen: Seen, moment: Moment) -> float:
+        """Return how hard one road user asks the driver to brake; 0 if it is safe."""
+        if seen.is_passed:
+            return 0.0
+        closing = moment.own_mps - seen.along_mps
+        if seen.aside_m > 0 and not seen.is_in_way_before_passed(closing, self.earlier_s):
+            return 0.0
+        gap = max(seen.gap_m, 0.0)
+        critical = self.critical_share(gap, moment.own_mps, seen.along_mps, moment.own_mps2)
+        if critical > 0:
+            return self.gentle_mps2 + critical * (self.hard_mps2 - self.gentle_mps2)
+        return self.unsafe_share(gap, moment.own_mps, seen.along_mps) * self.gentle_mps2
+
+    def unsafe_share(self, gap_m: float, own_mps: float, front_mps: float) -> float:
+        """Return the proactive metric: 0 if the one ahead may brake hard, 1 if hard braking is then too little."""
+        front_m = max(front_mps, 0.0) ** 2 / (2 * self.front_mps2)
+        response_m = own_mps * self.response_s
+        safe = response_m + own_mps**2 / (2 * self.gentle_mps2) - front_m + self.margin_m
+        unsafe = response_m + own_mps**2 / (2 * self.hard_mps2) - front_m
+        return _share_between(gap_m - self.standstill_m, safe, unsafe)
+
+    def critical_share(self, gap_m: float, own_mps: float, front_mps: float, felt_mps2: float) -> float:
+        """Return the critical metric: 0 if gentle braking is enough for an even one ahead, 1 if hard braking is not."""
+        if own_mps <= front_mps:
+            return 0.0
+        going_on = max(felt_mps2, -self.gentle_mps2)
+        closing = own_mps + going_on * self.response_s - front_mps
+        if closing < 0:
+            return float(gap_m < (own_mps - front_mps) ** 2 / (2 * abs(felt_mps2)))
+        response_m = (own_mps + going_on * self.response_s / 2 - front_mps) * self.response_s
+        safe = response_m + closing**2 / (2 * self.gentle_mps2)
+        return _share_between(gap_m, safe, response_m + closing**2 / (2 * self.hard_mps2))
+
+
+def _share_between(value: float, none: float, all_: float) -> float:
+    """Return 0 from one value on, 1 up to a smaller other one, and an even share between."""
+    return float(value < all_) if none <= all_ else min(max((none - value) / (none - all_), 0.0), 1.0)
+
+
+@dataclass(frozen=True)
+class RssDriver:
+    """The driver of Responsibility-Sensitive Safety: it brakes fully while both distances to another are unsafe.
+
+    The longitudinal distance is definition 1 for one that moves the driver's way, without acceleration during the
+    response (a driver that keeps its speed), and definition 2 for one that comes the other way. The lateral distance is
+    definition 6 with a driver that keeps its lane. RSS leaves the values open: ``response_s`` is UN R157's delay,
+    ``own_mps2`` and ``front_mps2`` are the braking that the driver counts on for itself and expects of others,
+    ``across_mps2`` and ``fluctuation_m`` are those of the Joint Research Centre's comparison of the driver models.
+    """
+
+    response_s: float = 0.75
+    own_mps2: float = 4.0
+    front_mps2: float = 8.0
+    across_mps2: float = 1.0
+    fluctuation_m: float = 0.3
+
+    @property
+    def name(self) -> ReferenceDriverName:
+        """The name of this driver."""
+        return "rss"
+
+    def begin(self) -> _Alertness:
+        """Return the memory of a calm driver."""
+        return _Alertness()
+
+    def react(self, memory: _Alertness, moment: Moment) -> tuple[_Alertness, float | None]:
+        """Brake fully while the distance to anyone is unsafe, once the response time has passed."""
+        is_unsafe = any(self.is_unsafe(seen, moment.own_mps) for seen in moment.seen)
+        memory = memory.after(is_unsafe, moment.time_s, self.response_s)
+        return memory, math.inf if is_unsafe and memory.responds(moment.time_s, self.response_s) else None
+
+    def is_unsafe(self, seen: Seen, own_mps: float) -> bool:
+        """Whether both distances to another are below the safe ones."""
+        if seen.is_passed or 0 < seen.aside_m >= self.safe_aside_m(seen.nearing_mps):
+            return False
+        return max(seen.gap_m, 0.0) < self.safe_distance_m(own_mps, seen.along_mps)
+
+    def safe_distance_m(self, own_mps: float, front_mps: float) -> float:
+        """Return the safe longitudinal distance to another with a speed along the way (negative: it is oncoming)."""
+        own = own_mps * self.response_s + own_mps**2 / (2 * self.own_mps2)
+        if front_mps >= 0:
+            return max(own - front_mps**2 / (2 * self.front_mps2), 0.0)
+        theirs = -front_mps * self.response_s + front_mps**2 / (2 * self.own_mps2)
+        return own + theirs
+
+    def safe_aside_m(self, nearing_mps: float) -> float:
+        """Return the safe lateral distance to another that comes nearer at a speed; none if it does not come nearer."""
+        if nearing_mps <= 0:
+            return 0.0
+        later = nearing_mps + self.across_mps2 * self.response_s
+        responding_m = (nearing_mps + later) / 2 * self.response_s
+        return self.fluctuation_m + responding_m + later**2 / (2 * self.across_mps2)
+
+
+@dataclass(frozen=True)
+class FullBraking:
+    """Full braking from the moment on at which the driver takes over, without any delay."""
+
+    @property
+    def name(self) -> ReferenceDriverName:
+        """The name of this driver."""
+        return "full_braking"
+
+    def begin(self) -> None:
+        """Return no memory: there is nothing to remember."""
+
+    def react(self, memory: None, moment: Moment) -> tuple[None, float | None]:
+        """Brake fully, whatever there is to see."""
+        del memory, moment
+        return None, math.inf
+
+
+@dataclass(frozen=True)
+class KeepLane:
+    """A driver that keeps its lane and speed, whatever happens."""
+
+    @property
+    def name(self) -> ReferenceDriverName:
+        """The name of this driver."""
+        return "keep_lane"
+
+    def begin(self) -> None:
+        """Return no memory: there is nothing to remember."""
+
+    def react(self, memory: None, moment: Moment) -> tuple[None, float | None]:
+        """Do nothing."""
+        del memory, moment
+        return None, None

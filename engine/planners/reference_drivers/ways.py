@@ -1,0 +1,177 @@
+"""The way of a driver, and how it sees recorded road users along it.
+
+Stations are arc lengths in m along the way. Others are projected with continuity, so that one aside of a bend or of a
+way that crosses itself does not jump. How far another's body reaches along and across the way is that of its rectangle
+turned against the way.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...commonroad import Track
+from ...geometry import Points, Values, arc_length, interpolate, project_along, without_repeats, wrap_angles
+from .models import Seen
+
+AHEAD_M = 200.0
+"""A way goes on straight for this long behind its end: more than a car on a motorway needs to stop."""
+_NARROW = ("pedestrian", "bicycle", "motorcycle")
+"""Those that hide nobody; all others are as broad as a car."""
+
+
+@dataclass(frozen=True)
+class DriverWay:
+    """A line of points (n, 2) with the headings (n,) that a driver has there; straight on behind its end."""
+
+    points: Points
+    headings_rad: Values
+
+    @classmethod
+    def driven(cls, track: Track) -> "DriverWay":
+        """Return the way that a track drove, with its own headings."""
+        return cls(track.positions, np.unwrap(track.headings_rad))
+
+    @classmethod
+    def along(cls, line: Points) -> "DriverWay":
+        """Return the way along a line, with the headings of the line."""
+        step = np.gradient(line, axis=0)
+        return cls(line, np.unwrap(np.arctan2(step[:, 1], step[:, 0])))
+
+    @cached_property
+    def stations_m(self) -> Values:
+        """The arc length at each point, shape (n,)."""
+        return arc_length(self.points)
+
+    @property
+    def length_m(self) -> float:
+        """The length of the line, without what goes on behind it."""
+        return float(self.stations_m[-1])
+
+    def poses(self, stations_m: Values) -> tuple[Points, Values]:
+        """Return the points (m, 2) and headings (m,) at stations."""
+        beyond = np.maximum(stations_m - self.length_m, 0.0)
+        headings = np.interp(stations_m, self.stations_m, self.headings_rad)
+        end = float(self.headings_rad[-1])
+        ahead = np.array([math.cos(end), math.sin(end)])
+        return interpolate(self.points, self.stations_m, stations_m) + beyond[:, None] * ahead, headings
+
+    @cached_property
+    def _line(self) -> Points:
+        """The line that others are projected on: without repeated points, and with what goes on behind its end."""
+        end = float(self.headings_rad[-1])
+        after = self.points[-1] + AHEAD_M * np.array([math.cos(end), math.sin(end)])
+        return np.vstack([without_repeats(self.points), after])
+
+    def follow(self, positions: Points, near_m: float | None = None) -> tuple[Values, Values, Values]:
+        """Return stations (m,), offsets (m,) left positive and headings of the way (m,) for a track of points (m, 2).
+
+        ``near_m``: a station near which the track begins, for ways that come back to themselves.
+        """
+        stations, offsets = project_along(self._line, positions, near_m)
+        begins = arc_length(self._line)
+        segments = np.clip(np.searchsorted(begins, stations, side="right") - 1, 0, len(begins) - 2)
+        step = np.diff(self._line, axis=0)[segments]
+        return stations, offsets, np.arctan2(step[:, 1], step[:, 0])
+
+
+@dataclass(frozen=True)
+class OnWay:
+    """A road user along a way, one entry a step from ``first_step`` on.
+
+    ``middle_m``: stations; ``offset_m``: of its centre, left positive; ``half_along_m``, ``half_across_m``: how far its
+    body reaches; ``along_mps``: its speed along the way; ``slowing_mps2``: its deceleration.
+    """
+
+    key: int
+    hides: bool
+    first_step: int
+    middle_m: Values
+    offset_m: Values
+    half_along_m: Values
+    half_across_m: Values
+    along_mps: Values
+    slowing_mps2: Values
+
+    @classmethod
+    def of(cls, way: DriverWay, track: Track, step_s: float, near_m: float | None = None) -> "OnWay":
+        """Return a track along a way; ``near_m``: the driver's station when the track begins."""
+        middle, offset, bearings = way.follow(track.positions, near_m)
+        turned = wrap_angles(track.headings_rad - bearings)
+        cosine, sine = np.cos(turned), np.sin(turned)
+        length, width = track.size_m
+        slower = -np.diff(track.speeds_mps, prepend=track.speeds_mps[:1]) / step_s
+        return cls(
+            key=track.obstacle_id,
+            hides=track.kind not in _NARROW,
+            first_step=track.first_step,
+            middle_m=middle,
+            offset_m=offset,
+            half_along_m=(length * np.abs(cosine) + width * np.abs(sine)) / 2,
+            half_across_m=(length * np.abs(sine) + width * np.abs(cosine)) / 2,
+            along_mps=track.speeds_mps * cosine,
+            slowing_mps2=slower,
+        )
+
+    @cached_property
+    def aside_m(self) -> Values:
+        """The gap between its body and the line of the way, shape (n,)."""
+        gaps: Values = np.abs(self.offset_m) - self.half_across_m
+        return gaps
+
+    def seen(self, step: int, station_m: float, body: tuple[float, float], step_s: float) -> Seen | None:
+        """Return how a driver sees it whose centre is at a station; None if it is not there at the step.
+
+        ``body``: length and width of the driver's vehicle.
+        """
+        at = step - self.first_step
+        if not 0 <= at < len(self._rows):
+            return None
+        middle, reach, aside, along, slowing = self._rows[at]
+        ahead, reach = middle - station_m, reach + body[0] / 2
+        return Seen(
+            key=self.key,
+            gap_m=ahead - reach,
+            past_m=ahead + reach,
+            aside_m=aside - body[1] / 2,
+            nearing_mps=0.0 if at == 0 else (self._rows[at - 1][2] - aside) / step_s,
+            along_mps=along,
+            slowing_mps2=slowing,
+        )
+
+    def offset_at(self, step: int) -> float:
+        """Return the offset of its centre from the way at a step at which it is there."""
+        return float(self.offset_m[step - self.first_step])
+
+    @cached_property
+    def _rows(self) -> list[tuple[float, float, float, float, float]]:
+        """Station, reach along the way, gap to its line, speed along it and deceleration of each state."""
+        columns = self.middle_m, self.half_along_m, self.aside_m, self.along_mps, self.slowing_mps2
+        return list(zip(*(column.tolist() for column in columns), strict=True))
+
+
+def visible(seen: Sequence[tuple[Seen, float, bool]], wandering_m: float) -> tuple[Seen, ...]:
+    """Return those that a driver can see past the broad ones before them (UN R157, Annex 4, Appendix 3, 3.4.2).
+
+    Each with the offset of its centre from the way, and whether it hides others. One ahead in the way hides what is
+    in the way beyond it until its centre has left the way's middle by more than the wandering distance.
+    """
+    hiding = [one.gap_m for one, offset, hides in seen if hides and one.is_in_way and abs(offset) <= wandering_m]
+    nearest = min((gap for gap in hiding if gap >= 0), default=math.inf)
+    return tuple(one for one, _, _ in seen if not (one.is_in_way and one.gap_m > nearest))
+
+
+def rectangles(centers: Points, headings_rad: Values, body: tuple[float, float]) -> NDArray[Any]:
+    """Return the polygons (n,) of a body of a length and width at centres (n, 2) with headings (n,)."""
+    import shapely
+
+    cosine, sine = np.cos(headings_rad), np.sin(headings_rad)
+    ahead = np.column_stack([cosine, sine]) * (body[0] / 2)
+    left = np.column_stack([-sine, cosine]) * (body[1] / 2)
+    corners = np.stack([centers + ahead + left, centers - ahead + left, centers - ahead - left, centers + ahead - left])
+    polygons: NDArray[Any] = shapely.polygons(np.moveaxis(corners, 0, 1))
+    return polygons

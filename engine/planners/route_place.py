@@ -1,0 +1,68 @@
+"""Where an ego is along its reference path, and how fast the built-in planners would like to drive there."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry import Points, Values, arc_length, headings, project_all, wrap_angle, wrap_angles
+from .goal import DesiredSpeed, Goal
+from .interface import EgoState, PlanningTask
+
+
+@dataclass(frozen=True)
+class RoutePlace:
+    """The place of one ego state: along the path, beside it (left positive), and turned against it.
+
+    ``to_goal_m``: along the path to where the goal begins; negative behind that, None for a goal without a place.
+    """
+
+    station_m: float
+    offset_m: float
+    heading_error_rad: float
+    to_goal_m: float | None
+    desired_speed_mps: float
+
+
+class RoutePlaces:
+    """The places of the states of one run; states are asked for in the order in which they are driven."""
+
+    def __init__(self, task: PlanningTask) -> None:
+        self._path = task.reference.points
+        self._stations_m, self._headings_rad = arc_length(self._path), headings(self._path)
+        goal = Goal(task.goal_ahead)
+        begins = goal.stations_on(self._path) if goal.has_position else None
+        self._goal_m = None if begins is None else begins[0]
+        self._desired = DesiredSpeed(goal, task.reference, task.step_s)
+
+    def at(self, ego: EgoState) -> RoutePlace:
+        """The place of one state."""
+        stations, offsets = project_all(self._path, ego.position[None, :])
+        station_m = float(stations[0])
+        return RoutePlace(
+            station_m=station_m,
+            offset_m=float(offsets[0]),
+            heading_error_rad=wrap_angle(ego.heading_rad - float(self._direction(stations)[0])),
+            to_goal_m=None if self._goal_m is None else self._goal_m - station_m,
+            desired_speed_mps=self._desired.at(ego),
+        )
+
+    def beside(self, positions: Points, headings_rad: Values) -> tuple[Values, Values]:
+        """Offsets in m and heading errors in rad of many states, both of shape (n,)."""
+        stations, offsets = project_all(self._path, positions)
+        return offsets, wrap_angles(headings_rad - self._direction(stations))
+
+    def desired_speeds_mps(self, states: Sequence[EgoState]) -> list[float]:
+        """The desired speed at each of some states."""
+        return [self._desired.at(ego) for ego in states]
+
+    def stations_of(self, points: Points) -> Values:
+        """The stations in m of points (n, 2)."""
+        stations: Values = project_all(self._path, points)[0]
+        return stations
+
+    def _direction(self, stations_m: Values) -> Values:
+        last = len(self._headings_rad) - 1
+        index = np.clip(np.searchsorted(self._stations_m, stations_m, side="right") - 1, 0, last)
+        direction: Values = self._headings_rad[index]
+        return direction
