@@ -8,7 +8,7 @@ lane. Its coordinates are those of the world. Lengths in m, headings in rad.
 Traps (``tests/engine/planners/test_fiss_traps.py`` holds them):
 
 - It heads its vehicle where the centre moves. No vehicle does: the rear axle moves where it heads, and the centre
-  swings out. The headings of a plan are those of a rear axle that is dragged after the centre (``tractrix``), the
+  swings out. The headings of a plan are those of a rear axle that is dragged after the centre (a tractrix), the
   speeds those of the rear axle, and the centre begins in the direction in which a vehicle that turns moves.
 - It normalises headings to ±π at every state. They are not taken from it.
 - It knows no limit of the steering rate, and neither friction nor steering at low speed. What a vehicle can drive is
@@ -33,7 +33,7 @@ import numpy as np
 
 from ....schemas.planning import PlannerSettings
 from ...geometry import Points, Values, project, wrap_angle
-from ...vehicles import VehicleParameters, tractrix
+from ...vehicles import VehicleParameters
 from ..driving.following import FOLLOWED_WITHIN_M, is_on_plan
 from ..interface import EgoState, PlannedTrajectory, PredictedObstacle
 
@@ -110,9 +110,9 @@ def core_configuration(
     settings: PlannerSettings,
     step_s: float,
     *,
-    search: str | None = None,
     offsets: int | None = None,
     care: "Care" = "full",
+    every_candidate: bool = False,
 ) -> "fiss_planner.PlannerConfig":
     """The core's configuration.
 
@@ -120,12 +120,13 @@ def core_configuration(
         weights: those of the planner, by our names.
         settings: for the search, the horizon and the number of samples.
         step_s: time step of the plans.
-        search: another search than that of the settings.
         offsets: another number of lateral offsets a lane.
         care: which distances to others a candidate must keep.
+        every_candidate: make, check and return every candidate, whatever the search of the settings.
     """
     configuration = fiss_planner.PlannerConfig()
-    configuration.type = fiss_planner.planner_type_from_string(search or SEARCHES[settings.search])
+    search = "fop" if every_candidate else SEARCHES[settings.search]
+    configuration.type = fiss_planner.planner_type_from_string(search)
     sampling = configuration.sampling
     sampling.dt, sampling.max_t = step_s, settings.horizon_s
     sampling.min_t, sampling.num_t = _SHORTEST_SHARE * settings.horizon_s, _DURATIONS
@@ -138,7 +139,7 @@ def core_configuration(
     configuration.safety.enabled = care == "full" and any(weights[name] > 0 for name in _HARD_DISTANCES)
     if care == "bodies":
         configuration.collision.margin_lon = configuration.collision.margin_lat = 0.0
-    configuration.keep_candidates = True
+    configuration.keep_candidates = every_candidate
     return configuration
 
 
@@ -209,6 +210,23 @@ def core_obstacles(
     return made
 
 
+def dragged_headings(center: Points, first_rad: float, drag_m: float) -> Values:
+    """Heading of a rod of length ``drag_m`` whose front end goes along the chords between points (n, 2), unwrapped.
+
+    While the front end goes a way s straight on, the tangent of half the angle between way and rod falls by
+    exp(−s / drag), which is the tractrix of a straight line.
+    """
+    ways = np.diff(center, axis=0)
+    directions, lengths = np.arctan2(ways[:, 1], ways[:, 0]), np.hypot(ways[:, 0], ways[:, 1])
+    kept, heading = np.exp(-lengths / drag_m).tolist(), first_rad
+    headings = [heading]
+    for direction, share in zip(directions.tolist(), kept, strict=True):
+        off = math.remainder(direction - heading, math.tau)
+        heading += off - 2.0 * math.atan(math.tan(off / 2.0) * share)
+        headings.append(heading)
+    return np.array(headings)
+
+
 def driven_by_rear_axle(
     center: Points, directions_rad: Values, center_mps: Values, ego: EgoState, vehicle: VehicleParameters, step_s: float
 ) -> PlannedTrajectory:
@@ -216,7 +234,7 @@ def driven_by_rear_axle(
 
     It begins in the ego's heading; the rear axle is dragged after the centre, as in the kinematic single-track model.
     """
-    heading = tractrix(center, ego.heading_rad, vehicle.rear_axle_behind_center_m)
+    heading = dragged_headings(center, ego.heading_rad, vehicle.rear_axle_behind_center_m)
     speed = np.maximum(center_mps * np.cos(directions_rad - heading), 0.0)
     speed[0] = max(ego.speed_mps, 0.0)
     return PlannedTrajectory(center, heading, speed, np.gradient(speed, step_s))

@@ -3,7 +3,7 @@
 The core samples end states in the lanes along the reference path and searches them for the cheapest trajectory that it
 finds valid; it makes and checks only the candidates that its search comes to. Four searches can be chosen (setting
 ``search``). What it chooses is checked once more, for the limits of the vehicle and against the exact bodies and the
-edge of the road; where that fails, the cheapest other candidate that passes is driven.
+edge of the road; where that fails, all candidates are made, and the cheapest one that passes is driven.
 
 Where none passes, the planner goes on as its authors' does: the rest of its last plan, a plan without the hard
 distances to others, one that looks at collisions for 2.5 s alone, and then it brakes. Two more searches, before it
@@ -68,7 +68,6 @@ class _Step:
     target_mps: float
     reach_m: float
     safety: SafetyCheck
-    found: list["fiss_planner.Trajectory"] = field(default_factory=list)
     rejected: Counter[str] = field(default_factory=Counter)
     candidates: int = 0
     core_s: float = 0.0
@@ -85,7 +84,7 @@ class Fiss:
         self._bands = lane_bands(task.network, task.reference)
         self._corridors: dict[tuple[float, float], fiss_planner.Corridor] = {}
         self._desired_speed = DesiredSpeed(Goal(task.goal_ahead), task.reference, task.step_s)
-        self._cores: dict[tuple[bool, Care], fiss_planner.Planner] = {}
+        self._cores: dict[tuple[bool, Care, bool], fiss_planner.Planner] = {}
         self._station_m: float | None = None
         self._driven: DrivenPlan | None = None
         self._has_braked = False
@@ -116,11 +115,10 @@ class Fiss:
         )
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
-        """Of the candidates of the last planning step that the core made, by cost."""
-        if self._step is None:
-            return []
-        chosen = evenly_chosen(len(self._step.found), most)
-        return [self._trajectory(self._step.found[i], self._step).positions for i in chosen]
+        """Of all candidates of the last planning step that the core finds valid, by cost."""
+        step = self._step
+        found = [] if step is None else self._valid(step, "full", math.inf, step.target_mps)
+        return [self._trajectory(found[i], step).positions for i in evenly_chosen(len(found), most) if step]
 
     def _start(self, observation: Observation, index: int | None) -> "fiss_planner.FrenetState | None":
         """Where the ego's centre is in the frame of the path: on the plan that it follows, or as observed."""
@@ -134,9 +132,9 @@ class Fiss:
             near_m = self._path.nearest_station(rear_axle(ego.position, ego.heading_rad, self._task.vehicle))
         return self._path.start(ego, self._task.vehicle, near_m)
 
-    def _core(self, care: Care, *, slow: bool) -> "fiss_planner.Planner":
+    def _core(self, care: Care, *, slow: bool, every_candidate: bool = False) -> "fiss_planner.Planner":
         """The core for an ego at low speed or not; each remembers its last plan."""
-        key = slow, care
+        key = slow, care, every_candidate
         if key not in self._cores:
             configuration = core_configuration(
                 self._task.configuration.weights,
@@ -144,6 +142,7 @@ class Fiss:
                 self._task.step_s,
                 offsets=1 if slow else None,
                 care=care,
+                every_candidate=every_candidate,
             )
             self._cores[key] = fiss_planner.make_planner(configuration, vehicle_limits(self._task.vehicle))
         return self._cores[key]
@@ -155,27 +154,38 @@ class Fiss:
 
         ``until_s``: how long collisions count; ``target_mps``: another speed to end at than the desired one.
         """
-        task, ego = self._task, step.observation.ego
-        slow = ego.speed_mps < LOW_SPEED_MPS
-        corridor = self._kept_offset(step) if slow else self._lanes(step)
-        obstacles = core_obstacles(step.observation.obstacles, ego, step.reach_m, task.step_s, until_s)
-        core = self._core(care, slow=slow)
-        began = perf_counter()
         target = step.target_mps if target_mps is None else target_mps
-        result = core.plan(step.start, self._path.line, corridor, obstacles, target_speed=target)
-        step.core_s += perf_counter() - began
+        result = self._result(step, care, until_s, target)
         step.candidates += result.stats.num_generated
         for name, count in result.stats.rejections.items():
             if count:
                 step.rejected[REJECTIONS[name]] += count
-        step.found = sorted(result.candidates, key=_total_cost)
-        first = [result.trajectory] if result.success else []
-        valid = (one for one in step.found if one.is_cartesian and one.rejection == fiss_planner.Rejection.OK)
-        for candidate in (*first, *valid):
-            plan = self._driven_if_safe(candidate, step, until_s)
-            if plan is not None:
-                return plan
-        return None
+        if not result.success:
+            return None
+        plan = self._driven_if_safe(result.trajectory, step, until_s)
+        if plan is not None:
+            return plan
+        others = self._valid(step, care, until_s, target)
+        step.candidates += len(others)
+        return next(filter(None, (self._driven_if_safe(other, step, until_s) for other in others)), None)
+
+    def _valid(self, step: _Step, care: Care, until_s: float, target_mps: float) -> list["fiss_planner.Trajectory"]:
+        """All candidates that the core finds valid, by cost; not only those that its search comes to."""
+        every = self._result(step, care, until_s, target_mps, every_candidate=True).candidates
+        return sorted((one for one in every if one.rejection == fiss_planner.Rejection.OK), key=_total_cost)
+
+    def _result(
+        self, step: _Step, care: Care, until_s: float, target_mps: float, *, every_candidate: bool = False
+    ) -> "fiss_planner.PlanResult":
+        ego = step.observation.ego
+        slow = ego.speed_mps < LOW_SPEED_MPS
+        corridor = self._kept_offset(step) if slow else self._lanes(step)
+        obstacles = core_obstacles(step.observation.obstacles, ego, step.reach_m, self._task.step_s, until_s)
+        core = self._core(care, slow=slow, every_candidate=every_candidate)
+        began = perf_counter()
+        result = core.plan(step.start, self._path.line, corridor, obstacles, target_speed=target_mps)
+        step.core_s += perf_counter() - began
+        return result
 
     def _hurrying_mps(self, step: _Step) -> float:
         """The speed that the ego reaches within half of the horizon, as far as curves allow it.
@@ -210,7 +220,7 @@ class Fiss:
         reason: str | None = violated_limit(trajectory, self._task.vehicle, self._task.step_s)
         if reason is None:
             counted = None if until_s == math.inf else 1 + round(until_s / self._task.step_s)
-            followed = step.safety.followed(trajectory, FOLLOWED_WITHIN_M, counted)
+            followed = step.safety.followed(trajectory, FOLLOWED_WITHIN_M, counted, is_safe=True)
             if not isinstance(followed, str):
                 self._has_braked = False
                 self._driven = DrivenPlan(step.observation.ego.step, candidate, trajectory)
