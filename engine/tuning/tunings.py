@@ -257,7 +257,7 @@ _FISS_WEIGHTS = (
     Weight("jerk", "mean jerk², along and across", "smoother", "core"),
     Weight("lateral", "(final offset from the lane's centre)²", "ends at the lane's centre", "core"),
     Weight("lane_change", "lanes changed", "stays in its lane", "core"),
-    Weight("route", "how soon a lane leaves the route: 1 at once, 0 beyond 80 m", "stays on its route", "ours"),
+    Weight("route", "1 in a lane that the route does not change to", "stays on its route", "ours"),
     Weight(
         "history", "squared distance to the last end state; in fiss's first guess", "searches near its last", "core"
     ),

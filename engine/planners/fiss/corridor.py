@@ -31,8 +31,6 @@ _TOUCHING_M = 0.75
 """Chosen: neighbouring lanes of recorded maps overlap, or leave a gap, by up to this."""
 _USUAL_HALF_WIDTH_M = 1.75
 """Half of the lane width of 3.5 m that CommonRoad's hand-crafted roads have, for a path that lies on no lane."""
-_URGENT_M = 80.0
-"""The core's default: a lane that leaves the route within this costs the more, the sooner it does."""
 _NOT_CROSSED = frozenset({"solid", "solid_solid", "broad_solid", "curb", "lowered_curb"})
 """CommonRoad's line markings that a vehicle must not cross."""
 
@@ -41,12 +39,12 @@ _NOT_CROSSED = frozenset({"solid", "solid_solid", "broad_solid", "curb", "lowere
 class LaneBand:
     """Edges of a lane as offsets from the path in m, left positive, one a station (n,).
 
-    ``leaves_m``: how far ahead it stops being a lane that the route changes to, 0 where it is none.
+    ``is_next``: whether the route changes to this lane later.
     """
 
     right_m: Values
     left_m: Values
-    leaves_m: Values
+    is_next: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -58,11 +56,10 @@ class Bands:
     right: LaneBand
     left: LaneBand
 
-    def off_route(self, station_m: float) -> tuple[float, float]:
-        """How soon the lanes to the right and left leave the route: 1 at once, 0 not within the next 80 m."""
+    def off_route(self, station_m: float) -> tuple[bool, bool]:
+        """Whether the lanes to the right and left of a station are none that the route changes to."""
         index = min(int(np.searchsorted(self.stations_m, station_m)), len(self.stations_m) - 1)
-        right, left = (max(0.0, 1.0 - float(band.leaves_m[index]) / _URGENT_M) for band in (self.right, self.left))
-        return right, left
+        return not self.right.is_next[index], not self.left.is_next[index]
 
     def corridor(self, right_cost: float, left_cost: float) -> "fiss_planner.Corridor":
         """The bands as the core takes them; it adds the costs to candidates that end in the lane on that side."""
@@ -197,9 +194,9 @@ def _bands(stations: Values, sections: Collection[_Section]) -> Bands:
     half = np.interp(stations, stations[known], half[known]) if known.any() else np.full(count, _USUAL_HALF_WIDTH_M)
     return Bands(
         stations,
-        under=LaneBand(-half, half, np.full(count, np.inf)),
-        right=_beside(stations, beside[False], is_next[False], -half),
-        left=_beside(stations, beside[True], is_next[True], half),
+        under=LaneBand(-half, half, np.ones(count, dtype=np.bool_)),
+        right=_beside(beside[False], is_next[False], -half),
+        left=_beside(beside[True], is_next[True], half),
     )
 
 
@@ -228,15 +225,10 @@ def _is_next(under: _Section, neighbour: _Section | None) -> bool:
     return neighbour is not None and neighbour.comes_after(under)
 
 
-def _beside(stations: Values, neighbours: list[_Section | None], is_next: list[bool], inner_m: Values) -> LaneBand:
+def _beside(neighbours: list[_Section | None], is_next: list[bool], inner_m: Values) -> LaneBand:
     """A band that has no width where there is no lane, along the edge of the lane under the path."""
     right, left = inner_m.copy(), inner_m.copy()
-    leaves, leaves_at_m = np.zeros(len(stations)), float(stations[-1])
-    for index in range(len(stations) - 1, -1, -1):
-        section = neighbours[index]
-        if not is_next[index]:
-            leaves_at_m = float(stations[index])
-        leaves[index] = leaves_at_m - stations[index]
+    for index, section in enumerate(neighbours):
         if section is not None:
             right[index], left[index] = section.right_m, section.left_m
-    return LaneBand(right, left, leaves)
+    return LaneBand(right, left, np.array(is_next, dtype=np.bool_))

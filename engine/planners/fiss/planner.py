@@ -199,7 +199,7 @@ class Fiss:
         return max(step.target_mps, within_curves)
 
     def _lanes(self, step: _Step) -> "fiss_planner.Corridor":
-        """The lanes along the path; those that leave the route cost the more, the sooner they do."""
+        """The lanes along the path; one beside it costs more if the route does not change to it."""
         weight = self._task.configuration.weights["route"]
         right, left = self._bands.off_route(step.start.s)
         costs = weight * right, weight * left
