@@ -41,7 +41,7 @@ async def call(settings: Settings, warm_workers: None, tmp_path: Path) -> AsyncI
 
 async def test_what_there_is_to_set(call: Call) -> None:
     found = await call("list_planners")
-    assert [item["name"] for item in found["planners"]] == ["frenetix", "mp_rbfn", "idm"]
+    assert [item["name"] for item in found["planners"]] == ["frenetix", "mp_rbfn", "idm", "fiss"]
     assert found["config_name"] == "frenetix:Default"
     tuning = tuning_of("frenetix")
     assert [item["name"] for item in found["weights"]] == [*tuning.weights, *tuning.external]
