@@ -132,8 +132,8 @@ class SuccessRates(Model):
 class ExportArtifactsArguments(Arguments):
     """Write files of artifacts into a folder inside an allowed root.
 
-    html: one report on scenarios and batches; solution: CommonRoad file of a run; csv, parquet: runs of a batch, steps of a run;
-    opendrive, openscenario: scenarios for other tools.
+    html: one report on scenarios and batches; solution: CommonRoad file of a run; csv, parquet: runs of a batch, steps
+    of a run; opendrive, openscenario: scenarios for other tools.
 
     Existing files are refused unless overwrite.
     """

@@ -241,7 +241,7 @@ MEASURES: tuple[Measure, ...] = (
         "s",
         "lower",
         "how long the time to collision with the leader was 3 s or less",
-        "the driven steps with a time to collision with the leader of at most 3 s × the step",
+        "the driven steps at the end of which the time to collision with the leader is at most 3 s × the step",
         "Minderhoud and Bovy 2001",
         "0 to the run's duration",
         _NOT_AHEAD,
@@ -356,7 +356,7 @@ MEASURES: tuple[Measure, ...] = (
         "steps",
         "From Words to Collisions (TUM-AVS, ITSC 2025)",
         "0 to 5",
-        _NOBODY_NEAR,
+        f"{_NOBODY_NEAR}, or the ego left the road",
         stored=True,
     ),
     Measure(

@@ -434,6 +434,10 @@ class PlannerDeclaration(Model):
     summary: str = Field(min_length=1, description="one line, for list_planners")
     weights: dict[str, DeclaredWeight] = Field(default_factory=dict)
     presets: dict[str, DeclaredPreset] = Field(default_factory=dict, description="beside Default")
+    version: str = Field("", exclude_if=lambda text: not text, description="as its author calls it, such as v1.2")
+    uses_prediction: bool = Field(
+        False, description="whether it plans on predictions of others; collisions are laid to prediction only then"
+    )
 
     @model_validator(mode="after")
     def _presets_fit(self) -> "PlannerDeclaration":

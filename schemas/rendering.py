@@ -7,7 +7,7 @@ from pydantic import Field
 from .analysis.optimization import StudyRecord
 from .base import Arguments, Model
 from .results import ConfigWeights
-from .runs import BatchRecord, RunSource, ScenarioSource
+from .runs import BatchRecord, Lineage, RunSource, ScenarioSource
 
 PictureKind = Literal[
     "auto",
@@ -39,13 +39,14 @@ class RenderRequest(Model):
     """What the drawing operation needs: files, records and where to put the pictures.
 
     ``scenarios`` in the order in which they are drawn; ``runs`` may be empty; ``folder`` exists. ``study``: what a
-    chart of a search shows.
+    chart of a search shows; ``lineage``: of edited scenarios, which count as one in every rate.
     """
 
     kind: PictureKind
     scenarios: tuple[ScenarioSource, ...] = ()
     runs: tuple[RunSource, ...] = ()
     configs: tuple[ConfigWeights, ...] = ()
+    lineage: tuple[Lineage, ...] = Field((), exclude_if=lambda lineage: not lineage)
     time_s: float | None = None
     study: StudyRecord | None = Field(None, exclude_if=lambda study: study is None)
     folder: str
@@ -144,7 +145,8 @@ class ViewRequest(Model):
     """What the operation for views needs, and the JSON file that it writes.
 
     ``panes``: of a player, one or two; ``runs``: of a board, with their scenarios in ``scenarios``, the ``batches``
-    that they are of, if any. ``whole``: a board holds what its player shows, for a page that has nobody to ask for it.
+    that they are of, if any, and the ``lineage`` of edited scenarios, which count as one in every rate. ``whole``: a
+    board holds what its player shows, for a page that has nobody to ask for it.
     """
 
     kind: ViewKind
@@ -153,6 +155,7 @@ class ViewRequest(Model):
     batches: tuple[BatchRecord, ...] = ()
     runs: tuple[RunSource, ...] = ()
     scenarios: tuple[ScenarioSource, ...] = ()
+    lineage: tuple[Lineage, ...] = Field((), exclude_if=lambda lineage: not lineage)
     whole: bool = True
     path: str
 

@@ -15,6 +15,7 @@ from .runs import (
     Lineage,
     LostCell,
     Outcome,
+    OwnFault,
     RuleVerdict,
     RunMetrics,
     RunReview,
@@ -30,7 +31,7 @@ SIGNIFICANCE_LEVEL = 0.05
 """The level of every test and of every interval (95 %), in answers, reports, charts and searches: the usual one (Fisher
 1925, "Statistical Methods for Research Workers", section 12)."""
 Breakdown = Literal[
-    "none", "planner", "config", "prediction", "country", "scenario", "obstacle_count", "obstacle_class"
+    "none", "pooled", "planner", "config", "prediction", "country", "scenario", "obstacle_count", "obstacle_class"
 ]
 AnalysisDetail = Literal["summary", "findings", "costs", "rows", "timeline", "rules", "measures"]
 if TYPE_CHECKING:
@@ -81,7 +82,8 @@ class OutcomeShare(Model):
     """How many valid runs ended in one way; ``run_ids`` holds the first five of them."""
 
     outcome: Outcome
-    rate: Rate = Field(description="the share of valid runs that ended so")
+    count: int = Field(description="valid runs that ended so")
+    rate: Rate | None = Field(description="their share of the valid runs; null over several configurations")
     run_ids: tuple[str, ...]
 
 
@@ -200,49 +202,96 @@ class Suggestion(Model):
     tried: TriedChange | None = None
 
 
+class FindingMoment(Model):
+    """A moment by which a finding can be checked: of a run, when, and what is to be seen there."""
+
+    run_id: str
+    time_s: float = Field(description="when")
+    code: str = Field(description="stable code of what is to be seen then")
+
+
 class Finding(Model):
     """A computed statement with its evidence; ``run_count``: all runs, ``run_ids`` the first of them.
 
-    ``alternatives``: what else would explain it.
+    ``alternatives``: what else would explain it; ``moments``: where it can be seen.
     """
 
-    name: str = Field(description="stable name of the kind of finding")
+    name: str = Field(description="stable code of the kind of finding")
     statement: str = Field(description="what was found, in a sentence")
     run_ids: tuple[str, ...]
+    moments: tuple[FindingMoment, ...] = Field((), description="moments of these runs by which it can be checked")
     run_count: int | None = None
     alternatives: str = ""
     suggestion: Suggestion | None = Field(None, description="which weight to move; null without one")
     next_step: str = ""
 
 
+class CauseMoment(Model):
+    """A collision by which causes can be checked: of a run, when, of which kind, and what it is laid to."""
+
+    run_id: str
+    time_s: float = Field(description="when the two met")
+    kind: ContactKind = Field(description="how they met")
+    laid_to: LaidTo | None = None
+    fault: OwnFault | None = Field(None, description="what the ego did, where it is laid to the ego")
+    preventable: bool | None = Field(None, description="whether a reference driver prevents it; null: not known")
+
+
 class CollisionCauses(Model):
     """Who hit whom in the collisions of a set of runs, and which of them no reference driver prevents.
 
-    ``judged``: collisions whose course is known; ``from_behind``: those not preventable in which another drove into the
-    ego from behind or onto it as it stood; ``recorded_traffic``: whether others in them could not react; ``laid_to``:
-    how many are laid to the recording, prediction, planning or neither, of those of which it is known.
-    ``success_without``: the rate with the runs left out that ended in one that is not preventable.
+    ``looked_at``: collisions that were looked at: all, or a random sample of them; ``judged``: those of these whose
+    course is known. ``unpreventable_share``: of these, the share that no reference driver prevents and that the ego did
+    not make. ``from_behind``: those not preventable in which another drove into the ego from behind or onto it as it
+    stood; ``recorded_traffic``: whether others in them could not react; ``laid_to``: how many are laid to the ego, the
+    recording, prediction, planning or neither, of those of which it is known. ``success_without``: the rate with the
+    runs left out that ended in one that is not preventable; of a sample, an estimate.
     """
 
-    collisions: int = Field(description="runs that ended in a collision")
+    collisions: int = Field(description="runs that ended in a collision with another")
+    looked_at: int = Field(description="collisions that were looked at; fewer than all are a random sample")
     judged: int
-    kinds: dict[ContactKind, int] = Field(description="collisions by their kind")
+    kinds: dict[ContactKind, int] = Field(description="collisions that were looked at, by their kind")
     not_preventable: tuple[str, ...] = Field(description="ids of runs whose collision no reference driver prevents")
+    unpreventable_share: Rate
     from_behind: int
     recorded_traffic: bool
-    success_without: Rate
+    success_without: Rate | None = Field(description="null over several configurations")
     laid_to: dict[LaidTo, int] = Field(default_factory=dict)
+    evidence: tuple[CauseMoment, ...] = Field((), description="each collision that was looked at")
+
+    @property
+    def is_sample(self) -> bool:
+        """Whether a sample was looked at."""
+        return self.looked_at < self.collisions
 
     def in_words(self) -> str:
         """Kinds, what they are laid to, and the share that no ego could prevent, with the rate without them."""
         kinds = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in self.kinds.items())
-        some = "" if self.judged == self.collisions else f" that could be judged, of {self.collisions}"
-        without = f"; without them goal {self.success_without.in_words()}" if self.not_preventable else ""
-        none = (
-            f"; no reference driver prevents {len(self.not_preventable)} of {self.judged}{some}" if self.judged else ""
-        )
+        some = "" if self.judged == self.looked_at else f" that could be judged, of {self.looked_at}"
+        left = self.success_without
+        without = f"; without them goal {left.in_words()}" if self.not_preventable and left is not None else ""
+        count = f"{len(self.not_preventable)} of {self.judged}{some}"
+        if self.is_sample:
+            count = f"{self.unpreventable_share.in_words()}{some}"
+            without = f"; without such ones goal about {_estimate(left)}" if without and left is not None else ""
+        none = f"; no reference driver prevents {count}" if self.judged else ""
         laid = ", ".join(f"{cause} {count}" for cause, count in self.laid_to.items())
-        return f"Collisions: {kinds}{f'; laid to {laid}' if laid else ''}{none}{without}."
+        told = f"{kinds}{f'; laid to {laid}' if laid else ''}{none}{without}."
+        sample = f"Of {self.collisions} collisions a random {self.looked_at} were looked at: " if self.is_sample else ""
+        return f"{sample or 'Collisions: '}{told}{self._seen()}"
+
+    def _seen(self) -> str:
+        """One collision of each that they are laid to."""
+        first = {one.laid_to: one for one in reversed(self.evidence) if one.laid_to is not None}
+        shown = [f"{cause} {first[cause].run_id} at {first[cause].time_s:.1f} s" for cause in self.laid_to]
+        return f" See {'; '.join(shown)}." if shown else ""
+
+
+def _estimate(rate: Rate) -> str:
+    if rate.share is None or rate.low is None or rate.high is None:
+        return "unknown"
+    return f"{_percent(rate.share)} (95 %: {100 * rate.low:.0f}–{100 * rate.high:.0f} %, estimated from the sample)"
 
 
 TrivialKind = Literal["at_the_start", "standing", "by_time_alone"]
@@ -254,12 +303,19 @@ class TrivialGoals(Model):
 
     kinds: dict[TrivialKind, int] = Field(description="such runs by why the goal asked for nothing")
     run_ids: tuple[str, ...] = Field(description="ids of these runs")
-    success_without: Rate
+    goals: int = Field(description="runs that reached their goal")
+    looked_at: int = Field(description="of these, the ones that were looked at; fewer than all are a random sample")
+    success_without: Rate | None = Field(description="null over several configurations")
 
     def in_words(self) -> str:
         """How many there are of which kind, with the rate without them."""
         kinds = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in self.kinds.items())
-        return f"Goals that asked for no driving: {kinds}; without them goal {self.success_without.in_words()}."
+        if self.looked_at < self.goals:
+            kinds = f"of a random {self.looked_at} of {self.goals}, {kinds}"
+            without = "" if self.success_without is None else f"; without such goals {_estimate(self.success_without)}"
+            return f"Goals that asked for no driving: {kinds}{without}."
+        without = "" if self.success_without is None else f"; without them goal {self.success_without.in_words()}"
+        return f"Goals that asked for no driving: {kinds}{without}."
 
 
 class BeyondVehicle(Model):
@@ -338,7 +394,7 @@ class AnalyzeResultsArguments(Arguments):
         description="run or batch ids; latest, latest_run, latest_batch, previous_batch",
     )
     breakdown: Breakdown = "none"
-    """By what the runs are grouped, each group with its rate."""
+    """By what the runs are grouped, each with its rate; several configurations are one group only if pooled."""
     where: list[str] = Field([], max_length=12, description="'outcome=collision', 'config=cfg_…', 'time_s=2..4'")
     detail: AnalysisDetail = "summary"
     """Which section is shown beside the summary."""
@@ -372,9 +428,12 @@ class AnalyzeResultsResult(Result):
     results: tuple[str, ...] = Field(description="ids that were analysed")
     runs: int = Field(description="runs behind the figures")
     detail: AnalysisDetail = Field("summary", description="the section that is shown beside the summary")
-    success: Rate = Field(description="share of valid runs that reached the goal")
+    valid_count: int = Field(0, description="runs that could be attempted")
+    success: Rate | None = Field(
+        description="share of valid runs that reached the goal; null over several configurations, which `groups` holds"
+    )
     by_any_motion: Rate | None = Field(
-        None, description="the same by the paper's rule, refused motions included; null where none was refused"
+        None, description="the same by the paper's rule, refused motions included; null if none was refused"
     )
     outcomes: tuple[OutcomeShare, ...] = Field(description="valid runs by how they ended")
     invalid: tuple[InvalidItem, ...] = Field((), description="at most ten; invalid_count has them all")
@@ -500,8 +559,8 @@ def _main_cost(result: AnalyzeResultsResult) -> list[str]:
 
 
 def _several_runs(result: AnalyzeResultsResult) -> Answer:
-    valid = result.success.of
-    head = f"{result.runs} runs ({valid} valid, {result.invalid_count} invalid): goal {result.success.in_words()}"
+    goal = "by configuration" if result.success is None else f"goal {result.success.in_words()}"
+    head = f"{result.runs} runs ({result.valid_count} valid, {result.invalid_count} invalid): {goal}"
     figures = _by_any_motion(result) + _failures(result)
     told = (result.causes, result.trivial, result.beyond_vehicle)
     figures += [part.in_words() for part in told if part is not None]
@@ -555,7 +614,7 @@ def _by_any_motion(result: AnalyzeResultsResult) -> list[str]:
 
 def _failures(result: AnalyzeResultsResult) -> list[str]:
     failed = [
-        f"{item.outcome} {item.rate.count} ({_listed(item.run_ids, 2, item.rate.count)})"
+        f"{item.outcome} {item.count} ({_listed(item.run_ids, 2, item.count)})"
         for item in result.outcomes
         if item.outcome != "goal_reached"
     ]
@@ -597,7 +656,7 @@ def _metrics(result: AnalyzeResultsResult) -> list[str]:
     """Median and range of every metric; one figure where all runs have it, the range alone where there are two."""
     if not result.metrics:
         return []
-    valid = result.success.of
+    valid = result.valid_count
     parts = []
     for item in result.metrics:
         low, high, middle = measured(item.lowest), measured(item.highest), measured(item.median)

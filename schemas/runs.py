@@ -56,6 +56,15 @@ Traffic = Literal["recorded", "reactive"]
 """``reactive``: the others react to the ego, driven by SUMO; ``recorded``: they follow their recording."""
 
 
+VERSION_MARK = "@"
+"""Between the id of a configuration and the digest of its planner's version, where results hold several versions."""
+
+
+def configuration_id(told: str) -> str:
+    """The id of a configuration without the version of its planner: ``cfg_1`` of ``cfg_1@d4e5f6a``."""
+    return told.partition(VERSION_MARK)[0]
+
+
 class CollisionRecord(Model):
     """The first collision of a run: the obstacle (None: the road boundary), the step and the time."""
 
@@ -252,10 +261,14 @@ class RunRecord(Model):
     planner_version: str = Field(
         "", description="version of the planner: as declared or described by git, with a digest; empty: not known"
     )
+    planner_source: str = Field("", description="digest of what drove, by which two versions are told apart")
     ego_class: str = Field(
         "car",
         exclude_if=lambda name: name == "car",
         description="what the ego was: as its scenario says, or of the vehicle that the configuration states",
+    )
+    uses_prediction: bool | None = Field(
+        None, description="whether the planner plans on predictions of others; null: it did not say"
     )
 
 
@@ -280,8 +293,8 @@ RelativeHeading = Literal["same", "oncoming", "crossing"]
 
 
 ReferenceDriverName = Literal["full_braking", "r157_careful", "fsm", "rss", "keep_lane", "evading"]
-"""Drivers in the ego's place: full braking, UN R157's careful and fuzzy ones, RSS, one that keeps lane and speed, and one
-that steers aside by a lane's width."""
+"""Drivers in the ego's place: full braking, UN R157's careful and fuzzy ones, RSS, one that keeps lane and speed, and
+one that steers aside by a lane's width (``docs/reference_drivers.md``)."""
 DriverStart = Literal["before_contact", "start"]
 """What a driver does until it reacts: it follows the ego's own motion up to the contact, or it keeps the lane and the
 speed of the start."""
@@ -346,11 +359,12 @@ class Prevention(Model):
             return f"no reference driver prevents it ({names}){aside}"
         prevents = [] if self.by_braking_until_s is None else [f"full braking until {self.by_braking_until_s:.1f} s"]
         prevents += [] if until is None else [f"steering aside until {until:.1f} s"]
+        prevents += self._drivers(prevents=True)
         if self.by_braking_until_s is None and not self._drivers(prevents=True):
             return f"from the moment before it no reference driver prevents it ({names}){aside}{self._start_in_words()}"
         others = [*self._drivers(prevents=False), *(["steering"] if self.steering_tried and until is None else [])]
         without = f", not by {_listed(others, 'or')}" if others else ""
-        return f"preventable by {_listed([*prevents, *self._drivers(prevents=True)], 'and')}{without}{self._start_in_words()}"
+        return f"preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"
 
     def _start_in_words(self) -> str:
         """Who prevents it from the start; nothing of versions that did not ask."""
@@ -394,9 +408,122 @@ def _listed(parts: Sequence[str], conjunction: str) -> str:
     return f" {conjunction} ".join([*([", ".join(parts[:-1])] if parts[:-1] else []), parts[-1]])
 
 
-LaidTo = Literal["recording", "prediction", "planning", "neither"]
-"""What a collision is laid to: another that follows a recording and would have braked; a prediction that had the other
-elsewhere; a plan that had it there, although a reference driver prevents it; nothing, since none does."""
+PaceCode = Literal[
+    "stood_at_red",
+    "stood_before_red",
+    "stood_at_light",
+    "stood_at_stop_sign",
+    "stood_to_give_way",
+    "stood_in_queue",
+    "stood_behind_vehicle",
+    "stood_in_goal",
+    "stood_at_green",
+    "stood_without_cause",
+    "held_up",
+    "braked_for_vehicle",
+    "braked_to_give_way",
+    "braked_for_light",
+    "braked_for_stop_sign",
+    "braked_for_curve",
+    "braked_for_limit",
+    "braked_for_goal",
+    "braked_for_road_end",
+    "braked_for_course",
+    "braked_too_hard",
+    "braked_without_cause",
+]
+"""Why an ego stood, drove slowly or braked; the rules that decide are in ``docs/runs.md``."""
+EGOS_OWN: tuple[PaceCode, ...] = ("stood_at_green", "stood_without_cause", "braked_too_hard", "braked_without_cause")
+"""What nothing on the road asked of the ego."""
+
+
+class PaceMoment(Model):
+    """A stretch of a run in which the ego stood, was held up by a slower vehicle, or braked by 2 m/s² or more, and why.
+
+    ``obstacle_id``: the other that it is about; ``distance_m``: the gap to it, or from the ego's front to the line, at
+    the beginning; ``largest_mps2``: the hardest braking, as a positive number.
+    """
+
+    code: PaceCode = Field(description="stable code: what the ego did, and why")
+    since_s: float = Field(description="when it began")
+    until_s: float = Field(description="when it ended")
+    obstacle_id: int | None = None
+    obstacle_class: str = ""
+    distance_m: float | None = Field(None, description="to the other or the line, when it began")
+    largest_mps2: float | None = Field(None, description="the hardest braking in it; null where the ego stood")
+
+    @property
+    def is_the_egos(self) -> bool:
+        """Whether nothing on the road asked for it."""
+        return self.code in EGOS_OWN
+
+    @property
+    def duration_s(self) -> float:
+        """How long it lasted."""
+        return self.until_s - self.since_s
+
+    def in_words(self) -> str:
+        """``stood at a green light from 14.5 s to 23.8 s, 2.1 m before its line``."""
+        other = f"{self.obstacle_class} {self.obstacle_id}".strip()
+        far = "" if self.distance_m is None else f"{self.distance_m:.1f} m"
+        span = f"from {self.since_s:.1f} s to {self.until_s:.1f} s"
+        by = "" if self.largest_mps2 is None else f" by up to {self.largest_mps2:.1f} m/s²"
+        before = f", {far} before its line" if far else ""
+        words: dict[PaceCode, str] = {
+            "stood_at_red": f"stood at a red light {span}{before}",
+            "stood_before_red": f"stood {span} on the way to a red light{before}",
+            "stood_at_light": f"stood {span} at a light whose colour the file does not hold{before}",
+            "stood_at_stop_sign": f"stood at a stop sign {span}{before}",
+            "stood_to_give_way": f"stood {span} while {other} crossed its way",
+            "stood_in_queue": f"stood in a queue {span}, {far} behind {other}",
+            "stood_behind_vehicle": f"stood {span}, {far} behind {other}",
+            "stood_in_goal": f"stood in its goal {span}, before the goal's time",
+            "stood_at_green": f"stood at a green light {span}{before}, with no other in its way",
+            "stood_without_cause": f"stood {span} with no other in its way and no light or sign to wait for",
+            "held_up": f"followed slower {other} {span}",
+            "braked_for_vehicle": f"braked{by} {span} for {other} ahead",
+            "braked_to_give_way": f"braked{by} {span} for {other}, which came across its way",
+            "braked_for_light": f"braked{by} {span} for a light",
+            "braked_for_stop_sign": f"braked{by} {span} for a stop sign",
+            "braked_for_curve": f"braked{by} {span} for a curve",
+            "braked_for_limit": f"braked{by} {span} for the speed limit",
+            "braked_for_goal": f"braked{by} {span} for the speed or time of its goal",
+            "braked_for_road_end": f"braked{by} {span} for the end of the road",
+            "braked_for_course": f"braked{by} {span} for {other}, which was on a course to meet it",
+            "braked_too_hard": f"braked{by} {span}, much harder than {other or 'anything on its way'} asked for",
+            "braked_without_cause": f"braked{by} {span} with nothing on its way that asked for it",
+        }
+        return words[self.code]
+
+
+LaidTo = Literal["ego", "recording", "prediction", "planning", "neither"]
+"""What a collision is laid to: what the ego did before it without a reason; another that follows a recording and would
+have braked; a prediction that had the other elsewhere; a plan that had it there, although the collision is attributable; nothing, since it is not attributable
+(neither UN R157's careful nor its fuzzy driver prevents it from both starts)."""
+OwnFault = Literal["slowed", "cut_in", "wrong_side", "red_light", "right_of_way"]
+"""How an ego makes a collision that no reference driver on its path prevents: it stood or braked without a reason, cut
+in, was on the lane of oncoming traffic, passed a red light, or took the right of way."""
+
+
+class EgoFault(Model):
+    """What the ego did that led to a collision, and when; ``moment``: the stand or braking, if it is one."""
+
+    code: OwnFault = Field(description="stable code of what the ego did")
+    time_s: float = Field(description="when it did it")
+    moment: PaceMoment | None = None
+
+    def in_words(self) -> str:
+        """``the ego, which stood from 4.0 s to 9.0 s with no other in its way and no light or sign to wait for``."""
+        if self.moment is not None:
+            return f"the ego, which {self.moment.in_words()}"
+        words: dict[OwnFault, str] = {
+            "slowed": "the ego, which slowed down without a reason",
+            "cut_in": "the ego, which cut in",
+            "wrong_side": "the ego, which was on a lane of the opposite direction",
+            "red_light": "the ego, which passed a red light",
+            "right_of_way": "the ego, which did not give way",
+        }
+        return f"{words[self.code]} at {self.time_s:.1f} s"
 
 
 class Contact(Model):
@@ -409,7 +536,8 @@ class Contact(Model):
     where the tracks do not hold the one that was hit.
     ``predicted_gap_m``: how far apart the two would have been at the collision, had the other moved as the run's
     predictor said a second before; None where it was not there then, or is not known to have been predicted.
-    ``laid_to``: None where that decides, or the prevention is not known.
+    ``laid_to``: None where that decides, or the prevention is not known. ``fault``: what the ego did, where it is laid
+    to the ego.
     """
 
     kind: ContactKind = Field(description="how the two met")
@@ -428,6 +556,12 @@ class Contact(Model):
     prevention: Prevention | None = None
     predicted_gap_m: float | None = None
     laid_to: LaidTo | None = None
+    fault: EgoFault | None = Field(None, description="what the ego did, where the collision is laid to it")
+
+    @property
+    def is_unpreventable(self) -> bool:
+        """Whether no reference driver prevents it and the ego did not make it."""
+        return self.prevention is not None and not self.prevention.possible and self.laid_to != "ego"
 
     @property
     def unforeseen(self) -> bool:
@@ -441,10 +575,13 @@ class Contact(Model):
             return f"{where} at {self.time_s:.1f} s, at {self.ego_speed_mps:.1f} m/s{self._braked}"
         speeds = f"ego {self.ego_speed_mps:.1f} m/s, {self._other} {self.other_speed_mps:.1f} m/s"
         also = f"; also touched then: {', '.join(map(str, self.also_touched))}" if self.also_touched else ""
-        judged = "" if self.prevention is None else f"; {self.prevention.in_words()}"
+        known = self.prevention is not None and (self.prevention.possible or self.laid_to != "ego")
+        judged = f"; {self.prevention.in_words()}" if self.prevention is not None and known else ""
         if self.unforeseen:
             judged += f"; unforeseen: {self.predicted_gap_m:.1f} m apart as predicted a second before"
-        if self.laid_to is not None:
+        if self.fault is not None:
+            judged += f"; laid to {self.fault.in_words()}"
+        elif self.laid_to is not None:
             judged += f"; laid to {'the recording' if self.laid_to == 'recording' else self.laid_to}"
         return f"{self._what} at {self.time_s:.1f} s ({speeds}{self._braked}){also}{judged}"
 
@@ -538,7 +675,7 @@ class RunReview(Model):
     """The decisive moments of one run; a moment that there was not is None.
 
     ``closest``: the smallest gap; ``most_urgent``: the smallest time to collision. ``uncomfortable``: motions above the
-    limits of ``docs/runs.md``, whatever the outcome.
+    limits of ``docs/runs.md``, whatever the outcome. ``pace``: where the ego stood, was held up or braked, and why.
     """
 
     run_id: str
@@ -547,6 +684,12 @@ class RunReview(Model):
     most_urgent: Encounter | None = None
     largest: tuple[LargestMotion, ...] = Field((), description="the largest motions of the ego")
     uncomfortable: tuple[ComfortExcess, ...] = ()
+    pace: tuple[PaceMoment, ...] = Field((), description="where the ego stood, was held up or braked, and why")
+
+    def pace_in_words(self) -> str:
+        """What nothing on the road asked of the ego; empty without it."""
+        own = [moment.in_words() for moment in self.pace if moment.is_the_egos]
+        return f"The ego's own doing: {'; '.join(own)}." if own else ""
 
     def nearness_in_words(self) -> str:
         """The closest moment and the shortest time to a collision, in one line; what there was not is said."""
@@ -642,11 +785,33 @@ class ScenarioSource(Model):
     limit_kmh: float | None = None
 
 
+class RunLook(Model):
+    """What one look at a run's steps and scenario gives, as it is kept beside the run: its moments, and about its goal.
+
+    ``out_of_reach``: whether no ego could be there in time; ``trivial``: why the goal asked for no driving, empty if it
+    did.
+    """
+
+    VERSION: ClassVar[int] = 1
+    """Of the rules that decide; what is kept of another version is not read."""
+
+    review: RunReview
+    out_of_reach: bool = False
+    trivial: str = ""
+
+
+class LooksResponse(Model):
+    """A look at each run, in the order of the request."""
+
+    looks: tuple[RunLook, ...]
+
+
 class RunSource(Model):
-    """A run's record and the file with its steps (None: only the record is at hand)."""
+    """A run's record, the file with its steps (None: only the record is at hand), and the look at it, if it is kept."""
 
     record: RunRecord
     steps_path: str | None = None
+    look: RunLook | None = None
 
 
 class ReviewRequest(Model):

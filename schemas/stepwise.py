@@ -100,6 +100,7 @@ class StartMessage(Model):
         "along and across together), maximum_speed_mps, switching_speed_mps (above it the engine's power limits the "
         "acceleration), maximum_steering_rad, maximum_steering_rate_radps"
     )
+    ego_class: str = Field("car", description="what the ego is: car, truck, bus, motorcycle …")
     step_s: float = Field(description="time step of the scenario and of every plan")
     first_step: int = Field(description="step at which the run begins")
     last_step: int = Field(description="last step of the goal's time")

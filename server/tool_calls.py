@@ -3,6 +3,7 @@
 import base64
 import logging
 import re
+import sys
 from collections.abc import Mapping
 from typing import Any
 
@@ -105,9 +106,24 @@ def _shaped(result: Result | ImageAnswer, call: ToolCall) -> CallToolResult:
     structured, written = result.model_dump(mode="json"), _bounded(result.model_dump_json())
     if _ESCAPE.search(written) or not written.isprintable():  # one look at the whole spares one at each of its texts
         structured = _printable_parts(structured)
+    if _DENORMAL.search(written):
+        structured = _without_denormals(structured)
     return CallToolResult(
         content=[TextContent(type="text", text=text), *linked_by(call)], structured_content=structured
     )
+
+
+_DENORMAL = re.compile(r"\de-3\d\d\b")
+"""Numbers so small that they have lost digits; only a look, since texts may hold the like."""
+
+
+def _without_denormals(value: Any) -> Any:
+    """The same with 0 for every number that is smaller than normal ones: it is what underflow leaves, not a figure."""
+    if isinstance(value, dict):
+        return {key: _without_denormals(part) for key, part in value.items()}
+    if isinstance(value, list):
+        return [_without_denormals(part) for part in value]
+    return 0.0 if isinstance(value, float) and abs(value) < sys.float_info.min else value
 
 
 def _bounded(text: str) -> str:

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from ..engine.execution import Job
+from ..engine.planners import PLANNERS
 from ..engine.workspace import Artifact
 from ..resources.templates import SCHEME
 from ..schemas.artifacts import (
@@ -17,11 +18,11 @@ from ..schemas.artifacts import (
 from ..schemas.catalog import SearchRecord
 from ..schemas.errors import NotPossible, UnknownName
 from ..schemas.jobs import CancelJobArguments, GetJobArguments, JobResult
-from ..schemas.runs import BatchRecord, RunRecord
+from ..schemas.runs import BatchRecord, RunRecord, configuration_id
 from ..schemas.text import counted
 from .call import ToolCall
 from .operations import SUCCESS_RATES
-from .results import lineages
+from .results import lineages, run_record, told_apart
 
 _NEXT = {
     "running": "call get_job again with the same job_id",
@@ -56,9 +57,9 @@ async def list_artifacts(arguments: ListArtifactsArguments, call: ToolCall) -> L
 
 async def _summaries(batches: Sequence[BatchRecord], call: ToolCall) -> list[BatchSummary]:
     """What came out of each batch, configurations in order of their runs; rates are those of ``analyze_results``."""
-    known: dict[str, RunRecord] = {}
-    for run_id in dict.fromkeys(run_id for batch in batches for run_id in batch.runs):
-        known[run_id] = call.workspace.get(run_id, "run").read(RunRecord)
+    run_ids = dict.fromkeys(run_id for batch in batches for run_id in batch.runs)
+    records = told_apart(run_record(call.workspace.get(run_id, "run")) for run_id in run_ids)
+    known = {record.run_id: record for record in records}
     roots = {one.scenario_id: one.root for one in lineages((run.scenario_id for run in known.values()), call)}
     groups = [_by_config([known[run_id] for run_id in batch.runs]) for batch in batches]
     sets = tuple(
@@ -77,7 +78,7 @@ async def _summaries(batches: Sequence[BatchRecord], call: ToolCall) -> list[Bat
             ),
             configs=tuple(
                 ConfigSuccess(
-                    config_id=config_id,
+                    config_id=configuration_id(config_id),
                     config_name=names[config_id],
                     success=next(rates),
                     invalid=len(runs) - len(_valid(runs)),
@@ -121,7 +122,12 @@ def _listed(artifact: Artifact) -> ListedArtifact:
 
 
 def _name(artifact: Artifact) -> str:
-    """What an artifact is called; a search by its conditions and the number of its matches."""
+    """What an artifact is called; a search by its conditions and the number of its matches, a run of a planner of
+    others with the version that drove.
+    """
+    if artifact.kind == "run":
+        record = run_record(artifact)
+        return artifact.name if record.planner in PLANNERS else f"{artifact.name} {record.planner_version}"
     if artifact.kind != "search":
         return artifact.name
     search = artifact.read(SearchRecord)

@@ -2,11 +2,13 @@
 
 from pathlib import Path
 
+from ..engine.planners import source_that_drives
 from ..engine.tuning import DEFAULT_CONFIGURATION, from_file, named_configuration, read_weight_file, to_yaml
 from ..engine.workspace import Artifact, Recipe, content_digest, write_text
 from ..schemas.artifacts import ImportedItem
-from ..schemas.errors import UnknownName, closest
+from ..schemas.errors import NotPossible, UnknownName, closest
 from ..schemas.planning import PlannerConfiguration
+from ..schemas.runs import VERSION_MARK, configuration_id
 from .call import ToolCall
 
 _CURRENT = ("current", "latest")
@@ -24,6 +26,7 @@ def resolve_configuration(text: str, call: ToolCall) -> PlannerConfiguration:
 
     Raises:
         UnknownName: nothing of that name.
+        NotPossible: it is named with a version of its planner that is not installed any more.
     """
     if text.lower() in _CURRENT:
         own = call.services.recent.last(["config"])
@@ -31,9 +34,11 @@ def resolve_configuration(text: str, call: ToolCall) -> PlannerConfiguration:
         if made:
             call.tell_whose("config", f"{made[0].config_id} ({made[0].name})")
         text = own[0][1] if own else made[0].config_id if made else DEFAULT_CONFIGURATION
-    stored = call.workspace.find("config", text)
+    stored = call.workspace.find("config", configuration_id(text))
     if stored is not None:
-        return stored.read(PlannerConfiguration)
+        configuration = stored.read(PlannerConfiguration)
+        _check_version(text, configuration)
+        return configuration
     named = None if text.lower().startswith("cfg_") else named_configuration(text)
     if named is None:
         known = [made.config_id for made in made_configurations(call, _SEARCHED)]
@@ -43,6 +48,17 @@ def resolve_configuration(text: str, call: ToolCall) -> PlannerConfiguration:
             next_step="call list_planners for configurations, or configure_planner for a new one",
         )
     return named
+
+
+def _check_version(text: str, configuration: PlannerConfiguration) -> None:
+    """Refuse a configuration under a version of its planner that does not drive any more (``cfg_…@d4e5f6a``)."""
+    wanted = text.partition(VERSION_MARK)[2]
+    if wanted and not source_that_drives(configuration.planner).startswith(wanted):
+        raise NotPossible(
+            f"{configuration.name} was run in version {wanted} of {configuration.planner}, which is another one now",
+            valid=[configuration.config_id],
+            next_step=f"name {configuration.config_id} for the version that is installed",
+        )
 
 
 def made_configurations(call: ToolCall, limit: int) -> list[PlannerConfiguration]:

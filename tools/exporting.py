@@ -34,7 +34,7 @@ from ..schemas.measures import MeasuredValue
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.rendering import PictureKind, ReportRequest, ReportSection
 from ..schemas.results import AnalyzeResultsArguments, AnalyzeResultsResult
-from ..schemas.runs import BatchRecord, RunRecord, RunSource, excesses_in_words
+from ..schemas.runs import BatchRecord, RunRecord, RunSource, configuration_id, excesses_in_words
 from ..schemas.scenarios import ScenarioRecord
 from ..schemas.text import printable
 from .analysis.tool import analyze_results, compare_results
@@ -144,7 +144,7 @@ def _solution(call: ToolCall, export: Export, target: Path) -> SolutionRequest:
     record = export.artifact.read(RunRecord)
     return SolutionRequest(
         record=record,
-        configuration=call.workspace.get(record.config_id, "config").read(PlannerConfiguration),
+        configuration=call.workspace.get(configuration_id(record.config_id), "config").read(PlannerConfiguration),
         scenario_path=str(call.workspace.file("scenario", record.scenario_id, "scenario.xml")),
         steps_path=str(call.workspace.file("run", record.run_id, "steps.json")),
         target_path=str(target),

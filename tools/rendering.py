@@ -26,12 +26,21 @@ from ..schemas.rendering import (
     ViewPane,
     ViewRequest,
 )
-from ..schemas.runs import BatchRecord, RunRecord
+from ..schemas.runs import BatchRecord, RunRecord, configuration_id
 from .call import Image, ImageAnswer, ToolCall
 from .configurations import resolve_configuration, store_configuration
 from .operations import RENDER, REPLAY_PLANS, WRITE_VIEW
-from .results import WORDS, choose_results, chosen_runs, config_weights, result_named, run_sources, scenario_sources
-from .runs import version_key
+from .results import (
+    WORDS,
+    choose_results,
+    chosen_runs,
+    config_weights,
+    lineages,
+    result_named,
+    run_sources,
+    scenario_sources,
+    version_key,
+)
 
 FOLDER = "pictures"
 """The folder of the drawn pictures in the workspace."""
@@ -132,6 +141,7 @@ async def draw(
         scenarios=scenario_sources(drawn_on, call),
         runs=runs,
         configs=config_weights(runs, call),
+        lineage=lineages(drawn_on, call),
         time_s=time_s,
         study=study,
         folder="",
@@ -231,6 +241,7 @@ def _view_request(artifacts: Sequence[Artifact], call: ToolCall, *, whole: bool)
         batches=tuple(artifact.read(BatchRecord) for artifact in artifacts if artifact.kind == "batch"),
         runs=runs,
         scenarios=scenario_sources([run.record.scenario_id for run in runs], call),
+        lineage=lineages([run.record.scenario_id for run in runs], call),
         whole=whole,
         path="",
     )
@@ -279,7 +290,7 @@ async def _replayed(record: RunRecord, scenario_path: str, steps_path: str, path
         scenario_path=scenario_path,
         scenario_id=record.scenario_id,
         problem_id=record.problem_id,
-        configuration=call.workspace.get(record.config_id, "config").read(PlannerConfiguration),
+        configuration=call.workspace.get(configuration_id(record.config_id), "config").read(PlannerConfiguration),
         prediction=record.prediction,
         traffic=record.traffic,
         seed=record.seed,

@@ -7,13 +7,23 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from ..engine.planners import PLANNERS, built_in_version
 from ..engine.tuning import preset_configuration
 from ..engine.workspace import Artifact
 from ..schemas.errors import Faults, InvalidRequest, NotPossible, PlannerFailure, UnknownName
 from ..schemas.modification import Edit
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.results import ConfigWeights
-from ..schemas.runs import BatchRecord, Lineage, LostCell, RunRecord, RunSource, ScenarioSource
+from ..schemas.runs import (
+    VERSION_MARK,
+    BatchRecord,
+    Lineage,
+    LostCell,
+    RunRecord,
+    RunSource,
+    ScenarioSource,
+    configuration_id,
+)
 from ..schemas.scenarios import ScenarioRecord
 from ..schemas.vocabulary import ROAD_KINDS
 from .call import ToolCall
@@ -97,20 +107,65 @@ def _chosen(artifact: Artifact) -> ChosenResult:
 
 
 def run_sources(run_ids: Iterable[str], call: ToolCall) -> tuple[RunSource, ...]:
-    """Records and step files of runs, each once."""
+    """Records and step files of runs, each once; versions of one planner are told apart (:func:`told_apart`)."""
+    records = told_apart(run_record(call.workspace.get(run_id, "run")) for run_id in dict.fromkeys(run_ids))
     sources = []
-    for run_id in dict.fromkeys(run_ids):
-        record = call.workspace.get(run_id, "run").read(RunRecord)
-        steps = call.workspace.folder("run", run_id) / "steps.json"
+    for record in records:
+        steps = call.workspace.folder("run", record.run_id) / "steps.json"
         sources.append(RunSource(record=record, steps_path=str(steps) if steps.is_file() else None))
     return tuple(sources)
+
+
+def run_record(artifact: Artifact) -> RunRecord:
+    """The record of a stored run; the planner's version of one that was stored without it comes from its recipe."""
+    record = artifact.read(RunRecord)
+    if record.planner_source:
+        return record
+    versions = artifact.recipe.versions
+    if record.planner in PLANNERS:
+        known = built_in_version(record.planner, versions)
+        return record.model_copy(update={"planner_version": known.words, "planner_source": known.source})
+    source = versions.get(version_key(record.planner), "")
+    return record.model_copy(update={"planner_version": source[:_SHORT], "planner_source": source})
+
+
+def version_key(planner: str) -> str:
+    """What a recipe calls the version of a planner of others; a planner may be named as a package is."""
+    return f"planner {planner}"
+
+
+_SHORT = 7
+"""Characters of a digest that are shown, as git abbreviates object ids."""
+
+
+def told_apart(records: Iterable[RunRecord]) -> list[RunRecord]:
+    """The records; those of a planner that drove in several versions with its version in name and configuration id.
+
+    ``mylane:Default`` with ``cfg_1`` becomes ``mylane:Default v2 (d4e5f6a)`` with ``cfg_1@d4e5f6a``: whatever groups
+    runs by configuration keeps the versions apart, and whatever names one names its version.
+    """
+    kept = list(records)
+    sources: dict[str, set[str]] = {}
+    for record in kept:
+        sources.setdefault(record.planner, set()).add(record.planner_source)
+    return [_versioned(record) if len(sources[record.planner]) > 1 else record for record in kept]
+
+
+def _versioned(record: RunRecord) -> RunRecord:
+    version = record.planner_version or "of unknown version"
+    return record.model_copy(
+        update={
+            "config_id": f"{record.config_id}{VERSION_MARK}{record.planner_source[:_SHORT] or 'unknown'}",
+            "config_name": f"{record.config_name} {version}",
+        }
+    )
 
 
 def config_weights(runs: Iterable[RunSource], call: ToolCall) -> tuple[ConfigWeights, ...]:
     """The configurations of runs, as far as they are stored."""
     weights = []
     for config_id in dict.fromkeys(run.record.config_id for run in runs):
-        artifact = call.workspace.find("config", config_id)
+        artifact = call.workspace.find("config", configuration_id(config_id))
         if artifact is not None:
             config = artifact.read(PlannerConfiguration)
             weights.append(

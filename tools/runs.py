@@ -6,14 +6,14 @@ it is run, so that batches and servers that overlap make no run twice.
 
 import logging
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
 import anyio
 
 from ..engine.execution import JobProgress
-from ..engine.planners import planner_version
+from ..engine.planners import PLANNERS, planner_version
 from ..engine.workspace import Recipe, versions_of, write_text
 from ..schemas.errors import NotPossible, PlannerForgeError, UnexpectedFailure
 from ..schemas.jobs import JobState
@@ -39,7 +39,7 @@ from ..schemas.runs import (
 from ..schemas.text import counted
 from .call import Question, ToolCall
 from .operations import REVIEW_RUNS, RUN_PLANNER
-from .results import run_sources, scenario_sources
+from .results import run_sources, scenario_sources, version_key
 
 _SHOWN_BEYOND = 3
 """Runs that a note names (chosen)."""
@@ -49,11 +49,6 @@ MANY_RUNS = 200
 """More runs than these are asked about first; chosen: at some seconds a run on two workers, a quarter of an hour."""
 GO_ON, DO_NOT = "go on", "do not"
 logger = logging.getLogger(__name__)
-
-
-def version_key(planner: str) -> str:
-    """What a recipe calls the version of a planner of others; a planner may be named as a package is."""
-    return f"planner {planner}"
 
 
 @dataclass(frozen=True)
@@ -284,8 +279,20 @@ def _batch_recipe(cells: Sequence[Cell], lost: Sequence[str] = ()) -> Recipe:
         arguments=arguments | ({"lost": list(lost)} if lost else {}),
         parents=tuple(dict.fromkeys([*(cell.scenario_id for cell in cells), *configs])),
         seed=cells[0].seed,
-        versions=cells[0].recipe().versions,
+        versions=_versions(cells),
     )
+
+
+def _versions(cells: Sequence[Cell]) -> dict[str, str]:
+    """The versions that the runs of a grid depend on, those of all its planners."""
+    first = {cell.configuration.planner: cell for cell in reversed(cells)}
+    return {name: version for cell in first.values() for name, version in cell.recipe().versions.items()}
+
+
+def own_versions(planners: Iterable[str]) -> dict[str, str]:
+    """The digests of the sources of those planners that are not ours, as recipes have them."""
+    known = {version_key(name): planner_version(name) for name in planners}
+    return {name: version for name, version in known.items() if version}
 
 
 def _take_note(call: ToolCall, batch: BatchRecord) -> None:
@@ -382,6 +389,9 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
         span = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
         where = counted(len(lengths_m), "run")
         yield f"the ego's start allows no way along the lane's centre in {where}: joined within {span}"
+    versions = {record.planner: record.planner_version for record in records if record.planner not in PLANNERS}
+    for planner, version in versions.items():
+        yield f"{planner} drove in version {version}"
     beyond = [(record.run_id, record.beyond_vehicle) for record in records if record.beyond_vehicle]
     if len(records) == 1 and beyond:
         yield excesses_in_words(beyond[0][1])

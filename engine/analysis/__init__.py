@@ -14,6 +14,8 @@
 ``MetricSpec``: one of these metrics.
 ``cost_shares``: mean weighted cost of each term and its share, by configuration, the largest first.
 ``mean_terms``: mean weighted cost of each term over the planning steps of a run.
+``prevention_of``: What reference drivers in the ego's place make of a collision.
+``Surroundings``: What is around a collision: the others, the road, and the ego's lane.
 ``review_runs``: an operation: who hit whom, the closest moment and the largest motions of each run.
 ``RuledDrive``: a drive among others on a lanelet network, as traffic rules look at it.
 ``judged_by_rules``: what a drive makes of each traffic rule.
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
     from .comparison import compare
     from .limits import Judged, Limit, parse_limit
     from .moments import Course, course_of, review_runs
+    from .prevention import Surroundings, prevention_of
     from .ruled_drive import RuledDrive
     from .run_set import METRICS, MetricSpec, RunSet, cost_shares, driven_tracks, mean_terms, read_series, read_steps
     from .run_table import write_run_table, write_step_table

@@ -1,61 +1,151 @@
 """What decides the rates of a set of runs beside the planner: collisions that no ego prevents, goals met by nothing.
 
-Both stand beside the rate over all valid runs and never in its place.
+Both stand beside the rate over all valid runs and never in its place. All runs of which a look is kept (``RunLook``)
+are counted; of the others a random sample is looked at, which is told as one, with its interval.
 """
 
 from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 
-from ...schemas.results import BeyondVehicle, CollisionCauses, TrivialGoals, TrivialKind
-from ...schemas.runs import Contact, RunRecord
+from ...schemas.results import BeyondVehicle, CauseMoment, CollisionCauses, Rate, TrivialGoals, TrivialKind
+from ...schemas.runs import Contact, LooksResponse, ReviewRequest, RunLook, RunRecord
 from ..commonroad import kept_recording
-from .moments import FROM_BEHIND, contact_of
-from .run_set import RunSet, most_frequent_first
+from ..execution import ProgressReporter
+from .moments import FROM_BEHIND, contact_of, review
+from .reach import cannot_be_reached
+from .run_set import RunSet, drawn, hit_another, most_frequent_first, reached_goal
+from .statistics import rate
 
 MOST_COLLISIONS, MOST_GOALS = 60, 200
-"""Collisions and reached goals that are looked at (chosen): each reads its scenario, and an answer has 50 s."""
+"""Collisions and reached goals without a kept look that are looked at (chosen): each reads its scenario, and an answer
+has 50 s. Server and suites look at all of them, in workers, before they analyse."""
 STOOD_M = 0.5
 """An ego that drove less has stood (chosen)."""
 
 
-def collision_causes(runs: RunSet) -> CollisionCauses | None:
-    """Who hit whom, and how many of the collisions no reference driver prevents; None where none is known."""
-    hits = [record for record in runs.valid if record.collision is not None]
-    if not hits:
-        return None
-    contacts = known_contacts(runs)
+def look_at_runs(request: ReviewRequest, report: ProgressReporter) -> LooksResponse:
+    """Look at each run once, for what is kept beside it."""
+    runs = RunSet(request.runs, scenarios=request.scenarios)
+    looks = []
+    for number, record in enumerate(runs.records):
+        looks.append(
+            RunLook(
+                review=review(runs, record),
+                out_of_reach=record.outcome in ("timeout", "goal_late") and cannot_be_reached(runs, record),
+                trivial=(_trivial_kind(runs, record) or "") if reached_goal(record) else "",
+            )
+        )
+        report((number + 1) / len(runs.records), record.run_id)
+    return LooksResponse(looks=tuple(looks))
+
+
+def sample_of(runs: RunSet, records: Iterable[RunRecord], most: int) -> list[RunRecord]:
+    """All of some runs of which a look is kept; else a random sample of them, with at most so many to be looked at now.
+
+    In the order that the runs have.
+    """
+    chosen: set[str] = set()
+    wanted = list(records)
+    for record in drawn(wanted):
+        most -= runs.look(record) is None
+        if most < 0:
+            break
+        chosen.add(record.run_id)
+    return [record for record in wanted if record.run_id in chosen]
+
+
+def collision_causes(runs: RunSet, *, with_rate: bool = True) -> CollisionCauses | None:
+    """Who hit whom, and how many of the collisions no reference driver prevents; None where none is known.
+
+    ``with_rate``: whether one rate over all these runs is meant.
+    """
+    hits = [record for record in runs.valid if hit_another(record)]
+    looked_at = sample_of(runs, hits, MOST_COLLISIONS)
+    contacts = _contacts(runs, looked_at)
     if not contacts:
         return None
-    judged = {run_id: contact.prevention for run_id, contact in contacts.items() if contact.prevention is not None}
-    not_preventable = tuple(run_id for run_id, prevention in judged.items() if not prevention.possible)
+    judged = {run_id: contact for run_id, contact in contacts.items() if contact.prevention is not None}
+    not_preventable = tuple(run_id for run_id, contact in judged.items() if contact.is_unpreventable)
     kinds = Counter(contact.kind for contact in contacts.values())
+    share = runs.rate((one for one in looked_at if one.run_id in judged), _is_among(not_preventable))
+    without = (
+        _estimated_without(runs, len(hits), share)
+        if len(looked_at) < len(hits)
+        else runs.rate(record for record in runs.valid if record.run_id not in not_preventable)
+    )
     return CollisionCauses(
         collisions=len(hits),
+        looked_at=len(looked_at),
         judged=len(judged),
         kinds=dict(most_frequent_first(kinds)),
         not_preventable=not_preventable,
+        unpreventable_share=share,
         from_behind=sum(contacts[run_id].kind in FROM_BEHIND for run_id in not_preventable),
         laid_to=dict(most_frequent_first(Counter(one.laid_to for one in contacts.values() if one.laid_to is not None))),
         recorded_traffic=any(record.traffic == "recorded" for record in hits if record.run_id in not_preventable),
-        success_without=runs.rate(record for record in runs.valid if record.run_id not in not_preventable),
+        success_without=without if with_rate else None,
+        evidence=tuple(
+            CauseMoment(
+                run_id=run_id,
+                time_s=contact.time_s,
+                kind=contact.kind,
+                laid_to=contact.laid_to,
+                fault=None if contact.fault is None else contact.fault.code,
+                preventable=None if contact.prevention is None else not contact.is_unpreventable,
+            )
+            for run_id, contact in contacts.items()
+        ),
     )
 
 
+def _is_among(run_ids: Sequence[str]) -> Callable[[RunRecord], bool]:
+    return lambda record: record.run_id in run_ids
+
+
+def _estimated_without(runs: RunSet, hits: int, unpreventable: Rate) -> Rate:
+    """The rate of goals without unpreventable collisions, estimated from a sample of the collisions.
+
+    Its interval is that of both together: each end takes the end of the sample's interval that is farther.
+    """
+    goals, valid = len(runs.successes), len(runs.valid)
+    if unpreventable.share is None or unpreventable.low is None or unpreventable.high is None:
+        return runs.rate(runs.valid)
+    of = valid - round(unpreventable.share * hits)
+    low = rate(goals, valid - round(unpreventable.low * hits)).low
+    high = rate(goals, max(valid - round(unpreventable.high * hits), goals)).high
+    return Rate(count=goals, of=of, share=goals / of if of else None, low=low, high=high)
+
+
 def known_contacts(runs: RunSet) -> dict[str, Contact]:
-    """Who hit whom by run id, of the first 60 collisions of valid runs; those of an unknown course are left out."""
-    hits = [record for record in runs.valid if record.collision is not None]
-    seen = {record.run_id: contact_of(runs, record) for record in hits[:MOST_COLLISIONS]}
+    """Who hit whom by run id, of all collisions with another or of a random sample; unknown courses are left out."""
+    return _contacts(runs, sample_of(runs, (one for one in runs.valid if hit_another(one)), MOST_COLLISIONS))
+
+
+def _contacts(runs: RunSet, records: Iterable[RunRecord]) -> dict[str, Contact]:
+    seen = {record.run_id: contact_of(runs, record) for record in records}
     return {run_id: contact for run_id, contact in seen.items() if contact is not None}
 
 
-def trivial_goals(runs: RunSet) -> TrivialGoals | None:
-    """The reached goals that asked for no driving; None where there is none."""
-    kinds = {record.run_id: kind for record in runs.successes[:MOST_GOALS] if (kind := _trivial_kind(runs, record))}
+def trivial_goals(runs: RunSet, *, with_rate: bool = True) -> TrivialGoals | None:
+    """The reached goals that asked for no driving; None where there is none.
+
+    ``with_rate``: whether one rate over all these runs is meant.
+    """
+    looked_at = sample_of(runs, runs.successes, MOST_GOALS)
+    kinds = {record.run_id: kind for record in looked_at if (kind := _trivial_kind(runs, record))}
     if not kinds:
         return None
+    share = runs.rate(looked_at, _is_among(tuple(kinds)))
+    without = runs.rate(record for record in runs.valid if record.run_id not in kinds)
+    if len(looked_at) < len(runs.successes) and share.share is not None:
+        left = round((1 - share.share) * len(runs.successes))
+        without = rate(left, len(runs.valid) - len(runs.successes) + left)
     return TrivialGoals(
         kinds=dict(sorted(Counter(kinds.values()).items())),
         run_ids=tuple(kinds),
-        success_without=runs.rate(record for record in runs.valid if record.run_id not in kinds),
+        goals=len(runs.successes),
+        looked_at=len(looked_at),
+        success_without=without if with_rate else None,
     )
 
 
@@ -71,6 +161,9 @@ def beyond_vehicle(runs: RunSet) -> BeyondVehicle | None:
 
 def _trivial_kind(runs: RunSet, record: RunRecord) -> TrivialKind | None:
     """Why a reached goal asked for no driving: the first reason that holds; None: it did."""
+    kept = runs.look(record)
+    if kept is not None:
+        return kept.trivial or None  # type: ignore[return-value]
     if record.metrics is None:
         return None
     if record.metrics.duration_s <= record.step_s * 1.5:

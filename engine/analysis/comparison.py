@@ -32,7 +32,7 @@ from ...schemas.analysis.comparison import (
 )
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.results import ConfigWeights, MetricName
-from ...schemas.runs import Lineage, RunRecord
+from ...schemas.runs import Lineage, RunRecord, configuration_id
 from ...schemas.text import figure, measured, p_figure, p_in_words
 from ..execution import ProgressReporter
 from .moments import contact_of, review
@@ -70,9 +70,14 @@ def compare(request: CompareRequest, report: ProgressReporter) -> CompareResults
     runs = RunSet(request.runs, request.configs, request.scenarios, request.lineage)
     records = {record.run_id: record for record in runs.records}
     couples = request.couples or tuple((0, place) for place in range(1, len(sides)))
-    drafts = []
+    drafts, apart = list[_Draft](), list[str]()
     for number, (first, second) in enumerate(couples):
-        drafts.append(_drafted(sides[first], sides[second], runs, records, request))
+        try:
+            drafts.append(_drafted(sides[first], sides[second], runs, records, request))
+        except NotPossible:
+            if not request.couples or (number + 1 == len(couples) and not drafts):
+                raise
+            apart.append(f"{sides[second].label} and {sides[first].label} have no problem in common")
         report((number + 1) / (len(couples) + 1), f"{sides[second].label} against {sides[first].label}")
     lineages = {lineage.scenario_id: lineage for lineage in runs.lineage}
     ranked = list(combinations(range(len(sides)), 2)) if len(sides) > 2 and not request.couples else []
@@ -81,16 +86,19 @@ def compare(request: CompareRequest, report: ProgressReporter) -> CompareResults
         for couple in ranked
         if couple not in couples
     }
-    adjusted = iter(_with_holm([*(test for one in drafts for test in (one.success, *one.metrics)), *others.values()]))
+    own: list[SuccessTest | MetricTest] = []
+    for draft in drafts:
+        own += [draft.success, *draft.metrics]
+    adjusted = iter(_with_holm([*own, *others.values()]))
     comparisons = [_finished(draft, adjusted, runs, request) for draft in drafts]
-    tests = {couple: one.success for couple, one in zip(couples, comparisons, strict=True)}
+    tests = {couple: one.success for couple, one in zip(couples, comparisons, strict=False)}
     tests |= {couple: test for couple, test in zip(others, adjusted, strict=True) if isinstance(test, SuccessTest)}
     report(1.0, "compared")
     return CompareResultsResult(
         sides=sides,
         comparisons=tuple(comparisons),
         ranking=_ranking(sides, runs, records, {couple: tests[couple] for couple in ranked}) if ranked else (),
-        notes=(*_notes(request), *_across_rules(request, records)),
+        notes=(*apart, *_notes(request), *_across_rules(request, records)),
     )
 
 
@@ -208,11 +216,7 @@ def _paired(before: Side, after: Side, pairing: "_Pairing") -> str:
     """What was paired with what, where the sides come from two results."""
     if before.result_id == after.result_id:
         return ""
-    versions = [f" {side.planner_version}" if side.planner_version else "" for side in (before, after)]
-    named = [
-        f"{side.config_name}{version} of {side.result_id}"
-        for side, version in zip((before, after), versions, strict=True)
-    ]
+    named = [f"{side.config_name} of {side.result_id}" for side in (before, after)]
     scenarios = len({pair[0].scenario_id for pair in pairing.pairs})
     same = f"{len(pairing.pairs)} {'pair' if len(pairing.pairs) == 1 else 'pairs'} on {scenarios} common "
     return f"{named[0]} (baseline) with {named[1]}: {same}{'scenario' if scenarios == 1 else 'scenarios'}"
@@ -235,8 +239,10 @@ def _cost(
     first, second = ([cost for cost in runs if cost is not None] for runs in costs or ([], []))
     if not first or not second:
         return None
-    if len({side.config_id for side in sides}) > 1:
+    if len({configuration_id(side.config_id) for side in sides}) > 1:
         why = "configurations weigh differently"
+    elif len({side.config_id for side in sides}) > 1:
+        why = "another version of the planner may weigh differently"
     elif any(name.startswith("prediction") for name in pairing.differing):
         why = "the predictions differ"
     else:
@@ -253,7 +259,7 @@ def _notes(request: CompareRequest) -> tuple[str, ...]:
 
 def _across_rules(request: CompareRequest, records: dict[str, RunRecord]) -> tuple[str, ...]:
     """What to bear in mind where the sides' runs were judged by different rules of success."""
-    rules = {side.label: sorted({records[run_id].success_rule for run_id in side.runs}) for side in request.sides}
+    rules = {side.label: sorted({records[run_id].success_rule for run_id in side.run_ids}) for side in request.sides}
     if len({rule for named in rules.values() for rule in named}) < 2:
         return ()
     told = ", ".join(f"{label} by {' and '.join(named)}" for label, named in rules.items())
@@ -627,8 +633,7 @@ def _about_success(code: HeadlineCode, test: SuccessTest) -> str:
     """The flips, then what the exact test makes of them."""
     fact = _flipped(test)
     if code in ("better", "worse", "mixed"):
-        side = "after" if (test.difference or 0) > 0 else "before"
-        return f"{code.capitalize()}: {fact}; '{side}' reaches the goal more often."
+        return f"{code.capitalize()}: {fact}."
     if _is_alike(test):
         return f"{fact}; the success rates differ by less than {100 * _MARGIN:.0f} points (95 %)."
     if test.scenarios < FEWEST_PAIRS:

@@ -4,14 +4,14 @@ from collections.abc import Callable, Sequence
 
 from ...schemas.errors import InvalidRequest, UnknownName, closest
 from ...schemas.grammar import Condition, Interval, parse_condition
-from ...schemas.runs import RunRecord
+from ...schemas.runs import RunRecord, configuration_id
 from ..commonroad import parse_benchmark_id
 from .run_set import METRICS, MetricSpec, RunSet
 
 _WORDS: dict[str, Callable[[RunRecord], Sequence[str]]] = {
     "outcome": lambda record: [record.outcome],
     "planner": lambda record: [record.planner],
-    "config": lambda record: [record.config_id, record.config_name],
+    "config": lambda record: [record.config_id, configuration_id(record.config_id), record.config_name],
     "scenario": lambda record: [record.scenario_id],
     "run": lambda record: [record.run_id],
     "country": lambda record: [parse_benchmark_id(record.scenario_id)[0]],

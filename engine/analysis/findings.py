@@ -7,18 +7,24 @@ those of the median run, never of a sum that one run may decide; what others did
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cached_property
 from statistics import median
 
-from ...schemas.results import Finding, Suggestion
-from ...schemas.runs import Contact, Encounter, RunRecord, RunReview
+import numpy as np
+
+from ...schemas.results import Finding, FindingMoment, Suggestion
+from ...schemas.runs import Contact, Encounter, PaceCode, PaceMoment, RunRecord, RunReview
 from ...schemas.text import p_figure
-from .moments import FROM_BEHIND, contact_of, held_up_share, review
+from ..geometry import wrap_angles
+from .causes import sample_of
+from .moments import FROM_BEHIND, contact_of, review
+from .pace import pace_of
 from .reach import cannot_be_reached
-from .run_set import RunSet, mean_terms, reached_goal, share_of
+from .run_set import RunSet, ego_track, hit_another, mean_terms, reached_goal, share_of
 from .statistics import LEVEL, fisher_exact, holm
 
 _MOST_LOOKED_AT = 60
-"""Runs of a kind whose scenario is read (chosen): an answer has 50 s."""
+"""Runs of a kind without a kept look that are looked at (chosen): an answer has 50 s. They are a random sample."""
 
 
 class Evidence:
@@ -28,30 +34,54 @@ class Evidence:
         self.runs = runs
         self._contacts: dict[str, Contact | None] = {}
         self._reviews: dict[str, RunReview] = {}
+        self._paces: dict[str, tuple[PaceMoment, ...]] = {}
 
     def contact(self, record: RunRecord) -> Contact | None:
-        """How the collision of a run came about; None without one, and of more than sixty."""
-        if record.run_id not in self._contacts and len(self._contacts) < _MOST_LOOKED_AT:
-            self._contacts[record.run_id] = contact_of(self.runs, record)
-        return self._contacts.get(record.run_id)
+        """How the collision of a run came about; None without one, and of one that is not in the sample."""
+        if record.run_id not in self._contacts:
+            sampled = not hit_another(record) or record.run_id in self._sampled_hits
+            self._contacts[record.run_id] = contact_of(self.runs, record) if sampled else None
+        return self._contacts[record.run_id]
 
-    def review(self, record: RunRecord) -> RunReview | None:
-        """The moments of a run; None of more than sixty."""
-        if record.run_id not in self._reviews and len(self._reviews) < _MOST_LOOKED_AT:
+    def review(self, record: RunRecord) -> RunReview:
+        """The moments of a run."""
+        if record.run_id not in self._reviews:
             self._reviews[record.run_id] = review(self.runs, record)
-        return self._reviews.get(record.run_id)
+        return self._reviews[record.run_id]
+
+    def pace(self, record: RunRecord) -> tuple[PaceMoment, ...]:
+        """Where the ego of a run stood, was held up or braked, and why."""
+        if record.run_id not in self._paces:
+            self._paces[record.run_id] = pace_of(self.runs, record)
+        return self._paces[record.run_id]
+
+    def sample(self, records: Iterable[RunRecord]) -> list[RunRecord]:
+        """All of some runs, or a random sample of them if they are many."""
+        return sample_of(self.runs, records, _MOST_LOOKED_AT)
 
     def hits(self) -> list[RunRecord]:
-        """Runs that ended in a collision with another."""
-        return [one for one in self.runs.failures if one.collision and one.collision.obstacle_id is not None]
+        """Runs that ended in a collision with another: all, or a random sample of them."""
+        return [one for one in self.runs.failures if hit_another(one) and one.run_id in self._sampled_hits]
+
+    @cached_property
+    def _sampled_hits(self) -> frozenset[str]:
+        return frozenset(one.run_id for one in self.sample(filter(hit_another, self.runs.failures)))
+
+    @cached_property
+    def among_hits(self) -> str:
+        """What is to be said of collisions if a sample of them was looked at; empty if all were."""
+        hits = sum(map(hit_another, self.runs.failures))
+        return "" if len(self._sampled_hits) == hits else f" (a random {len(self._sampled_hits)} of {hits} collisions)"
 
     def is_the_others(self, record: RunRecord) -> bool:
-        """Whether another drove into the ego from behind, or no reference driver prevents the collision."""
+        """Whether another drove into the ego from behind, or no reference driver prevents the collision.
+
+        What the ego made by itself is not the others'.
+        """
         contact = self.contact(record)
-        if contact is None:
+        if contact is None or contact.laid_to == "ego":
             return False
-        unpreventable = contact.prevention is not None and not contact.prevention.possible
-        return contact.kind in FROM_BEHIND or unpreventable
+        return contact.kind in FROM_BEHIND or contact.is_unpreventable
 
 
 def find_all(runs: RunSet) -> tuple[Finding, ...]:
@@ -71,7 +101,12 @@ def _main_failure(evidence: Evidence) -> Iterator[Finding]:
     words = outcome.replace("_", " ")
     statement = f"{words}: {count} of {len(failures)} failures, {count} of {len(evidence.runs.valid)} valid runs."
     next_step = f"render kind=animation ids=[{run_ids[0]}]"
-    yield Finding(name="main_failure", statement=statement, run_ids=run_ids, next_step=next_step)
+    ends = tuple(
+        FindingMoment(run_id=record.run_id, time_s=record.metrics.duration_s, code=record.outcome)
+        for record in failures
+        if record.outcome == outcome and record.metrics is not None
+    )
+    yield Finding(name="main_failure", statement=statement, run_ids=run_ids, moments=ends, next_step=next_step)
 
 
 _FEW = 2
@@ -90,9 +125,11 @@ def _unforeseen(evidence: Evidence) -> Iterator[Finding]:
         name="unforeseen",
         statement=(
             f"In {len(missed)} of {len(known)} collisions that an ego could prevent the other moved otherwise than "
-            f"predicted a second before: by that both would have been {median(gaps):.1f} m apart (median)."
+            f"predicted a second before: by that both would have been {median(gaps):.1f} m apart (median)"
+            f"{evidence.among_hits}."
         ),
         run_ids=_ids(missed),
+        moments=_hits_of(evidence, missed),
         alternatives="the plan kept too little distance for any prediction to be wrong",
         next_step="run_planner with prediction=ground_truth on the same scenarios, then compare_results",
     )
@@ -165,9 +202,10 @@ def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
             statement=(
                 f"In {len(weak)} of {len(shares)} collisions of {records[0].config_name} that an ego could prevent, "
                 f"obstacles made up under {100 * _WEAK_SHARE:.0f} % of the chosen cost in the last second "
-                f"(median {middle:.1f} %)."
+                f"(median {middle:.1f} %){evidence.among_hits}."
             ),
             run_ids=weak,
+            moments=_hits_of(evidence, (record for record in records if record.run_id in weak)),
             alternatives="the other was not predicted to be there, so that no weight would have seen it",
             suggestion=_suggestion(runs, config_id, known[0]) if known else None,
         )
@@ -188,43 +226,141 @@ _HELD_UP_SHARE = 0.4
 """Share of a drive behind a slower vehicle from which that decides when the ego arrives (chosen)."""
 
 
-def _late(evidence: Evidence) -> Iterator[Finding]:
-    """Runs that came too late: goals that nothing reaches in time, egos behind slower vehicles, and what cost the rest.
+_LATE: tuple[tuple[str, tuple[PaceCode, ...], str, str], ...] = (
+    (
+        "stood_late",
+        ("stood_at_green", "stood_without_cause"),
+        "stood at a green light or with nothing to wait for",
+        "the planner waits for something that the scenario's file does not hold",
+    ),
+    (
+        "waited_late",
+        ("stood_at_red", "stood_before_red", "stood_at_light", "stood_at_stop_sign", "stood_to_give_way"),
+        "waited at lights or for others that had the right of way",
+        "an ego that came earlier would have passed before",
+    ),
+    (
+        "held_up",
+        ("held_up", "stood_in_queue", "stood_behind_vehicle"),
+        "were behind a slower vehicle",
+        "an ego that overtakes, or that starts nearer to it, would be on time",
+    ),
+)
+"""Why a run is late by its stretches: name of the finding, what counts for it, its words, and what else it may be."""
 
-    Each run is laid to the first that holds. For the rest, per configuration, the largest cost term of the median run:
+
+def _late(evidence: Evidence) -> Iterator[Finding]:
+    """Runs that came too late: goals that nothing reaches in time, what the egos waited for, and what cost the rest.
+
+    Each run is laid to the first that holds: a goal out of reach; that of ``_LATE`` which took most of the drive, if it
+    took 40 % of it. For the rest, per configuration, the largest cost term of the median run:
     where it is the speed offset itself, the planner pays for being slow and still is, so its weight is too small
     against the rest; where it is another, that one is what holds the ego back.
     """
     runs = evidence.runs
     late = [record for record in runs.failures if record.outcome in ("timeout", "goal_late")]
-    looked_at = late[:_MOST_LOOKED_AT]
+    looked_at = evidence.sample(late)
+    sample = "" if len(looked_at) == len(late) else f"a random {len(looked_at)} of "
+    of = f"{sample}{len(late)} late runs"
     too_far = [record for record in looked_at if cannot_be_reached(runs, record)]
     rest = [record for record in looked_at if record not in too_far]
-    held_up = [record for record in rest if held_up_share(runs, record) >= _HELD_UP_SHARE]
     if too_far:
         yield Finding(
             name="goal_out_of_reach",
             statement=(
-                f"{len(too_far)} of {len(late)} late runs could not be on time: their goal is farther away than an ego "
+                f"{len(too_far)} of {of} could not be on time: their goal is farther away than an ego "
                 "comes that accelerates to the speed limit and keeps it."
             ),
             run_ids=_ids(too_far),
+            moments=tuple(FindingMoment(run_id=one.run_id, time_s=0.0, code="goal_out_of_reach") for one in too_far),
             next_step="modify_scenario set_goal with a later time or a nearer goal",
         )
-    if held_up:
-        yield Finding(
-            name="held_up",
-            statement=(
-                f"{len(held_up)} of {len(late)} late runs were behind a slower vehicle for "
-                f"{100 * _HELD_UP_SHARE:.0f} % of the drive or more."
-            ),
-            run_ids=_ids(held_up),
-            alternatives="an ego that overtakes, or that starts nearer to it, would be on time",
-            next_step=f"render kind=animation ids=[{held_up[0].run_id}]",
-        )
-    others = [record for record in rest if record not in held_up]
+    laid = {record.run_id: _late_by(evidence, record) for record in rest}
+    for name, codes, words, alternatives in _LATE:
+        members = [record for record in rest if laid[record.run_id] == name]
+        if members:
+            yield Finding(
+                name=name,
+                statement=f"{len(members)} of {of} {words} for {100 * _HELD_UP_SHARE:.0f} % of the drive or more.",
+                run_ids=_ids(members),
+                moments=_paces_of(evidence, members, codes),
+                alternatives=alternatives,
+                next_step=f"render kind=animation ids=[{members[0].run_id}]",
+            )
+    others = [record for record in rest if not laid[record.run_id]]
     for config_id, records in runs.by_config(others).items():
         yield from _held_back(runs, config_id, records)
+
+
+def _late_by(evidence: Evidence, record: RunRecord) -> str:
+    """The name of what took most of a late drive, if it took 40 % of it; else empty."""
+    if record.metrics is None or record.metrics.duration_s <= 0:
+        return ""
+    moments = evidence.pace(record)
+    shares = {
+        name: sum(one.duration_s for one in moments if one.code in codes) / record.metrics.duration_s
+        for name, codes, _, _ in _LATE
+    }
+    most = max(shares, key=lambda name: shares[name])
+    return most if shares[most] >= _HELD_UP_SHARE - 1e-9 else ""
+
+
+def _own_doing(evidence: Evidence) -> Iterator[Finding]:
+    """Per configuration: failures in which the ego stood, or braked hard, while nothing on the road asked for it."""
+    runs = evidence.runs
+    failed = [one for one in runs.failures if one.outcome in _SLOW_ENDS or hit_another(one)]
+    looked_at = evidence.sample(failed)
+    sample = "" if len(looked_at) == len(failed) else f" (a random {len(looked_at)} of {len(failed)})"
+    for records in runs.by_config(looked_at).values():
+        for name, codes, words in _OWN:
+            members = [one for one in records if any(moment.code in codes for moment in evidence.pace(one))]
+            if not members:
+                continue
+            moments = [(m, one.run_id) for one in members for m in evidence.pace(one) if m.code in codes]
+            worst, run_id = max(moments, key=lambda item: item[0].largest_mps2 or item[0].duration_s)
+            yield Finding(
+                name=name,
+                statement=(
+                    f"In {len(members)} of {len(records)} late or collided runs of {records[0].config_name}{sample} "
+                    f"the ego {words}; in {run_id} it {worst.in_words()}."
+                ),
+                run_ids=_ids(members),
+                moments=_paces_of(evidence, members, codes),
+                alternatives="the planner saw a reason that is not on the road: a prediction, or its desired speed",
+                next_step=f"analyze_results results=[{run_id}] detail=timeline where=['time_s={_around(worst)}']",
+            )
+
+
+def _around(moment: PaceMoment) -> str:
+    return f"{max(moment.since_s - 1.0, 0.0):.1f}..{moment.until_s:.1f}"
+
+
+_SLOW_ENDS = ("timeout", "goal_late", "goal_missed", "infeasible")
+_OWN: tuple[tuple[str, tuple[PaceCode, ...], str], ...] = (
+    ("stood_without_cause", ("stood_at_green", "stood_without_cause"), "stood with nothing to wait for"),
+    ("braked_without_cause", ("braked_without_cause", "braked_too_hard"), "braked without a reason on the road"),
+)
+"""Findings on what the ego did without a reason: name, codes of moments, words."""
+
+
+def _paces_of(evidence: Evidence, records: Iterable[RunRecord], codes: Iterable[PaceCode]) -> tuple[FindingMoment, ...]:
+    """The first stretch with one of these codes of each run."""
+    wanted = tuple(codes)
+    found = []
+    for record in records:
+        first = next((moment for moment in evidence.pace(record) if moment.code in wanted), None)
+        if first is not None:
+            found.append(FindingMoment(run_id=record.run_id, time_s=first.since_s, code=first.code))
+    return tuple(found)
+
+
+def _hits_of(evidence: Evidence, records: Iterable[RunRecord]) -> tuple[FindingMoment, ...]:
+    """The moments of the collisions of runs."""
+    return tuple(
+        FindingMoment(run_id=record.run_id, time_s=record.collision.time_s, code=contact.kind)
+        for record in records
+        if record.collision is not None and (contact := evidence.contact(record)) is not None
+    )
 
 
 def _held_back(runs: RunSet, config_id: str, records: list[RunRecord]) -> Iterator[Finding]:
@@ -296,18 +432,27 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
     """
     runs = evidence.runs
     for config_id, records in runs.by_config(runs.successes).items():
-        close = [record for record in records if _is_close(record)]
+        near = [record for record in records if _is_close(record)]
+        close = evidence.sample(near)
         own = [record for record in close if _came_near(evidence.review(record))]
         if not own:
             continue
         others = f"; in {len(close) - len(own)} more others came near to it" if len(close) > len(own) else ""
+        of = f"{len(records)} successes"
+        if len(close) < len(near):
+            of = f"a random {len(close)} of the {len(near)} close ones among {len(records)} successes"
         yield Finding(
             name="near_misses",
             statement=(
-                f"In {len(own)} of {len(records)} successes of {records[0].config_name} the ego came within "
+                f"In {len(own)} of {of} of {records[0].config_name} the ego came within "
                 f"{_CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s of another ahead or crossing{others}."
             ),
             run_ids=_ids(own),
+            moments=tuple(
+                FindingMoment(run_id=one.run_id, time_s=moment.time_s, code="near_miss")
+                for one in own
+                for moment in _own_near(evidence.review(one))[:1]
+            ),
             alternatives="the other braked or cut in, which the ego then mastered",
             suggestion=_suggestion(runs, config_id, "distance_to_obstacles"),
         )
@@ -320,15 +465,20 @@ def _is_close(record: RunRecord) -> bool:
     return (gap is not None and gap < _CRITICAL_GAP_M) or (time is not None and time < CRITICAL_TIME_TO_COLLISION_S)
 
 
-def _came_near(looked_at: RunReview | None) -> bool:
+def _came_near(looked_at: RunReview) -> bool:
     """Whether the ego itself brought about one of the moments that make a run close."""
-    if looked_at is None:
-        return False
+    return bool(_own_near(looked_at))
+
+
+def _own_near(looked_at: RunReview) -> list[Encounter]:
+    """The moments that make a run close and that the ego itself brought about."""
     closest, urgent = looked_at.closest, looked_at.most_urgent
     near = closest is not None and closest.gap_m < _CRITICAL_GAP_M and _is_the_egos(closest)
     time = None if urgent is None else urgent.time_to_collision_s
     soon = time is not None and time < CRITICAL_TIME_TO_COLLISION_S
-    return near or (urgent is not None and soon and _is_the_egos(urgent))
+    found = [closest] if near else []
+    found += [urgent] if urgent is not None and soon and _is_the_egos(urgent) else []
+    return [moment for moment in found if moment is not None]
 
 
 def _is_the_egos(moment: Encounter) -> bool:
@@ -355,9 +505,23 @@ def _uncomfortable_turns(evidence: Evidence) -> Iterator[Finding]:
                 f"m/s² of lateral acceleration (largest {max(values.values()):.1f})."
             ),
             run_ids=harsh,
+            moments=_sharpest(runs, harsh),
             alternatives="the way to the goal is that narrow at the speed that its time asks for",
             suggestion=_suggestion(runs, config_id, "lateral_jerk"),
         )
+
+
+def _sharpest(runs: RunSet, run_ids: Iterable[str]) -> tuple[FindingMoment, ...]:
+    """When the lateral acceleration of runs was largest."""
+    found = []
+    for record in runs.valid:
+        steps = runs.steps.get(record.run_id)
+        if record.run_id in run_ids and steps is not None and len(steps.x_m) > 1:
+            ego = ego_track(record, steps)
+            felt = np.abs(ego.speeds_mps[1:] * wrap_angles(np.diff(ego.headings_rad)))
+            time_s = round((int(felt.argmax()) + 1) * record.step_s, 9)
+            found.append(FindingMoment(run_id=record.run_id, time_s=time_s, code="largest_lateral_acceleration"))
+    return tuple(found)
 
 
 _DOMINATING_SHARE = 0.8
@@ -506,6 +670,7 @@ FINDINGS: tuple[Callable[[Evidence], Iterable[Finding]], ...] = (
     _unforeseen,
     _harder_group,
     _late,
+    _own_doing,
     _weak_obstacle_cost,
     _rejecting_constraint,
     _near_misses,

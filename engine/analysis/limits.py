@@ -12,16 +12,16 @@ import operator
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from statistics import fmean, median
 from typing import Literal, get_args
 
 from ...schemas.analysis.comparison import SuccessTest
 from ...schemas.analysis.suite import LimitVerdict
 from ...schemas.errors import InvalidRequest, UnknownName, closest
-from ...schemas.results import figure
+from ...schemas.results import SIGNIFICANCE_LEVEL
 from ...schemas.runs import Outcome, RunRecord
-from ...schemas.text import quoted
+from ...schemas.text import figure, p_figure, quoted
 from .run_set import METRICS
 from .statistics import rate_by_scenario
 
@@ -57,7 +57,6 @@ _BASELINE = re.compile(
     rf"(?P<kind>not\s+worse\s+than|nothing\s+lost\s+against)\s+(?P<baseline>\S+)"
     rf"(?:\s+by\s+(?P<margin>{_NUMBER})\s*(?P<percent>%?))?{_FOR}"
 )
-_LEVEL = 0.05
 _EXAMPLES = ("success >= 0.9", "preventable_collisions == 0", "minimum_distance_m >= 0.5 in 95 % of runs")
 _SHOWN = 5
 """Runs against a limit that a verdict names (chosen)."""
@@ -72,7 +71,8 @@ class Judged:
     """What limits are judged on, of one configuration: its runs, cells without one, and what is known beside.
 
     ``unpreventable``: runs that ended in a collision that no reference driver prevents; ``against``: by baseline, the
-    paired test of its runs (before) and these (after), and the scenarios that only the baseline mastered.
+    paired test of its runs (before) and these (after), and the scenarios that only the baseline mastered; ``roots``:
+    of edited scenarios, the one that they were made of.
     """
 
     configuration: str
@@ -80,6 +80,7 @@ class Judged:
     lost: int
     unpreventable: frozenset[str]
     against: Mapping[str, tuple[SuccessTest, tuple[str, ...]]]
+    roots: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def valid(self) -> list[RunRecord]:
@@ -137,7 +138,9 @@ class _FigureLimit(Limit):
             valid = [record for record in valid if record.run_id not in runs.unpreventable]
         wanted = "goal_reached" if self.name.startswith("success") else self.name
         counted = [record for record in valid if record.outcome == wanted]
-        seen = rate_by_scenario((record.scenario_id, record.outcome == wanted) for record in valid)
+        seen = rate_by_scenario(
+            (runs.roots.get(one.scenario_id, one.scenario_id), one.outcome == wanted) for one in valid
+        )
         if seen.share is None or seen.low is None or seen.high is None:
             return False, "no valid run", []
         ends = {">": seen.low, "<": seen.high}
@@ -192,11 +195,12 @@ class _BaselineLimit(Limit):
         if test.low is None or test.high is None or test.p is None:
             return False, f"{changed}, not testable", list(lost)
         text = (
-            f"{changed}, success {test.difference:+.1%} (95 %: {test.low:+.1%} to {test.high:+.1%}), p {figure(test.p)}"
+            f"{changed}, success {test.difference:+.1%} (95 %: {test.low:+.1%} to {test.high:+.1%}), "
+            f"p {p_figure(test.p)}"
         )
         if self.margin is not None:
             return test.low >= -self.margin, text, list(lost)
-        return not (test.difference < 0 and test.p < _LEVEL), text, list(lost)
+        return not (test.difference < 0 and test.p < SIGNIFICANCE_LEVEL), text, list(lost)
 
 
 def parse_limit(text: str) -> Limit:

@@ -29,9 +29,9 @@ from ..geometry import Points, Values, arc_length, wrap_angles
 from ..planners import progress_to_goal, steering_of
 from ..vehicles import HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2, Motion, VehicleParameters, drivable_steps
 from .conflicts import CONFLICT_S, nearest_crossing, times_left_to_crossing, worst_times_s
-from .moments import AGREES_M, ego_track, relative_heading, side_of, tracks_in
+from .moments import AGREES_M, relative_heading, side_of
 from .prevention import safe_distance_m
-from .run_set import RunSet
+from .run_set import RunSet, ego_track, tracks_in
 
 LONGEST_S = 100.0
 """As in the criticality figures: a longer time is none."""
@@ -58,6 +58,8 @@ def measures_of(runs: RunSet, record: RunRecord) -> tuple[MeasuredValue, ...]:
         return tuple(_told(measure, record, MeasuredValue(name=measure.name, why=why)) for measure in MEASURES)
     drive = _measured_drive(runs, record, steps)
     found = {one.name: one for one in drive.measured()}
+    if record.outcome == "off_road":
+        found.pop("risk_score", None)
     return tuple(
         _told(measure, record, found.get(measure.name) or MeasuredValue(name=measure.name, why=measure.none))
         for measure in MEASURES
@@ -95,6 +97,8 @@ def _spread(measure: Measure, measured: Sequence[tuple[str, MeasuredValue]]) -> 
 def _told(measure: Measure, record: RunRecord, found: MeasuredValue) -> MeasuredValue:
     """A measure as it is told: a stored one with its stored value, and the moment only where that is the same."""
     stored: float | None = getattr(record.metrics, measure.name, None) if measure.stored else None
+    if measure.name == "risk_score" and record.outcome == "off_road":
+        stored = None
     if stored is None:
         return found
     if found.value is None or abs(found.value - stored) > AGREES_M:
@@ -290,11 +294,12 @@ class MeasuredDrive:
         times = led.times_to_collision_s
         if times.min() <= LONGEST_S:
             yield self._of_leader("leader_time_to_collision_s", times, times.argmin())
-        exposed = times <= EXPOSED_S
+        exposed = (times <= EXPOSED_S) & (led.state > 0)  # a step ends at its state, so that the first one ends none
         duration, depth = self.step_s * exposed.sum(), self.step_s * np.where(exposed, EXPOSED_S - times, 0.0).sum()
         for name, total in (("time_exposed_s", duration), ("time_integrated_s2", depth)):
             if exposed.any():
-                yield self._with(name, total, led.state[times.argmin()], led.track[times.argmin()])
+                worst = np.where(exposed, times, np.inf).argmin()
+                yield self._with(name, total, led.state[worst], led.track[worst])
             else:
                 yield MeasuredValue(name=name, value=0.0)
         margins = led.gaps_m - safe_distance_m(led.ego_mps, led.speeds_mps)

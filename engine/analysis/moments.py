@@ -21,6 +21,7 @@ from ...schemas.runs import (
     ComfortExcess,
     Contact,
     ContactKind,
+    EgoFault,
     Encounter,
     LaidTo,
     LargestMotion,
@@ -32,14 +33,16 @@ from ...schemas.runs import (
     RunReview,
     RunSteps,
 )
-from ..commonroad import Track, kept_recording, static_tracks
-from ..criticality import ahead_of, encounters, gaps_m, times_to_collision_s
+from ..commonroad import Track, kept_recording
+from ..criticality import encounters, gaps_m, times_to_collision_s
 from ..execution import ProgressReporter
 from ..geometry import Points, Values, oriented_rectangle, wrap_angle, wrap_angles
-from ..planners import Predictor, lane_line, predictor
-from ..vehicles import VehicleParameters, vehicle_classes
+from ..planners import PLANNERS, Predictor, lane_line, predictor
+from ..vehicles import VehicleParameters
+from .pace import on_opposite_lane_since_s, own_doing, pace_of
 from .prevention import Surroundings, prevention_of
-from .run_set import RunSet, driven_tracks
+from .run_set import RunSet, ego_track, tracks_in
+from .traffic_rules import rule_verdicts
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
@@ -61,8 +64,6 @@ FROM_BEHIND: tuple[ContactKind, ...] = ("rear_end_by_other", "onto_standing_ego"
 """Another drives into the ego, which it would have seen."""
 _LAST_STATES, _AROUND_M, _CLOSED_GAP_M = 40, 80.0, 0.1
 """Chosen: road that is looked at around the last states of a run, and how far lanelets of real maps lie apart."""
-_HELD_UP_S, _SLOWER = 3.0, 0.9
-"""Chosen: a vehicle ahead within 3 s that is a tenth slower than the ego began decides how fast the ego can be."""
 AGREES_M = 1e-3
 """A closest gap that differs by more from the run's own metric is one that the tracks here do not show."""
 
@@ -79,6 +80,9 @@ def review_runs(request: ReviewRequest, report: ProgressReporter) -> ReviewRespo
 
 def review(runs: RunSet, record: RunRecord) -> RunReview:
     """The decisive moments of one run; what needs its steps is left out where none were kept."""
+    kept = runs.look(record)
+    if kept is not None:
+        return kept.review
     steps = runs.steps.get(record.run_id)
     if steps is None or not steps.x_m or record.metrics is None:
         return RunReview(run_id=record.run_id)
@@ -86,26 +90,52 @@ def review(runs: RunSet, record: RunRecord) -> RunReview:
     closest, urgent = drive.nearest_moments()
     return RunReview(
         run_id=record.run_id,
-        contact=drive.contact(),
+        contact=_blamed(runs, record, drive.contact()),
         closest=closest,
         most_urgent=urgent,
         largest=tuple(_largest(drive.motion)),
         uncomfortable=tuple(_uncomfortable(drive.motion)),
+        pace=pace_of(runs, record),
     )
 
 
 def contact_of(runs: RunSet, record: RunRecord) -> Contact | None:
     """How the collision of a run came about; None without one, or without the run's steps."""
+    kept = runs.look(record)
+    if kept is not None:
+        return kept.review.contact
     steps = runs.steps.get(record.run_id)
     if record.collision is None or steps is None or not steps.x_m:
         return None
-    return _drive(runs, record, steps).contact()
+    return _blamed(runs, record, _drive(runs, record, steps).contact())
 
 
-def held_up_share(runs: RunSet, record: RunRecord) -> float:
-    """The share of a run in which a slower vehicle ahead was near; 0 without the run's steps."""
-    steps = runs.steps.get(record.run_id)
-    return _drive(runs, record, steps).held_up_share() if steps is not None and len(steps.x_m) > 1 else 0.0
+def _blamed(runs: RunSet, record: RunRecord, contact: Contact | None) -> Contact | None:
+    """The contact, laid to the ego if it made the collision by what reference drivers on its path cannot undo."""
+    fault = None if contact is None else _fault(runs, record, contact)
+    return (
+        contact if contact is None or fault is None else contact.model_copy(update={"laid_to": "ego", "fault": fault})
+    )
+
+
+def _fault(runs: RunSet, record: RunRecord, contact: Contact) -> EgoFault | None:
+    if contact.kind in FROM_BEHIND:
+        moment = own_doing(runs, record, contact.time_s)
+        return None if moment is None else EgoFault(code="slowed", time_s=moment.since_s, moment=moment)
+    if contact.kind == "cut_in_by_ego":
+        return EgoFault(code="cut_in", time_s=contact.time_s if contact.came_in_s is None else contact.came_in_s)
+    if contact.laid_to != "neither" or contact.kind not in ("oncoming", "crossing"):
+        return None
+    broken = {verdict.rule: verdict for verdict in rule_verdicts(runs, record) if verdict.violated}
+    light = broken.get("R_IN2")
+    if light is not None and light.first_s is not None and light.first_s <= contact.time_s:
+        return EgoFault(code="red_light", time_s=light.first_s)
+    for rule in ("R_IN3", "R_IN4", "R_IN5"):
+        verdict = broken.get(rule)
+        if verdict is not None and verdict.obstacle_id == contact.obstacle_id and verdict.first_s is not None:
+            return EgoFault(code="right_of_way", time_s=verdict.first_s)
+    since_s = on_opposite_lane_since_s(runs, record, contact.time_s) if contact.kind == "oncoming" else None
+    return None if since_s is None else EgoFault(code="wrong_side", time_s=since_s)
 
 
 def _drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Drive":
@@ -169,6 +199,11 @@ class _Motion:
     def time_s(self, index: int) -> float:
         """The time of an entry since the first state."""
         return round((index + 1) * self.step_s, 9)
+
+
+def plans_on_predictions(record: RunRecord) -> bool:
+    """Whether the planner of a run is known to plan on predictions of others; the built-in ones do."""
+    return record.planner in PLANNERS if record.uses_prediction is None else record.uses_prediction
 
 
 class _Drive:
@@ -310,7 +345,7 @@ class _Drive:
             return None
         if not prevention.attributable:
             return "neither"
-        if self._record.prediction == "ground_truth":
+        if self._record.prediction == "ground_truth" or not plans_on_predictions(self._record):
             return "planning"
         return None if predicted_m is None else "prediction" if predicted_m > 0 else "planning"
 
@@ -340,23 +375,12 @@ class _Drive:
         at = other.index_at(hit_step - steps)
         if self._predict is None or at is None or steps < 1 or len(other.positions) < 2:
             return None
+        if not plans_on_predictions(self._record):
+            return None
         foreseen = self._predict(other, at, steps, self._record.step_s)
         body = oriented_rectangle(foreseen.positions[-1], float(foreseen.headings_rad[-1]), other.size_m)
         own = shapely.Polygon(self._ego.corners_at(reached))
         return round(float(own.distance(shapely.Polygon(body))), 3)
-
-    def held_up_share(self) -> float:
-        """The share of the drive in which another ahead on the ego's path, slower than the ego began, was near.
-
-        Near is up to 3 s of the ego's first speed, bumper to bumper.
-        """
-        met = encounters(self._ego, list(self._tracks.values()))
-        if not len(met.state):
-            return 0.0
-        wanted = float(self._ego.speeds_mps[0])
-        ahead = ahead_of(self._ego, met).gaps_m
-        slows = (ahead < _HELD_UP_S * wanted) & (met.other.speeds_mps < _SLOWER * wanted)
-        return len(np.unique(met.state[slows])) / len(self._ego.positions)
 
     def _kind(
         self, index: int, other: Track, at: int, sides: tuple[BodySide, BodySide]
@@ -420,20 +444,6 @@ class _Drive:
             if track.obstacle_id != hit and at is not None and own.intersects(shapely.Polygon(track.corners_at(at))):
                 touched.append(track.obstacle_id)
         return tuple(sorted(touched))
-
-
-def ego_track(record: RunRecord, steps: RunSteps) -> Track:
-    """The driven states as a track with the ego's size; its id is of no obstacle."""
-    return Track(
-        obstacle_id=-1,
-        kind=vehicle_classes()[record.ego_class].commonroad_type,
-        length_m=record.ego_length_m,
-        width_m=record.ego_width_m,
-        first_step=steps.first_step,
-        positions=np.column_stack([steps.x_m, steps.y_m]),
-        headings_rad=np.asarray(steps.heading_rad, dtype=float),
-        speeds_mps=np.asarray(steps.speed_mps, dtype=float),
-    )
 
 
 def _along(heading_rad: float) -> Points:
@@ -607,16 +617,6 @@ def timeline(
 
 _EXACT = 1e-6
 """Share of a step that is rounding: 0.3 s are three steps of 0.1 s."""
-
-
-def tracks_in(runs: RunSet, record: RunRecord, steps: RunSteps) -> dict[int, Track]:
-    """All others as they moved in a run, static obstacles included; without a file only those of reactive traffic."""
-    path = runs.scenario_path(record)
-    if path is None:
-        return driven_tracks(steps)
-    recording = kept_recording(path)
-    standing = static_tracks(recording.loaded.scenario, steps.first_step + len(steps.x_m))
-    return standing | recording.tracks | driven_tracks(steps)
 
 
 def _moment(record: RunRecord, steps: RunSteps, index: int, tracks: dict[int, Track]) -> TimelineStep:

@@ -18,7 +18,7 @@ from ...schemas.runs import RunRecord, RunSteps
 from ..commonroad import Track, limits_mps, signs_of
 from ..criticality import ahead_of, encounters, times_to_collision_s
 from ..geometry import Points, Values, arc_length, headings, project_all, wrap_angles
-from .moments import ego_track
+from .run_set import ego_track
 
 if TYPE_CHECKING:
     from commonroad.scenario.intersection import Intersection, IntersectionIncomingElement
@@ -114,9 +114,11 @@ class RuledDrive:
         others: Mapping[int, Track],
         network: "LaneletNetwork",
         step_s: float,
+        onward: Points | None = None,
     ) -> None:
+        """``onward``: points (n, 2) of the way behind the driven end; None: along the straightest lanes."""
         self.ego, self.others, self.network, self.step_s = ego, dict(others), network, step_s
-        self.acceleration_mps2 = acceleration_mps2
+        self.acceleration_mps2, self._onward = acceleration_mps2, onward
 
     @classmethod
     def of(
@@ -150,7 +152,9 @@ class RuledDrive:
     @cached_property
     def path(self) -> Track:
         """The driven path, going on along the lanes behind its end, as a track."""
-        ego, on = self.ego, self.roads.onwards(self.lanelets[-1], self.ego.positions[-1])
+        ego, on = self.ego, self._onward
+        if on is None:
+            on = self.roads.onwards(self.lanelets[-1], ego.positions[-1])
         positions = np.concatenate([ego.positions, on])
         turned = headings(positions[-2:]) if len(on) else ego.headings_rad[-1:]
         return Track(
@@ -209,7 +213,7 @@ class RuledDrive:
             lanelet = self.network.find_lanelet_by_id(key)
             if not (lanelet.traffic_lights or lanelet.traffic_signs):
                 continue
-            station = _meeting_m(way, self.roads.stop_line(lanelet))
+            station = meeting_m(way, self.roads.stop_line(lanelet))
             if station is None or station < stations[0]:
                 continue
             at = min(int(np.searchsorted(stations, station)), self.count - 1)
@@ -218,7 +222,10 @@ class RuledDrive:
         return tuple(found)
 
     def _turn_after(self, lanelet_id: int) -> str:
-        steps_on = Counter(key for under in self.lanelets for key in under)
+        return self.turn_after(lanelet_id, Counter(key for under in self.lanelets for key in under))
+
+    def turn_after(self, lanelet_id: int, steps_on: Counter[int]) -> str:
+        """The turn from a lanelet of one who is on these lanelets for so long; empty where it is not known."""
         for intersection in self.network.intersections:
             for incoming in intersection.incomings:
                 if lanelet_id in incoming.incoming_lanelets:
@@ -276,8 +283,12 @@ class RuledDrive:
 
     def lights_for(self, line: Line) -> Iterator["TrafficLight"]:
         """The active lights of a line that are for the ego's turn."""
-        for light in self.lights_of([line.lanelet.lanelet_id]):
-            if light.direction.value in _TURNS[line.turn]:
+        yield from self.lights_for_turn(line.lanelet, line.turn)
+
+    def lights_for_turn(self, lanelet: "Lanelet", turn: str) -> Iterator["TrafficLight"]:
+        """The active lights of a lanelet that are for a turn."""
+        for light in self.lights_of([lanelet.lanelet_id]):
+            if light.direction.value in _TURNS[turn]:
                 yield light
 
 
@@ -391,7 +402,7 @@ def _bend(lane: "Lanelet", following: "Lanelet") -> float:
     return abs(float(wrap_angles(np.array([ends[1] - ends[0]]))[0]))
 
 
-def _meeting_m(way: Points, line: Points) -> float | None:
+def meeting_m(way: Points, line: Points) -> float | None:
     """Where along a way it first meets a line; None where it does not."""
     from shapely import LineString, Point
 

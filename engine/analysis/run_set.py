@@ -3,6 +3,7 @@
 Step files are read when they are first asked for. ``METRICS`` lists the metrics of a run with unit and direction.
 """
 
+import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -16,9 +17,9 @@ from ...schemas.errors import ResourceFailure
 from ...schemas.measures import MEASURES, Basis
 from ...schemas.planning import PlannerSettings
 from ...schemas.results import ConfigWeights, CostShare, MetricName, Rate
-from ...schemas.runs import Lineage, RunRecord, RunSeries, RunSource, RunSteps, ScenarioSource
-from ..commonroad import Track
-from ..vehicles import VehicleParameters, vehicle_of
+from ...schemas.runs import Lineage, RunLook, RunRecord, RunSeries, RunSource, RunSteps, ScenarioSource
+from ..commonroad import Track, kept_recording, static_tracks
+from ..vehicles import VehicleParameters, vehicle_classes, vehicle_of
 from .statistics import rate_by_scenario
 
 _Name = TypeVar("_Name", bound=str)
@@ -27,6 +28,16 @@ _Name = TypeVar("_Name", bound=str)
 def reached_goal(record: RunRecord) -> bool:
     """Whether a run reached its goal."""
     return record.outcome == "goal_reached"
+
+
+def hit_another(record: RunRecord) -> bool:
+    """Whether a run ended in a collision with another; leaving the road is none."""
+    return record.collision is not None and record.collision.obstacle_id is not None
+
+
+def drawn(records: Iterable[RunRecord]) -> list[RunRecord]:
+    """The runs in a random order that depends on nothing but their ids: the first n are a random sample of them all."""
+    return sorted(records, key=lambda record: hashlib.sha256(record.run_id.encode()).digest())
 
 
 @dataclass(frozen=True)
@@ -63,6 +74,14 @@ class RunSet:
         """Steps by run id; runs without steps are not in it."""
         read = ((source.record.run_id, read_steps(source)) for source in self.sources)
         return {run_id: steps for run_id, steps in read if steps is not None}
+
+    @cached_property
+    def _looks(self) -> dict[str, RunLook]:
+        return {source.record.run_id: source.look for source in self.sources if source.look is not None}
+
+    def look(self, record: RunRecord) -> RunLook | None:
+        """What was kept of an earlier look at a run; None without it."""
+        return self._looks.get(record.run_id)
 
     @cached_property
     def obstacles(self) -> dict[str, dict[str, int]]:
@@ -113,6 +132,11 @@ class RunSet:
         settings = next((config.settings for config in self.configs if config.config_id == record.config_id), {})
         vehicle = vehicle_of(PlannerSettings.model_validate(settings), record.ego_class)
         return replace(vehicle, length_m=record.ego_length_m, width_m=record.ego_width_m)
+
+    @cached_property
+    def is_of_one_configuration(self) -> bool:
+        """Whether one rate over all runs is one of a configuration, and not of several pooled."""
+        return len({record.config_id for record in self.records}) < 2
 
     def by_config(self, records: Iterable[RunRecord]) -> dict[str, list[RunRecord]]:
         """The records by configuration id, in order of appearance."""
@@ -172,6 +196,30 @@ def driven_tracks(steps: RunSteps) -> dict[int, Track]:
     }
 
 
+def tracks_in(runs: RunSet, record: RunRecord, steps: RunSteps) -> dict[int, Track]:
+    """All others as they moved in a run, static obstacles included; without a file only those of reactive traffic."""
+    path = runs.scenario_path(record)
+    if path is None:
+        return driven_tracks(steps)
+    recording = kept_recording(path)
+    standing = static_tracks(recording.loaded.scenario, steps.first_step + len(steps.x_m))
+    return standing | recording.tracks | driven_tracks(steps)
+
+
+def ego_track(record: RunRecord, steps: RunSteps) -> Track:
+    """The driven states as a track with the ego's size; its id is of no obstacle."""
+    return Track(
+        obstacle_id=-1,
+        kind=vehicle_classes()[record.ego_class].commonroad_type,
+        length_m=record.ego_length_m,
+        width_m=record.ego_width_m,
+        first_step=steps.first_step,
+        positions=np.column_stack([steps.x_m, steps.y_m]),
+        headings_rad=np.asarray(steps.heading_rad, dtype=float),
+        speeds_mps=np.asarray(steps.speed_mps, dtype=float),
+    )
+
+
 def most_frequent_first(counts: Counter[_Name]) -> list[tuple[_Name, int]]:
     """Names with their counts, the largest first, of equal ones in order of the name."""
     return sorted(counts.items(), key=lambda item: (-item[1], item[0]))
@@ -200,6 +248,8 @@ class MetricSpec:
 
     def value(self, record: RunRecord) -> float | None:
         """The value of the metric in a run; None where it is not defined."""
+        if self.name == "risk_score" and record.outcome == "off_road":
+            return None  # older runs have the score of the others that were near
         value: float | None = getattr(record.metrics, self.name, None)
         return value
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...schemas.artifacts import SuccessRates, SuccessRequest
-from ...schemas.results import Rate
+from ...schemas.results import SIGNIFICANCE_LEVEL, Rate
 from ..execution import ProgressReporter
 
 FEWEST_PAIRS = 6
@@ -26,8 +26,8 @@ _Z_95 = 1.959963984540054
 """The 97.5 % quantile of the standard normal distribution."""
 _Z_80 = 0.8416212335729143
 """The 80 % quantile of the standard normal distribution."""
-LEVEL = 0.05
-"""The usual level of significance."""
+LEVEL = SIGNIFICANCE_LEVEL
+"""The level of all tests and intervals."""
 _MOST_EXACT = 60
 """Pairs up to which p is exact (chosen): above, the normal approximation is as good and the distribution long."""
 

@@ -72,7 +72,8 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
     stated = findings[:_SUMMARY_FINDINGS] if detail == "summary" else findings
     report(0.7, "findings done")
     invalid = [record for record in runs.records if record.outcome == "invalid"]
-    grouped = _groups(runs, request.breakdown)
+    is_one = request.breakdown == "pooled" or runs.is_of_one_configuration
+    grouped = _groups(runs, request.breakdown, is_one=is_one)
     looked_at = review(runs, runs.records[0]) if len(runs.sources) == 1 else None
     moment = _most_critical(looked_at) if looked_at is not None and runs.successes else None
     single = len(runs.sources) == 1
@@ -82,9 +83,10 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         results=request.results,
         runs=len(runs.sources),
         detail=detail,
-        success=runs.rate(runs.valid),
-        by_any_motion=_by_any_motion(runs),
-        outcomes=_outcome_shares(runs),
+        valid_count=len(runs.valid),
+        success=runs.rate(runs.valid) if is_one else None,
+        by_any_motion=_by_any_motion(runs) if is_one else None,
+        outcomes=_outcome_shares(runs, is_one=is_one),
         invalid=tuple(
             InvalidItem(run_id=record.run_id, scenario_id=record.scenario_id, reason=record.reason)
             for record in invalid[:_SHOWN_INVALID]
@@ -96,7 +98,13 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         costs=_costs(runs, detail),
         correlations=correlated,
         findings=tuple(
-            one.model_copy(update={"run_ids": one.run_ids[:_FINDING_RUNS], "run_count": len(one.run_ids)})
+            one.model_copy(
+                update={
+                    "run_ids": one.run_ids[:_FINDING_RUNS],
+                    "run_count": len(one.run_ids),
+                    "moments": one.moments[:_FINDING_RUNS],
+                }
+            )
             for one in stated
         ),
         rows=_rows(runs, (*sorted(runs.failures, key=_ease), *sorted(runs.successes, key=_ease), *invalid))
@@ -107,8 +115,8 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         review=looked_at,
         measures=measures_of(runs, runs.records[0]) if detail == "measures" and single else (),
         spreads=measure_spreads(runs, silent) if detail == "measures" and not single else (),
-        causes=collision_causes(runs) if summed else None,
-        trivial=trivial_goals(runs) if summed else None,
+        causes=collision_causes(runs, with_rate=is_one) if summed else None,
+        trivial=trivial_goals(runs, with_rate=is_one) if summed else None,
         beyond_vehicle=beyond_vehicle(runs) if summed else None,
         rules=rule_verdicts(runs, runs.records[0]) if single and detail in ("summary", "rules") else (),
         rule_shares=tuple(one.model_copy(update={"run_ids": one.run_ids[:_FINDING_RUNS]}) for one in shares),
@@ -131,12 +139,17 @@ def _costs(runs: RunSet, detail: AnalysisDetail) -> tuple[CostShare, ...]:
     return cost_shares(runs)[:_SUMMARY_COSTS] if detail == "summary" and len(runs.sources) == 1 else ()
 
 
+_OFF_ROAD_RISK = 1
+"""Where a run that left the road stands among those by risk: behind collisions, beside the extreme ones (chosen)."""
+
+
 def _ease(record: RunRecord) -> tuple[float, ...]:
     """By risk, then time and distance to a collision, then duration: what came nearest to harm, and soonest, first."""
     found = record.metrics
     if found is None:
         return (math.inf,)
-    worst = (found.risk_score, found.minimum_time_to_collision_s, found.minimum_distance_m, found.duration_s)
+    risk = _OFF_ROAD_RISK if record.outcome == "off_road" else found.risk_score
+    worst = (risk, found.minimum_time_to_collision_s, found.minimum_distance_m, found.duration_s)
     return tuple(math.inf if value is None else float(value) for value in worst)
 
 
@@ -202,15 +215,16 @@ def _by_any_motion(runs: RunSet) -> Rate | None:
     return runs.rate(runs.valid, lambda record: record.outcome in AT_GOAL) if refused else None
 
 
-def _outcome_shares(runs: RunSet) -> tuple[OutcomeShare, ...]:
+def _outcome_shares(runs: RunSet, *, is_one: bool) -> tuple[OutcomeShare, ...]:
     """Every outcome that occurred among the valid runs, the most frequent first."""
     return tuple(
         OutcomeShare(
             outcome=outcome,
-            rate=runs.rate(runs.valid, _ended_as(outcome)),
+            count=count,
+            rate=runs.rate(runs.valid, _ended_as(outcome)) if is_one else None,
             run_ids=tuple(record.run_id for record in runs.valid if record.outcome == outcome)[:_SHOWN_RUNS],
         )
-        for outcome, _ in most_frequent_first(Counter(record.outcome for record in runs.valid))
+        for outcome, count in most_frequent_first(Counter(record.outcome for record in runs.valid))
     )
 
 
@@ -245,14 +259,20 @@ def _undefined(runs: RunSet) -> tuple[UndefinedMetric, ...]:
     return tuple(UndefinedMetric(name=spec.name, why=spec.why_none) for spec in absent)
 
 
-def _groups(runs: RunSet, breakdown: Breakdown) -> tuple[Group, ...]:
-    """Outcome rates by group; a scenario with several obstacle classes is in the group of each."""
-    if breakdown == "none":
+def _groups(runs: RunSet, breakdown: Breakdown, *, is_one: bool) -> tuple[Group, ...]:
+    """Outcome rates by group; a scenario with several obstacle classes is in the group of each.
+
+    Several configurations are groups of their own where nothing else was asked for, and apart within each group of
+    scenarios.
+    """
+    if breakdown == "pooled" or (breakdown == "none" and is_one):
         return ()
+    asked = "config" if breakdown == "none" else breakdown
+    apart = not is_one and asked in _OF_SCENARIOS
     members: dict[str, list[RunRecord]] = {}
     for record in runs.records:
-        for name in _GROUPERS[breakdown](runs, record):
-            members.setdefault(name, []).append(record)
+        for name in _GROUPERS[asked](runs, record):
+            members.setdefault(f"{name}, {record.config_name}" if apart else name, []).append(record)
     order = [name for name in _BIN_NAMES if name in members] if breakdown == "obstacle_count" else sorted(members)
     order += [name for name in sorted(members) if name not in order]
     return tuple(_group(runs, name, members[name]) for name in order)
@@ -292,6 +312,8 @@ def _class_groups(runs: RunSet, record: RunRecord) -> list[str]:
     return ["unknown"] if by_type is None else [f"with {kind}" for kind in by_type] or ["no obstacles"]
 
 
+_OF_SCENARIOS = ("country", "scenario", "obstacle_count", "obstacle_class")
+"""Breakdowns that say nothing of configurations."""
 _GROUPERS: dict[str, Callable[[RunSet, RunRecord], list[str]]] = {
     "planner": lambda _, record: [record.planner],
     "config": lambda _, record: [f"{record.config_name} ({record.config_id})"],

@@ -20,9 +20,8 @@ from ...schemas.results import RuleShare
 from ...schemas.runs import RuleVerdict, RunRecord
 from ..commonroad import kept_recording, signs_of
 from ..geometry import Points, Values, arc_length, project_all
-from .moments import tracks_in
 from .ruled_drive import Ahead, RuledDrive, YieldsBy
-from .run_set import RunSet
+from .run_set import RunSet, tracks_in
 from .temporal_logic import (
     always,
     conjunction,

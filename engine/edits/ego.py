@@ -68,9 +68,7 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             "the scenario has no ego on a lanelet, so there is no goal to set",
             next_step="choose a scenario with a planning problem, or let the ego start on a lanelet with set_ego",
         )
-    under = set(scene.network.find_lanelet_by_position([ego.position])[0])
-    starts = tuple(key for key in ego.lanelets if key in under) or ego.lanelets[:1]
-    routes = _ways_to(edit, scene, changes, starts)
+    routes = _ways_to(edit, scene, changes, ego.lanelets)
     route, goal, task, distance = _first_that_can_be(routes, edit, scene, ego)
     turned = f"{edit.turn} turn at the next fork: " if edit.turn in ("left", "right") else ""
     turned = "straight on at the next fork: " if edit.turn == "straight" else turned

@@ -11,6 +11,7 @@ from ...schemas.scenarios import RuleFinding
 from ..commonroad import LoadedScenario, Track, kept_recording, schema_errors
 from ..geometry import BoxTrack, first_overlaps
 from ..network import LaneletGraph, summarise_findings
+from ..scene import lanelets_of_pose
 from ..vehicles import Motion, check_kinematics, class_by_size, ego_class
 
 LEAST_FEASIBLE = 0.97
@@ -80,7 +81,8 @@ def _feasible(track: Track, step_s: float) -> bool:
 def _goal_reachable(loaded: LoadedScenario) -> bool:
     network = loaded.scenario.lanelet_network
     problem = loaded.problem()
-    starts = network.find_lanelet_by_position([np.asarray(problem.initial_state.position)])[0]
+    start = problem.initial_state
+    starts = lanelets_of_pose(network, np.asarray(start.position), float(start.orientation))
     goals = [
         key
         for state in problem.goal.state_list

@@ -11,9 +11,13 @@
 ``driven_poses``: The poses of a rear axle that drives scaled curvatures and speeds.
 ``motion_primitives``: The primitives to n ends at m times, and whether the network knows each.
 ``straight_lines``: Straight lines over the nodes between first and last values.
-``DesiredSpeed``: How fast to drive to a goal, in m/s.
+``DesiredSpeed``: How fast to drive to a goal, in m/s, and why.
+``ReferenceDesiredSpeed``: The same by the rule of the Frenetix reference loop.
 ``progress_to_goal``: The share of the reference path to the goal that positions came along; None without one.
 ``DebugValues``: Named numbers, texts and polygons that a planner reports beside a plan.
+``Goal``: The goal region of a planning problem; one of its states has to be met.
+``ReferencePath``: Points of a path about one metre apart, and the lanelets of its route.
+``goal_with_path``: The goal state that an ego drives to and the reference path there; None without a route.
 ``EgoState``: The ego at one time step: centre in m, heading in rad, speed, acceleration and yaw rate.
 ``Observation``: What a planner sees before it plans: the ego and the predicted obstacles.
 ``Plan``: The answer of a planner: a trajectory or None, with costs and what was rejected.
@@ -27,6 +31,9 @@
 ``refused_planners``: Why planners of others that were found cannot be named.
 ``own_planner``: The planner of others of a name.
 ``planner_version``: A digest of the source of a planner of others; empty for built-in ones.
+``built_in_version``: The version of a built-in planner, from those of packages.
+``version_that_drives``: The version of a planner in words and as a digest, for workers.
+``source_that_drives``: That digest alone, for any process.
 ``Found``: A planner of others that was found, and where.
 ``check_on``: What a planner of others breaks on a scenario, in words.
 ``PlannerCheck``: What came out of it.
@@ -67,6 +74,7 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
+    from .driving.desired_speed import DesiredSpeed, ReferenceDesiredSpeed
     from .driving.solution import steering_of, write_solution
     from .external.check import PlannerCheck, check_on
     from .external.command import ScenarioFile
@@ -75,7 +83,7 @@ if TYPE_CHECKING:
     from .external.program import planner_driver
     from .frenetix.costs import CandidateBatch, responsibility
     from .frenetix.planner import Frenetix
-    from .goal import DesiredSpeed, progress_to_goal
+    from .goal import Goal, goal_with_path, progress_to_goal
     from .interface import DebugValues, EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
     from .prediction import Predictor, follows, predictor
     from .rbfn.network import (
@@ -99,9 +107,10 @@ if TYPE_CHECKING:
         brakes_of,
     )
     from .reference_drivers.ways import DriverWay
-    from .reference_path import BEYOND_GOAL_M, build_reference_path
+    from .reference_path import BEYOND_GOAL_M, ReferencePath, build_reference_path
     from .registry import (
         PLANNERS,
+        built_in_version,
         check_modes,
         known_planner,
         make_planner,
@@ -110,6 +119,8 @@ if TYPE_CHECKING:
         planner_names,
         planner_version,
         refused_planners,
+        source_that_drives,
+        version_that_drives,
     )
     from .runs import run_planner, run_steps
     from .simulation import DrivenRun, simulate

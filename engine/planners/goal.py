@@ -1,4 +1,4 @@
-"""CommonRoad's goal region in all its forms, whether it can be reached, and how fast to drive there.
+"""CommonRoad's goal region in all its forms, and whether it can be reached.
 
 A goal has lanelets, shapes or a free position, intervals of speed and heading, and one or several states of which one
 has to be met. ``select_goal_state`` says which of several the ego drives to: one is enough, and no ego can drive to
@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ...schemas.errors import NotPossible
-from ..geometry import Points, arc_length, project, project_all
+from ..geometry import Points, arc_length, project, project_all, project_along
 from ..network import LaneletGraph
 from ..scene import find_route, start_lanelets
-from ..vehicles import VehicleParameters
+from ..vehicles import VehicleParameters, farthest_m
 from .interface import EgoState
 from .reference_path import BEYOND_GOAL_M, ReferencePath, build_reference_path
 
@@ -33,9 +33,8 @@ _EDGE_M = 1e-6
 """Chosen, far above what rounding does to coordinates: what lies so near to a goal's area lies on its edge."""
 _AHEAD_M = 120.0
 """Chosen: how far the paths that are compared go on beyond the goal."""
-SPEED_BAND_MPS = 5.0
-_MAXIMUM_SPEED_MPS = 50.0
-"""As in the Frenetix reference loop: the desired speed is within this band of the present one, and at most this."""
+PASSED_M = 5.0
+"""Chosen: a goal whose end the ego has left behind by more than this is passed."""
 _SLOWEST_GOAL_MPS = 0.01
 """An end of the goal's speed interval counts as at least this."""
 
@@ -127,19 +126,46 @@ class Goal:
         chosen = middle if area.intersects(middle) else area.representative_point()
         return np.array([chosen.x, chosen.y])
 
-    def stations_on(self, path: Points) -> tuple[float, float] | None:
-        """Where a path is inside the goal's area: first and last arc length in m; None where it never is.
+    def stations_on(self, path: Points, from_m: float = 0.0) -> tuple[float, float] | None:
+        """Where a path first comes through the goal's area: first and last arc length in m; None if it never does.
+
+        A path that comes back, in a roundabout for instance, may pass the area again: only the first passage that does
+        not end before ``from_m`` counts, for each goal state by itself. Gaps shorter than those after which a goal
+        counts as passed do not end a passage.
 
         Points of the path on the edge of the area are inside. Goals and paths that begin where a lanelet does meet
         there, and rounding, which depends on where the map lies, must not choose the next point instead.
         """
-        import shapely
-
         areas = [state.area for state in self.states if state.area is not None]
-        inside = [shapely.dwithin(area, shapely.points(path), _EDGE_M) for area in areas]
-        within = np.flatnonzero(np.any(inside, axis=0)) if inside else np.empty(0, dtype=int)
-        stations = arc_length(path)
-        return (float(stations[within[0]]), float(stations[within[-1]])) if len(within) else None
+        found = [passage for area in areas if (passage := _first_passage(area, path, from_m)) is not None]
+        return (min(begin for begin, _ in found), max(end for _, end in found)) if found else None
+
+
+def _first_passage(area: Any, path: Points, from_m: float) -> tuple[float, float] | None:
+    """The first stretch of a path inside an area that does not end before a station; else the last one before it."""
+    import shapely
+
+    stations = arc_length(path)
+    within = np.flatnonzero(shapely.dwithin(area, shapely.points(path), _EDGE_M))
+    if not len(within):
+        return None
+    ends = np.flatnonzero((np.diff(within) > 1) & (np.diff(stations[within]) > PASSED_M))
+    begins, lasts = within[np.concatenate([[0], ends + 1])], within[np.concatenate([ends, [len(within) - 1]])]
+    later = np.flatnonzero(stations[lasts] >= from_m)
+    chosen = int(later[0]) if len(later) else len(lasts) - 1
+    first, last = int(begins[chosen]), int(lasts[chosen])
+    return (
+        float(stations[first]) - _inside_m(area, path[max(first - 1, 0) : first + 1]),
+        float(stations[last]) + _inside_m(area, path[last : last + 2]),
+    )
+
+
+def _inside_m(area: Any, ends: Points) -> float:
+    """How much of the straight line between two points (2, 2) is inside an area; 0 for fewer points."""
+    import shapely
+
+    inside_m = float(shapely.intersection(area, shapely.linestrings(ends)).length) if len(ends) > 1 else 0.0
+    return inside_m if inside_m > _EDGE_M else 0.0
 
 
 def _area(position: Any) -> Any:
@@ -169,10 +195,9 @@ def _angle_within(angle_rad: float, low: float, high: float) -> bool:
 def out_of_reach(goal: Goal, ego: EgoState, vehicle: VehicleParameters, step_s: float) -> str | None:
     """One sentence on why no goal state can be reached in its time; None where one may be.
 
-    A bound that no vehicle can beat: straight at the goal's area from the ego's centre with the largest acceleration
-    up to the largest speed, roads and traffic left aside. With ``v₀``, ``a``, ``v_max`` and the time ``t`` to the
-    goal's last step the ego covers at most ``v₀t + at²/2``, from ``t₁ = (v_max − v₀)/a`` on at ``v_max``; its speed is
-    then within ``v₀ ± at``. What it lets pass is not proven to be reachable.
+    A bound that no vehicle can beat: straight at the goal's area from the ego's centre, as far as :func:`farthest_m`
+    says for the time to the goal's last step; its speed is then within ``v₀ ± at``. What it lets pass is not proven to
+    be reachable.
     """
     obstacles = [_obstacle(state, ego, vehicle, step_s) for state in goal.states]
     return None if None in obstacles else obstacles[0]
@@ -216,7 +241,7 @@ def _left_behind(goal: Goal, ego: EgoState, reference: ReferencePath, network: "
     if not goal.has_position:
         return None
     areas = [state.area for state in goal.states if state.area is not None]
-    here = project(reference.points, ego.position)[0]
+    here = reference.follower().place(ego.position)[0]
     away = here - float(project_all(reference.points, shapely.get_coordinates(areas))[0].max())
     if away <= _BEHIND_M:
         return None
@@ -227,15 +252,6 @@ def _left_behind(goal: Goal, ego: EgoState, reference: ReferencePath, network: "
     if any(area.intersects(outline) for outline in outlines for area in areas):
         return None
     return f"the goal ends {away:.1f} m behind the ego, and no way leads back to it"
-
-
-def farthest_m(speed_mps: float, duration_s: float, vehicle: VehicleParameters) -> float:
-    """The longest distance in m that a vehicle covers in a time."""
-    acceleration = vehicle.maximum_acceleration_mps2
-    gain = max(vehicle.maximum_speed_mps - speed_mps, 0.0)
-    faster_s = min(duration_s, gain / acceleration)
-    top = speed_mps + acceleration * faster_s
-    return speed_mps * faster_s + acceleration * faster_s**2 / 2 + top * (duration_s - faster_s)
 
 
 def _obstacle(state: _GoalState, ego: EgoState, vehicle: VehicleParameters, step_s: float) -> str | None:
@@ -309,8 +325,8 @@ def _change_of_speed_mps(
 
 def _distances_to(goal: Goal, ego: EgoState, reference: ReferencePath) -> tuple[float, float]:
     """How far ahead of the ego the area begins and ends along the path, in m."""
-    here = project(reference.points, ego.position)[0]
-    stations = goal.stations_on(reference.points)
+    here = reference.follower().place(ego.position)[0]
+    stations = goal.stations_on(reference.points, here)
     if stations is None and goal.center is not None:
         beside = project(reference.points, goal.center)[0]
         stations = beside, beside
@@ -337,59 +353,28 @@ def progress_to_goal(
     if not goal.has_position:
         return None
     try:
-        path = path_to(goal, aim, network, ego, ahead_m=BEYOND_GOAL_M, beyond_m=BEYOND_GOAL_M).points
+        reference = path_to(goal, aim, network, ego, ahead_m=BEYOND_GOAL_M, beyond_m=BEYOND_GOAL_M)
     except NotPossible:
         return None
-    stations = goal.stations_on(path)
+    start = reference.follower().place(ego.position)[0]
+    stations = goal.stations_on(reference.points, start)
     if stations is None:
         return None
-    start = project(path, ego.position)[0]
-    whole = stations[0] - start
-    reached = float(project_all(path, positions)[0].max()) - start
+    whole = reference.way_m(start, stations[0])
+    reached = reference.way_m(start, float(project_along(reference.points, positions, start)[0].max()))
     return 1.0 if whole <= 0 else min(max(reached / whole, 0.0), 1.0)
 
 
-class DesiredSpeed:
-    """Distance to the goal's middle over the time to the middle of its window, within 5 m/s of the present speed.
-
-    Inside the goal it is the middle of the goal's speed interval; the present speed where nothing else is known (a
-    goal without a place or speed). This is the rule of the Frenetix reference loop, with one difference: inside a goal
-    without a speed interval the reference keeps the present speed and so drives out of it before its time; here the
-    ego goes on aiming at the goal's middle, and waits there. The goal is to be one goal state, see
-    :func:`select_goal_state`.
-    """
-
-    def __init__(self, goal: Goal, reference: ReferencePath, step_s: float) -> None:
-        self._goal, self._reference, self._step_s = goal, reference, step_s
-        stations = goal.stations_on(reference.points) if goal.has_position else None
-        self._goal_station_m = None if stations is None else (stations[0] + stations[1]) / 2
-        self._middle_step = (goal.states[0].first + goal.states[0].last) // 2
-
-    def at(self, ego: EgoState) -> float:
-        """The desired speed in m/s."""
-        low, high = max(ego.speed_mps - SPEED_BAND_MPS, 0.0), min(ego.speed_mps + SPEED_BAND_MPS, _MAXIMUM_SPEED_MPS)
-        return float(np.clip(self._wanted(ego), min(low, high), high))
-
-    def average_to_goal(self, ego: EgoState) -> float | None:
-        """Mean speed that brings the ego to the goal's middle in the time left; None without a place or time."""
-        if self._goal_station_m is None:
-            return None
-        if self._goal.holds(ego.position):
-            return self._goal.speed_mps
-        mean_mps = self._to_station(self._goal_station_m, self._goal.last_step, ego)
-        return None if mean_mps is None else max(mean_mps, 0.0)
-
-    def _wanted(self, ego: EgoState) -> float:
-        otherwise = ego.speed_mps if self._goal.speed_mps is None else self._goal.speed_mps
-        if self._goal_station_m is None:
-            return otherwise if self._goal.has_position else ego.speed_mps
-        if self._goal.holds(ego.position) and self._goal.speed_mps is not None:
-            return self._goal.speed_mps
-        mean_mps = self._to_station(self._goal_station_m, self._middle_step, ego)
-        return otherwise if mean_mps is None else mean_mps
-
-    def _to_station(self, station_m: float, step: int, ego: EgoState) -> float | None:
-        """The mean speed in m/s to be at a station at a step; None where the step is over."""
-        time_left_s = (step - ego.step) * self._step_s
-        here_m = project(self._reference.points, ego.position)[0]
-        return (station_m - here_m) / time_left_s if time_left_s > 0 else None
+def goal_with_path(
+    scenario: "Scenario", problem: "PlanningProblem", vehicle: VehicleParameters
+) -> tuple[Goal, ReferencePath] | None:
+    """The goal state that an ego drives to and the reference path of its route; None if no route leads there."""
+    if not problem.goal.state_list:
+        return None
+    ego, network = EgoState.of(problem.initial_state), scenario.lanelet_network
+    aim = select_goal_state(network, problem.goal, ego, vehicle, float(scenario.dt))
+    goal = Goal(aim)
+    try:
+        return goal, path_to(goal, aim, network, ego, ahead_m=BEYOND_GOAL_M, beyond_m=BEYOND_GOAL_M)
+    except NotPossible:
+        return None

@@ -21,11 +21,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry import Points, Values, arc_length, gaussian, project, wrap_angle, wrap_angles
+from ..geometry import PathFollower, Points, Values, arc_length, wrap_angle, wrap_angles
 from ..vehicles import HARDEST_BRAKING_MPS2, centers, rear_axle, tractrix
+from .driving.desired_speed import DesiredSpeed, curve_speeds_mps
 from .driving.drivability import violated_limit
 from .driving.following import FOLLOWED_WITHIN_M, follow, is_on_plan
-from .goal import DesiredSpeed, Goal
+from .goal import Goal
 from .interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, PredictedObstacle
 
 _EXPONENT = 4.0
@@ -35,10 +36,6 @@ _GRIP = 0.98
 _BRAKING_GRIP, _CURVE_GRIP, _SLIP_SMOOTHING_M = 0.5, 0.75, 0.5
 """Shares of it with which the ego brakes before a curve in which it would slip, and drives through it: 0.9 together.
 The curvature that decides it is smoothed less than the comfortable one."""
-_SMOOTHING_M = 3.0
-"""Chosen: over this length curvature is smoothed for comfort."""
-_STRAIGHT_PER_M = 1e-4
-"""Chosen: curvature in 1/m below which a path counts as straight."""
 _LOOK_AHEAD_S = 1.0
 """An obstacle that will be in the ego's corridor within this time is a leader already, so that a cut-in is seen when it
 begins."""
@@ -51,6 +48,10 @@ _STEEPEST_RAD = 1.2
 _LEAST_PACE = 0.1
 """Inside a turn the curve is shorter than the path, at most by this factor: a vehicle cannot turn about the centre of a
 curve."""
+_LOOKED_BACK_M = 20.0
+"""Chosen: how far behind the ego others are looked for on the path, more than a truck is long."""
+_SAME_PASSAGE_M2 = 1.0
+"""Chosen: two passages of the path are equally near to an obstacle if their squared distances differ by no more."""
 _SMALLEST_GAP_M = 0.1
 """Chosen: a smaller gap counts as this, so that the interaction stays finite."""
 
@@ -59,10 +60,11 @@ class RearAxlePath:
     """The path of a rear axle whose vehicle's centre follows a path of points (n, 2).
 
     A cubic spline over its arc length joins it, so that the curvature has no steps. Stations are its own; at
-    ``stations_m`` (n,) it heads towards ``headings_rad`` (n,).
+    ``stations_m`` (n,) it heads towards ``headings_rad`` (n,). It follows one axle, whose feet are asked for in the
+    order of driving and whose centre begins near the station ``begin_m`` of the path, if that is known.
     """
 
-    def __init__(self, path: Points, behind_center_m: float) -> None:
+    def __init__(self, path: Points, behind_center_m: float, begin_m: float | None = None) -> None:
         from scipy.interpolate import CubicSpline
 
         towards = path[1] - path[0]
@@ -71,6 +73,8 @@ class RearAxlePath:
         self._points = path - behind_center_m * towards_center
         self.stations_m, self._center_stations_m = arc_length(self._points), arc_length(path)
         self._end_m = float(self.stations_m[-1])
+        begin_m = None if begin_m is None else float(np.interp(begin_m, self._center_stations_m, self.stations_m))
+        self._follower = PathFollower(self._points, begin_m)
         self._position = CubicSpline(self.stations_m, self._points)
         self._first, self._second = self._position.derivative(1), self._position.derivative(2)
 
@@ -80,7 +84,7 @@ class RearAxlePath:
 
     def foot(self, point: Points) -> float:
         """The station in m nearest to a point (2,)."""
-        station = project(self._points, point)[0]
+        station = self._follower.place(point)[0]
         for _ in range(6):  # Gauss-Newton from the nearest point of the chords; an error shrinks by offset / radius
             along = self._first(station)
             station += float((point - self._position(station)) @ along) / float(along @ along)
@@ -158,28 +162,6 @@ class RearAxleCurve:
         return np.arctan2(slope, along), np.hypot(slope, along)
 
 
-def curve_speeds_mps(
-    stations_m: Values,
-    headings_rad: Values,
-    lateral_acceleration_mps2: float,
-    deceleration_mps2: float,
-    smoothing_m: float = _SMOOTHING_M,
-) -> Values:
-    """The highest speeds along a path, shape (n,), at which no curve needs more lateral acceleration v² · curvature.
-
-    ``stations_m`` and ``headings_rad`` of shape (n,). Before a curve the speed falls by the deceleration, so that
-    v² = v_next² + 2 · deceleration · distance. The curvature is smoothed over ``smoothing_m``.
-    """
-    spacing_m = float(np.mean(np.diff(stations_m)))
-    curvature = np.abs(gaussian(np.gradient(headings_rad, stations_m), smoothing_m / spacing_m))
-    squared = lateral_acceleration_mps2 / np.maximum(curvature, _STRAIGHT_PER_M)
-    # with E = v² + 2·b·s the condition is that no later E is smaller
-    energy = squared + 2.0 * deceleration_mps2 * stations_m
-    least = np.minimum.accumulate(energy[::-1])[::-1]
-    speeds: Values = np.sqrt(least - 2.0 * deceleration_mps2 * stations_m)
-    return speeds
-
-
 @dataclass(frozen=True)
 class _OnPath:
     """An obstacle along the path, one entry a step: its rear end, its speed, and whether it is in the corridor."""
@@ -214,6 +196,14 @@ class _Driven:
         return self.curve, float(self.stations[index])
 
 
+def _first_near(squared_m2: Values) -> NDArray[np.intp]:
+    """For each row the first local minimum that is about as small as the smallest value."""
+    lowest = squared_m2.min(axis=1, keepdims=True) + _SAME_PASSAGE_M2
+    falls = np.diff(squared_m2, axis=1, append=np.inf) < 0.0
+    first: NDArray[np.intp] = np.argmax((squared_m2 <= lowest) & ~falls, axis=1)
+    return first
+
+
 class IntelligentDriver:
     """The planner; see :class:`plannerforge.engine.planners.interface.Planner`."""
 
@@ -223,20 +213,20 @@ class IntelligentDriver:
         self._weights = task.configuration.weights
         self._steps = round(task.configuration.settings.horizon_s / task.step_s)
         self._goal = Goal(task.goal_ahead)
-        self._desired_speed = DesiredSpeed(self._goal, task.reference, task.step_s)
+        self._desired_speed = DesiredSpeed.of(task)
         self._stations = arc_length(task.reference.points)
         along = np.gradient(task.reference.points, axis=0)
         self._headings = np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
-        self._path = RearAxlePath(task.reference.points, task.vehicle.rear_axle_behind_center_m)
+        self._path = RearAxlePath(task.reference.points, task.vehicle.rear_axle_behind_center_m, task.reference.start_m)
         line = self._path.stations_m, self._path.headings_rad
         comfortable = self._weights["lateral_acceleration_mps2"], self._weights["deceleration_mps2"]
         grip = task.vehicle.maximum_acceleration_mps2
         self._comfortable_mps = curve_speeds_mps(*line, *comfortable)
         self._slip_mps = curve_speeds_mps(*line, _CURVE_GRIP * grip, _BRAKING_GRIP * grip, _SLIP_SMOOTHING_M)
         self._curvature = np.abs(np.gradient(self._path.headings_rad, self._path.stations_m))
-        self._goal_m = self._goal.stations_on(task.reference.points) if self._goal.has_position else None
+        start_m = task.reference.start_m
+        self._goal_m = self._goal.stations_on(task.reference.points, start_m) if self._goal.has_position else None
         self._driven: _Driven | None = None
-        self._desired_mps: float | None = None
 
     def plan(self, observation: Observation) -> Plan:
         """One trajectory: along the path with the model's acceleration, simulated over the horizon."""
@@ -269,8 +259,9 @@ class IntelligentDriver:
     def _motion(self, observation: Observation, station: float) -> tuple[Values, Values]:
         """The distance in m and the speed, one a step, of a rear axle that begins at a station."""
         step_s, vehicle = self._task.step_s, self._task.vehicle
-        others = [self._on_path(obstacle) for obstacle in observation.obstacles if len(obstacle.positions)]
-        desired, look_ahead = self._desired(observation.ego), round(_LOOK_AHEAD_S / step_s)
+        here = self._path.center_station(station)
+        others = [self._on_path(obstacle, here) for obstacle in observation.obstacles if len(obstacle.positions)]
+        desired, look_ahead = self._desired_speed.at(observation.ego), round(_LOOK_AHEAD_S / step_s)
         travelled, speeds = np.zeros(self._steps + 1), np.full(self._steps + 1, observation.ego.speed_mps)
         for i in range(self._steps):
             speed, rear_axle_m = float(speeds[i]), station + float(travelled[i])
@@ -289,16 +280,6 @@ class IntelligentDriver:
             speeds[i + 1] = max(speed + acceleration * step_s, 0.0)
             travelled[i + 1] = travelled[i] + (speed + speeds[i + 1]) / 2 * step_s
         return travelled, speeds
-
-    def _desired(self, ego: EgoState) -> float:
-        """The rule of Frenetix; where it knows nothing but the present speed, the last that it knew.
-
-        Otherwise an ego that a leader slowed down would never drive faster again.
-        """
-        desired = self._desired_speed.at(ego)
-        if self._desired_mps is None or desired != ego.speed_mps:
-            self._desired_mps = desired
-        return self._desired_mps
 
     def _free(self, speed: float, desired: float) -> float:
         a, b = self._weights["acceleration_mps2"], self._weights["deceleration_mps2"]
@@ -336,11 +317,16 @@ class IntelligentDriver:
         left = max(self._goal_m[0] - station, 0.0)
         return math.sqrt(self._goal.speed_mps**2 + 2.0 * self._weights["deceleration_mps2"] * left)
 
-    def _on_path(self, obstacle: PredictedObstacle) -> _OnPath:
-        """Projected on the nearest point of the path, whose points are about one metre apart."""
+    def _on_path(self, obstacle: PredictedObstacle, here_m: float) -> _OnPath:
+        """Projected on the nearest point of the path, whose points are about one metre apart.
+
+        Where the path passes the obstacle more than once, the passage that is next ahead of the ego counts.
+        """
         path = self._task.reference.points
         gaps = path[None, :, :] - obstacle.positions[:, None, :]
-        nearest = np.argmin((gaps**2).sum(axis=2), axis=1)
+        squared = (gaps**2).sum(axis=2)
+        behind = max(int(np.searchsorted(self._stations, here_m - _LOOKED_BACK_M)), 0)
+        nearest = behind + _first_near(squared[:, behind:])
         heading, offset = self._headings[nearest], -gaps[np.arange(len(nearest)), nearest]
         along = offset[:, 0] * np.cos(heading) + offset[:, 1] * np.sin(heading)
         aside = offset[:, 1] * np.cos(heading) - offset[:, 0] * np.sin(heading)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from math import ceil, degrees, pi
 
 from ...schemas.runs import CollisionRecord, InvalidReason, Outcome
-from ..geometry import point_at, project, wrap_angle
-from .goal import Goal, Timing, out_of_reach
+from ..geometry import point_at, wrap_angle
+from .goal import PASSED_M, Goal, Timing, out_of_reach
 from .interface import EgoState, PlanningTask
 from .traffic.recorded import Traffic, rectangle
 
@@ -17,8 +17,6 @@ _TIME_LIMIT_FACTOR = 1.7
 """A run may take this multiple of the steps from its start to the goal's last step, as in the Frenetix reference."""
 _MOST_STEPS = 2000
 """Chosen: no run takes more steps than this, whatever the goal's time."""
-_PASSED_M = 5.0
-"""Chosen: a goal whose end the ego has left behind by more than this is passed."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,9 @@ class Judge:
         self._first_step = initial.step
         steps = max(goal.last_step - initial.step, 1)
         self.last_step = initial.step + min(ceil(_TIME_LIMIT_FACTOR * steps), _MOST_STEPS)
-        stations = goal.stations_on(task.reference.points) if goal.has_position else None
+        self._follower = task.reference.follower()
+        start_m = self._follower.place(initial.position)[0]
+        stations = goal.stations_on(task.reference.points, start_m) if goal.has_position else None
         self._goal_end_m = None if stations is None else stations[1]
         self._was_clear_of_edge = not task.road.touches_edge(rectangle(initial, task.vehicle))
         self._stays: set[Timing] = set()  # how the ego's steps in the goal's place lay to the goal's time
@@ -69,8 +69,8 @@ class Judge:
 
     def _off_route_rad(self, ego: EgoState) -> float:
         """The angle between the ego's heading and the reference path beside it."""
-        path = self._reference.points
-        return abs(wrap_angle(ego.heading_rad - point_at(path, project(path, ego.position)[0])[1]))
+        station_m = self._follower.place(ego.position)[0]
+        return abs(wrap_angle(ego.heading_rad - point_at(self._reference.points, station_m)[1]))
 
     def after_step(self, ego: EgoState) -> Verdict | None:
         """The verdict if this state ends the run."""
@@ -124,7 +124,7 @@ class Judge:
             return None
         beyond_m = self._beyond_m(ego)
         time_over = ego.step > self._goal.last_step
-        if not (beyond_m > _PASSED_M or (time_over and self._stays and beyond_m > 0)):
+        if not (beyond_m > PASSED_M or (time_over and self._stays and beyond_m > 0)):
             return None
         if not self._stays:
             reason = f"passed beside the goal region by {self._since_start_s(ego.step):.1f} s and was never in it"
@@ -148,7 +148,8 @@ class Judge:
             return Verdict(self._outcome_of_stays(), reason)
         left = ""
         if self._goal_end_m is not None and self._beyond_m(ego) < 0:
-            left = f", {-self._beyond_m(ego):.0f} m before the goal's end"
+            here_m = self._follower.place(ego.position)[0]
+            left = f", {self._reference.way_m(here_m, self._goal_end_m):.1f} m before the goal's end"
         return Verdict("timeout", f"ran out of time after {limit}{left}")
 
     def _outcome_of_stays(self) -> Outcome:
@@ -162,7 +163,7 @@ class Judge:
 
     def _beyond_m(self, ego: EgoState) -> float:
         """How far the ego is beyond the end of the goal along the reference path, in m."""
-        return project(self._reference.points, ego.position)[0] - float(self._goal_end_m or 0.0)
+        return self._follower.place(ego.position)[0] - float(self._goal_end_m or 0.0)
 
     def _since_start_s(self, step: int) -> float:
         return round((step - self._first_step) * self._step_s, 9)

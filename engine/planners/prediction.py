@@ -132,6 +132,8 @@ class _CenterLine:
     points: Points
     stations_m: Values
     headings_rad: Values
+    first: Points
+    """Those of the lanelet with which it begins: places of vehicles on it, whatever the line comes back to."""
 
 
 @dataclass(frozen=True)
@@ -202,9 +204,10 @@ class LanePrediction:
             route = straight_on(self._network, self._graph, (lanelet_id,), _AHEAD_M)
             lines = [np.asarray(self._network.find_lanelet_by_id(key).center_vertices) for key in route]
             points = without_repeats(np.concatenate(lines))
-            self._lines[lanelet_id] = _CenterLine(points, arc_length(points), headings(points))
+            first = points[: max(len(without_repeats(lines[0])), 2)]
+            self._lines[lanelet_id] = _CenterLine(points, arc_length(points), headings(points), first)
         line = self._lines[lanelet_id]
-        return _LanePath(line, *project(line.points, position))
+        return _LanePath(line, *project(line.first, position))
 
 
 def ground_truth(track: Track, index: int, steps: int, step_s: float) -> PredictedObstacle:

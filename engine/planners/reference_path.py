@@ -14,13 +14,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..geometry import (
+    PathFollower,
     Points,
+    Values,
     arc_length,
     gaussian,
     hermite,
     interpolate,
     point_at,
     project,
+    project_along,
     resample,
     unit,
     without_repeats,
@@ -37,6 +40,8 @@ FASTEST_MPS = 36.0
 """The speed limit of Frenetix's sampling: no candidate gets farther within the horizon."""
 BLENDED_OVER_M = (10.0, 15.0, 22.0, 33.0, 50.0)
 """Lengths of a blended start, to be tried in turn: the shortest that can be driven stays closest to the route."""
+_TRACKED_M = 5.0
+"""Chosen: lanelets are followed along the path by points about as far apart as this, shorter than any curve."""
 _SPACING_M = 1.0
 """Chosen: distance of a path's points."""
 _SMOOTHING_M = 2.0
@@ -55,13 +60,39 @@ _LENGTH_PER_SHIFT = 6.0
 class ReferencePath:
     """Points (n, 2) about one metre apart, and the lanelets of the route.
 
-    ``network_end_m``: where the straight extension begins; ``goal_lanelet`` is None where the goal has no position.
+    ``route_begin_m``: the station at which the first lanelet begins, negative if that is before the path;
+    ``start_m``: near which the ego begins; ``network_end_m``: where the straight extension begins;
+    ``goal_lanelet`` is None where the goal has no position. ``center_m`` (n,): how far along the centre lines of the
+    lanelets the points are. Smoothing shortens curves, by up to a metre in a small roundabout. It is None for a path
+    that does not follow them from its beginning.
     """
 
     points: Points
     lanelets: tuple[int, ...]
     goal_lanelet: int | None
     network_end_m: float
+    start_m: float = _BEFORE_M
+    route_begin_m: float = _BEFORE_M
+    center_m: Values | None = None
+
+    def lanelet_ends_m(self, network: "LaneletNetwork") -> Values:
+        """Return the station in m at which each lanelet of the route ends, ascending."""
+        lines = [np.asarray(network.find_lanelet_by_id(key).center_vertices, dtype=float) for key in self.lanelets]
+        track = [_thinned(line) for line in lines]
+        stations = project_along(self.points, np.concatenate(track), self.route_begin_m)[0]
+        ends: Values = np.maximum.accumulate(stations[np.cumsum([len(line) for line in track]) - 1])
+        return ends
+
+    def way_m(self, first_m: float, last_m: float) -> float:
+        """Return the length in m along the centre lines between two stations, negative if the second is before."""
+        if self.center_m is None:
+            return last_m - first_m
+        first, last = np.interp([first_m, last_m], arc_length(self.points), self.center_m)
+        return float(last - first)
+
+    def follower(self) -> PathFollower:
+        """Return a follower of the ego's way along the path, which may pass a place twice (a roundabout, a loop)."""
+        return PathFollower(self.points, self.start_m)
 
 
 def build_reference_path(
@@ -87,6 +118,7 @@ def build_reference_path(
     """
     change_m = float(np.clip(_CHANGE_S * speed_mps, _SHORTEST_CHANGE_M, _LONGEST_CHANGE_M))
     segments = _segments(network, route, position, change_m)
+    first = np.asarray(network.find_lanelet_by_id(route.lanelets[0]).center_vertices, dtype=float)
     line = segments[0]
     for following in segments[1:]:
         line = _joined(line, following, change_m)
@@ -94,14 +126,21 @@ def build_reference_path(
     line = gaussian(even, _SMOOTHING_M / _SPACING_M) if len(even) > 3 else even
     if through is not None:
         line = _shifted(line, position, through, change_m)
-    extended = np.concatenate(
-        [_straight_on_from(line[1], line[0], _BEFORE_M)[::-1], line, _straight_on_from(line[-2], line[-1], beyond_m)]
+    before, beyond = (
+        _straight_on_from(line[1], line[0], _BEFORE_M)[::-1],
+        _straight_on_from(line[-2], line[-1], beyond_m),
     )
+    extended = np.concatenate([before, line, beyond])
+    points = _evenly(extended)
+    along = np.concatenate([arc_length(before), _BEFORE_M + arc_length(even), np.zeros(len(beyond))])
+    along[len(before) + len(line) :] = along[len(before) + len(line) - 1] + np.arange(1, len(beyond) + 1) * _SPACING_M
     return ReferencePath(
-        points=_evenly(extended),
+        points=points,
         lanelets=route.lanelets,
         goal_lanelet=None if route.goal_index is None else route.lanelets[route.goal_index],
         network_end_m=_BEFORE_M + float(arc_length(line)[-1]),
+        start_m=_BEFORE_M + project(first, position)[0],
+        center_m=np.interp(arc_length(points), arc_length(extended), along),
     )
 
 
@@ -111,7 +150,7 @@ def blended_start(reference: ReferencePath, rear: Points, heading_rad: float, ov
     Behind the ego it goes straight back. Where the reference path is shorter than that, it is joined at its end.
     """
     stations = arc_length(reference.points)
-    joined_m = min(project(reference.points, rear)[0] + over_m, float(stations[-1]) - 1.0)
+    joined_m = min(reference.follower().place(rear)[0] + over_m, float(stations[-1]) - 1.0)
     end, end_heading_rad = point_at(reference.points, joined_m)
     forward = _direction(heading_rad)
     rest = interpolate(reference.points, stations, np.array([joined_m, *stations[stations > joined_m]]))
@@ -119,7 +158,17 @@ def blended_start(reference: ReferencePath, rear: Points, heading_rad: float, ov
     curve = _curve(rear, forward, end, _direction(end_heading_rad))
     points = _evenly(np.concatenate([behind, rear[None], curve, rest]))
     straight_m = float(stations[-1]) - reference.network_end_m
-    return replace(reference, points=points, network_end_m=float(arc_length(points)[-1]) - straight_m)
+    network_end_m = float(arc_length(points)[-1]) - straight_m
+    begin_m = reference.route_begin_m + float(arc_length(points)[-1] - stations[-1])
+    return replace(
+        reference, points=points, network_end_m=network_end_m, start_m=_BEFORE_M, route_begin_m=begin_m, center_m=None
+    )
+
+
+def _thinned(line: Points) -> Points:
+    """The points of a line with some left out if they are close to one another, its last one kept."""
+    count = max(int(arc_length(line)[-1] / _TRACKED_M), 1)
+    return resample(line, count + 1)[1:]
 
 
 def _segments(network: "LaneletNetwork", route: Route, position: Points, change_m: float) -> list[Points]:

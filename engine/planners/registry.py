@@ -6,8 +6,10 @@ To add a planner, add a function that makes it to ``PLANNERS``, and its ``Planne
 ``engine/tuning/tunings.py``.
 """
 
-from collections.abc import Callable
+import hashlib
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, get_args
 
 from ...schemas.errors import InvalidRequest, PlannerFailure, UnknownName, closest
@@ -137,6 +139,70 @@ def planner_version(name: str) -> str:
     """A digest of the source of a planner of others; empty for built-in ones, whose version is ours."""
     folded = known_planner(name)
     return "" if folded in PLANNERS else own_planner(folded).version
+
+
+CORES: dict[str, tuple[str, ...]] = {"frenetix": ("frenetix",), "fiss": ("fiss-planner",)}
+"""Of built-in planners that drive the core of another package, its name."""
+_OURS = "plannerforge-mcp"
+
+
+@dataclass(frozen=True)
+class PlannerVersion:
+    """The version of a planner: ``words`` for people, ``source``: a digest of what drives, by which two are told apart.
+
+    Of a planner of others that is its source; of a built-in one the versions of our package and of its core.
+    """
+
+    words: str
+    source: str
+
+
+def built_in_version(name: str, versions: Mapping[str, str]) -> PlannerVersion:
+    """The version of a built-in planner, given the versions of packages by their names."""
+    named = [package for package in (*CORES.get(name, ()), _OURS) if package in versions]
+    words = ", ".join(f"{package} {versions[package]}" for package in named)
+    return PlannerVersion(words, hashlib.sha256(words.encode()).hexdigest()[:12])
+
+
+def version_that_drives(name: str) -> PlannerVersion:
+    """The version of the planner that drives under this name now; for workers, as its class is imported.
+
+    Raises:
+        UnknownName: no such planner.
+        PlannerFailure: a planner of others that cannot be imported.
+    """
+    folded = known_planner(name)
+    if folded in PLANNERS:
+        return _built_in_here(folded)
+    from .external.versions import version_in_words
+
+    found = own_planner(folded)
+    return PlannerVersion(version_in_words(found), found.version)
+
+
+def source_that_drives(name: str) -> str:
+    """The digest of :func:`version_that_drives`, without importing anything.
+
+    Raises:
+        UnknownName: no such planner.
+    """
+    folded = known_planner(name)
+    return _built_in_here(folded).source if folded in PLANNERS else own_planner(folded).version
+
+
+def _built_in_here(name: str) -> PlannerVersion:
+    from importlib.metadata import version
+
+    return built_in_version(name, {package: version(package) for package in (*CORES.get(name, ()), _OURS)})
+
+
+def uses_prediction(name: str) -> bool:
+    """Whether a planner plans on predictions of others: all built-in ones, and others that declare it."""
+    folded = known_planner(name)
+    if folded in PLANNERS:
+        return True
+    found = own_planner(folded)
+    return (found.command or found.own().declaration).uses_prediction
 
 
 def check_modes(traffic: TrafficMode, prediction: Prediction) -> None:

@@ -4,8 +4,9 @@ drive a stored one once more, for its plans, candidates and predictions.
 A run stores what was driven; the rest is a hundred times as much, and the same seed and versions give it again.
 """
 
+import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -28,7 +29,7 @@ from .external.command import ScenarioFile
 from .external.program import ended_after, log_of
 from .interface import EgoState, Observation, Plan, Planner, PlanningTask, ShowsCandidates
 from .judge import Verdict
-from .registry import check_modes, make_planner, open_traffic, planner_version
+from .registry import check_modes, make_planner, open_traffic, planner_version, uses_prediction, version_that_drives
 from .series import run_series
 from .simulation import DrivenRun, simulate
 
@@ -42,6 +43,9 @@ _EVERY_S = 0.2
 _MOST_CANDIDATES, _MOST_PREDICTIONS, _WITHIN_M = 16, 8, 60.0
 """Candidates that are shown of a planning step, evenly chosen by rank, and the nearest others with their predictions;
 chosen: more is a tangle."""
+_SAME_M, _SAME_RAD, _SAME_MPS = 0.01, 0.005, 0.05
+"""Within these a run that is driven again is the stored one. Plans are shown to the centimetre; half a hundredth of a
+radian moves the corners of a car by a centimetre; and 0.05 m/s is less than a speed changes in a step at 1 m/s²."""
 _LEAST_M = 0.5
 """A road user that is predicted to move less has no line (chosen)."""
 
@@ -62,6 +66,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     file = ScenarioFile(Path(request.scenario_path), str(loaded.scenario.scenario_id))
     _check_version(request)
     check_modes(request.traffic, request.prediction)
+    version = version_that_drives(request.configuration.planner)
     with ended_after(make_planner(request.configuration.planner, file)) as planner:
         driven = start.drive(planner, report)
     steps = run_steps(driven)
@@ -93,7 +98,10 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         ),
         ego_length_m=vehicle.length_m,
         ego_width_m=vehicle.width_m,
+        planner_version=version.words,
+        planner_source=version.source,
         ego_class=vehicle.vehicle_class,
+        uses_prediction=uses_prediction(request.configuration.planner),
     )
     report(1.0, ending.outcome)
     core_s = [plan.core_s for plan in driven.plans if plan.core_s > 0]
@@ -196,6 +204,8 @@ def _metrics(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> Ru
     duration = (len(states) - 1) * step_s
     distance = float(np.linalg.norm(np.diff(ego.positions, axis=0), axis=1).sum())
     nearness = drive_criticality(ego, driven.traffic.moving, driven.traffic.standing)
+    if driven.final.outcome == "off_road":  # the score rates what others are near, not a ditch
+        nearness = replace(nearness, risk_score=None)
     return RunMetrics(
         duration_s=round(duration, 9),
         distance_m=distance,
@@ -245,9 +255,14 @@ def run_steps(driven: DrivenRun) -> RunSteps:
         steering_rad=() if driven.steering_rad is None else tuple(driven.steering_rad.tolist()),
         plan_steps=tuple(driven.plan_steps),
         others=tuple(_driven_obstacle(track) for track in driven.traffic.driven),
-        costs={name: tuple(float(plan.costs.get(name, 0.0)) for plan in driven.plans) for name in terms},
+        costs={name: tuple(_normal(plan.costs.get(name, 0.0)) for plan in driven.plans) for name in terms},
         rejected={name: tuple(counts.get(name, 0) for counts in driven.rejections) for name in constraints},
     )
+
+
+def _normal(value: float) -> float:
+    """A number, 0 for one that is smaller than normal ones: that is what underflow leaves."""
+    return 0.0 if abs(value) < sys.float_info.min else float(value)
 
 
 def _driven_obstacle(track: Track) -> DrivenObstacle:
@@ -270,7 +285,8 @@ def _driven_obstacle(track: Track) -> DrivenObstacle:
 def replay_plans(request: ReplayRequest, report: ProgressReporter) -> Replayed:
     """Drive a run again and write its plans as JSON (``RunPlans``) to the request's path.
 
-    Where today's code drives otherwise than what is stored, nothing is shown, and the note says so.
+    If the run comes out otherwise here than it is stored, by more than rounding on another machine does
+    (:func:`_difference`), nothing is shown, and the note says by how much.
 
     Raises:
         UnsafeInput: the scenario's file cannot be read.
@@ -284,11 +300,46 @@ def replay_plans(request: ReplayRequest, report: ProgressReporter) -> Replayed:
         planner = _Watched(own, start.loaded.step_s)
         driven = start.drive(planner, report)
     stored = RunSteps.model_validate_json(Path(request.steps_path).read_bytes())
-    if run_steps(driven) != stored:
-        return Replayed(note="this version drives the run otherwise than it is stored, so its plans are not shown")
+    difference = _difference(run_steps(driven), stored)
+    if difference is not None:
+        return Replayed(note=f"driven again here, the run {difference}, so its plans are not shown")
     plans = tuple(planner.plans[step] for step in driven.plan_steps)
     Path(request.path).write_text(RunPlans(plans=plans).model_dump_json(), encoding="utf-8")
     return Replayed(path=request.path)
+
+
+def _difference(here: RunSteps, stored: RunSteps) -> str | None:
+    """How a run that was driven again differs from the stored one, in words; None if it is the same.
+
+    It is the same if it has as many states, was planned at the same steps, and every state of the ego and of those that
+    reactive traffic moved is within :data:`_SAME_M`, :data:`_SAME_RAD` and :data:`_SAME_MPS` of the stored one. Other
+    processors and libraries round otherwise in the last digits, from which no plan of the picture differs.
+    """
+    if (here.first_step, len(here.x_m), here.plan_steps) != (stored.first_step, len(stored.x_m), stored.plan_steps):
+        counts = [f"{len(one.x_m)} states planned in {len(one.plan_steps)} steps" for one in (here, stored)]
+        return f"has {counts[0]}, and the stored one {counts[1]}"
+    drivers: list[tuple[str, RunSteps | DrivenObstacle, RunSteps | DrivenObstacle]] = [("the ego", here, stored)]
+    theirs = {one.obstacle_id: one for one in stored.others}
+    if sorted(theirs) != sorted(one.obstacle_id for one in here.others):
+        return "moves other road users than it is stored"
+    for one in here.others:
+        other = theirs[one.obstacle_id]
+        if (one.first_step, len(one.x_m)) != (other.first_step, len(other.x_m)):
+            return f"moves road user {one.obstacle_id} at other times than it is stored"
+        drivers.append((f"road user {one.obstacle_id}", one, other))
+    for name, mine, its in drivers:
+        away_m = np.hypot(np.subtract(mine.x_m, its.x_m), np.subtract(mine.y_m, its.y_m))
+        turned = np.abs(wrap_angles(np.subtract(mine.heading_rad, its.heading_rad)))
+        faster = np.abs(np.subtract(mine.speed_mps, its.speed_mps))
+        beyond = np.flatnonzero((away_m > _SAME_M) | (turned > _SAME_RAD) | (faster > _SAME_MPS))
+        if len(beyond):
+            first = int(beyond[0])
+            return (
+                f"differs from the stored one at step {its.first_step + first}: {name} by {away_m[first]:.3f} m, "
+                f"{turned[first]:.3f} rad and {faster[first]:.3f} m/s (allowed: {_SAME_M} m, {_SAME_RAD} rad, "
+                f"{_SAME_MPS} m/s)"
+            )
+    return None
 
 
 @dataclass

@@ -18,9 +18,9 @@ from ...schemas.runs import (
 from ...schemas.text import LONGEST_TEXT, one_line
 from ..geometry import Values
 from ..vehicles import VehicleParameters
+from .driving.route_place import RoutePlaces
 from .driving.solution import steering_of
 from .interface import DebugValues
-from .route_place import RoutePlaces
 
 if TYPE_CHECKING:
     from .simulation import DrivenRun
@@ -43,12 +43,14 @@ def run_series(driven: "DrivenRun", vehicle: VehicleParameters, step_s: float) -
     if steering_rad is None:
         steering_rad = steering_of(headings_rad, speeds_mps, step_s, vehicle.wheelbase_m)
     planned = [states[step - states[0].step] for step in driven.plan_steps]
+    desired = places.desired_speeds(planned)
     numbers, texts, polygons, left_out = _kept([plan.debug for plan in driven.plans], driven.plan_steps)
     return RunSeries(
         lateral_offset_m=_rounded(offsets_m),
         heading_error_rad=_rounded(errors_rad),
         steering_rad=_rounded(steering_rad),
-        desired_speed_mps=_rounded(np.array(places.desired_speeds_mps(planned))),
+        desired_speed_mps=_rounded(np.array([speed for speed, _ in desired])),
+        desired_speed_reasons=tuple(reason for _, reason in desired),
         numbers=numbers,
         texts=texts,
         polygons=polygons,

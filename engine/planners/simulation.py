@@ -12,10 +12,11 @@ from ...schemas.errors import NotPossible
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import Prediction
 from ..execution import ProgressReporter
-from ..geometry import Values, arc_length, project
+from ..geometry import Values, arc_length
 from ..scene import start_lanelets
 from ..vehicles import VehicleParameters, rear_axle, vehicle_of
-from .goal import SPEED_BAND_MPS, Goal, path_to, select_goal_state
+from .driving.desired_speed import SPEED_BAND_MPS
+from .goal import Goal, path_to, select_goal_state
 from .interface import EgoState, Observation, Plan, Planner, PlanningTask
 from .judge import Judge, Verdict
 from .lanes import Road, build_road
@@ -201,7 +202,7 @@ class _Loop:
 
 def _stays_on(road: Road, blended: ReferencePath, ego: EgoState, over_m: float) -> bool:
     """Whether the curve of a blended path does not cut a corner across the edge of the road."""
-    begin = project(blended.points, ego.position)[0]
+    begin = blended.follower().place(ego.position)[0]
     stations = arc_length(blended.points)
     curve = blended.points[(stations >= begin) & (stations <= begin + over_m)]
     return all(road.holds(point) for point in curve)

@@ -15,9 +15,10 @@ from .furniture import shortened, write_legend, write_title
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_Fault = Literal["preventable", "not preventable", "not judged"]
+_Fault = Literal["preventable", "the ego's own", "not preventable", "not judged"]
 _FAULTS: dict[_Fault, tuple[str, str, str]] = {
     "preventable": (outcome_colour("collision"), "", "a reference driver prevents it"),
+    "the ego's own": (outcome_colour("infeasible"), "..", "the ego made it"),
     "not preventable": (outcome_colour("goal_early"), "//", "no reference driver prevents it"),
     "not judged": ("#BDBDBD", "..", "not judged"),
 }
@@ -34,7 +35,7 @@ def causes(runs: RunSet) -> Drawing:
     """
     from matplotlib.ticker import MaxNLocator
 
-    hits = [record for record in runs.valid if record.collision is not None]
+    hits = [record for record in runs.valid if record.outcome == "collision"]
     contacts = known_contacts(runs)
     if not contacts:
         raise NotPossible(
@@ -74,11 +75,13 @@ def causes(runs: RunSet) -> Drawing:
     kinds = "; ".join(f"{kind} under {names[config]} {_in_words(counts[kind, config])}" for kind, config in listed)
     notes = [f"{len(counts) - len(listed)} more kinds are not drawn"] if len(counts) > len(listed) else []
     if len(contacts) < len(hits):
-        notes.append(f"{len(contacts)} of {len(hits)} collisions are drawn: the course of the others was not looked at")
+        notes.append(f"a random {len(contacts)} of {len(hits)} collisions are drawn; the others were not looked at")
     return Drawing(figure, f"Collisions by kind: {kinds}. Of all, {none}.", tuple(notes))
 
 
 def _fault(contact: Contact) -> _Fault:
+    if contact.laid_to == "ego":
+        return "the ego's own"
     if contact.prevention is None:
         return "not judged"
     return "preventable" if contact.prevention.possible else "not preventable"

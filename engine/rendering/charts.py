@@ -193,7 +193,9 @@ def _flips(runs: RunSet) -> Drawing:
         )
         for config_id, records in runs.by_config(runs.records).items()
     )
-    request = CompareRequest(sides=sides[:2], runs=runs.sources, configs=runs.configs, limit=_LISTED_FLIPS)
+    request = CompareRequest(
+        sides=sides[:2], runs=runs.sources, configs=runs.configs, lineage=runs.lineage, limit=_LISTED_FLIPS
+    )
     comparison = compare(request, silent).comparisons[0]
     flips = [*comparison.to_success, *comparison.to_failure][:_MOST_FLIPS]
     height = 150 + 40 * max(len(flips), 1)

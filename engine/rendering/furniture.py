@@ -61,8 +61,8 @@ class Inventory:
             for path in view.paths:
                 runs.setdefault(path.series, path.label if len(views) == 1 else path.name)
             stop_lines |= any(viewport.contains(line) for line in content.stop_lines)
-            hits = [path.record.collision for path in view.paths if path.record.collision is not None]
-            collision |= any(hit.step <= max(shown) for hit in hits)
+            hits = [path.record.collision for path in view.paths]
+            collision |= any(hit is not None and hit.obstacle_id is not None and hit.step <= max(shown) for hit in hits)
         return cls(
             kinds=tuple(sorted(kinds)),
             signals=tuple(sorted(signals)),

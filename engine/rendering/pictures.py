@@ -49,7 +49,7 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
         elif kind == "search":
             drawing = _search(request)
         elif request.runs:
-            drawing = CHARTS[kind](RunSet(request.runs, request.configs, request.scenarios))
+            drawing = CHARTS[kind](RunSet(request.runs, request.configs, request.scenarios, request.lineage))
         else:
             raise NotPossible(f"kind {kind} draws runs, and no run was named", next_step="name run or batch ids in ids")
         images = (image_at(path, write_png(drawing.figure, path), drawing.alt_text),)

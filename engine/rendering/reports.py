@@ -67,7 +67,7 @@ def overview_section(
     )
     rows = [
         ("What was tested", tested),
-        ("What came out", f"{_reached(result.success)} reached the goal{_failed(result)}.{_by_any_motion(result)}"),
+        ("What came out", f"{_came_out(result)}{_failed(result)}.{_by_any_motion(result)}"),
         *([("Goals that asked for nothing", result.trivial.in_words())] if result.trivial is not None else []),
         *([("What no vehicle drives", result.beyond_vehicle.in_words())] if result.beyond_vehicle is not None else []),
         ("Whose fault", _whose_fault(result)),
@@ -86,10 +86,16 @@ def _compared(comparison: CompareResultsResult | None) -> tuple[Comparison, ...]
 
 
 def _verdict(comparison: Comparison) -> str:
-    """The verdict with the names of the sides and metrics as people say them."""
-    words = {"'before'": comparison.before, "'after'": comparison.after}
-    words |= {name: metric_words(name) for name in sorted(RunMetrics.model_fields, key=len, reverse=True)}
+    """The verdict with the names of metrics as people say them."""
+    words = {name: metric_words(name) for name in sorted(RunMetrics.model_fields, key=len, reverse=True)}
     return re.sub("|".join(map(re.escape, words)), lambda found: words[found[0]], comparison.verdict)
+
+
+def _came_out(result: AnalyzeResultsResult) -> str:
+    """The runs that reached the goal, of each configuration by itself."""
+    if result.success is not None:
+        return f"{_reached(result.success)} reached the goal"
+    return "; ".join(f"{group.name}: {_reached(group.success)} reached the goal" for group in result.groups)
 
 
 def _reached(rate: Rate) -> str:
@@ -101,7 +107,7 @@ def _reached(rate: Rate) -> str:
 
 def _failed(result: AnalyzeResultsResult) -> str:
     failed = [
-        f"{one.rate.count} {one.outcome.replace('_', ' ')}" for one in result.outcomes if one.outcome != "goal_reached"
+        f"{one.count} {one.outcome.replace('_', ' ')}" for one in result.outcomes if one.outcome != "goal_reached"
     ]
     invalid = [f"{result.invalid_count} could not be attempted and count nowhere"] if result.invalid_count else []
     return f"; the others ended as {', '.join(failed)}" * bool(failed) + "".join(f"; {one}" for one in invalid)
@@ -125,7 +131,8 @@ def _whose_fault(result: AnalyzeResultsResult) -> str:
     edge = ", the road's edge included" if "road_boundary" in causes.kinds else ""
     prevented = causes.judged - none
     learn = ": these are the planner's to learn from" if prevented else ""
-    without = f" Without these runs {_reached(causes.success_without)} reached the goal." if none else ""
+    left = causes.success_without
+    without = f" Without these runs {_reached(left)} reached the goal." if none and left is not None else ""
     return (
         f"{causes.collisions} collisions{edge} ({kinds}). A reference driver in the ego's place prevents "
         f"{prevented} of the {causes.judged} that could be judged{learn}. "
@@ -358,8 +365,9 @@ def _comparison_tables(comparison: Comparison) -> Iterable[ReportTable]:
             ),
         )
     yield ReportTable(
-        caption="Paired by scenario: median before and after, shift with its 95 % interval, Wilcoxon's p",
-        columns=("metric", "pairs", "before", "after", "shift", "p", "better"),
+        caption="Paired by scenario: median before and after, shift with its 95 % interval, Wilcoxon's p. A side is "
+        "named as better only where p after Holm's adjustment is below 0.05 and the shift above the resolution.",
+        columns=("metric", "pairs", "before", "after", "shift", "p", "p after Holm", "better"),
         rows=tuple(
             (
                 f"{metric_words(test.name)} ({test.unit})" if test.unit else metric_words(test.name),
@@ -368,6 +376,7 @@ def _comparison_tables(comparison: Comparison) -> Iterable[ReportTable]:
                 _figure(test.median_after),
                 f"{_figure(test.shift)} [{_figure(test.low)}, {_figure(test.high)}]",
                 _p_value(test.p),
+                _p_value(test.p_holm),
                 {"before": comparison.before, "after": comparison.after, None: "–"}[test.better],
             )
             for test in comparison.metrics

@@ -77,7 +77,8 @@ def draw_endings(axes: "Axes", paths: Sequence[DrivenPath], step: int) -> None:
     """Mark where runs ended in a collision that had happened by this step."""
     style: Any = {"marker": "X", "markersize": 13, "color": "white", "markeredgecolor": INK, "markeredgewidth": 1.6}
     for path in paths:
-        if path.record.collision is not None and path.record.collision.step <= step:
+        hit = path.record.collision
+        if hit is not None and hit.obstacle_id is not None and hit.step <= step:
             axes.plot(*path.positions[-1], zorder=6.8, **style)
 
 

@@ -32,14 +32,13 @@ from ..scene import (
     TURN_RAD,
     EgoLane,
     Scene,
-    aligned_lanelets,
     center_line,
     ego_lane,
     ego_route,
     goal_center_lanelets,
     goal_centers,
     is_own_recording,
-    lanelets_at,
+    lanelets_of_pose,
 )
 from ..vehicles import MODEL_WORDS, ego_class
 
@@ -215,7 +214,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
         return None
     problem = scene.loaded.problem(scene.ego.problem_id)
     network, point = scene.network, scene.ego.position
-    under = lanelets_at(network, point)
+    lanelets = lanelets_of_pose(network, point, scene.ego.heading_rad)
     route = ego_route(network, scene.lanelet_graph, problem)
     goals = goal_center_lanelets(network, problem)
     way = "the goal has no place" if not goals else "no way leads to the goal"
@@ -227,8 +226,8 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
         vehicle_class=scene.ego.vehicle_class,
         vehicle=vehicle_words(scene.ego.vehicle_class),
         speed_mps=round(scene.ego.speed_mps, 4),
-        lanelets=aligned_lanelets(network, under, point, scene.ego.heading_rad) or under,
-        lanes=max((len(scene.lanelet_graph.beside([key])) for key in under), default=0),
+        lanelets=lanelets,
+        lanes=max((len(scene.lanelet_graph.beside([key])) for key in lanelets), default=0),
         goal=_goal_words(problem, scene.step_s, point, goals),
         goal_lanelets=goals,
         route=route.lanelets if route else (),

@@ -37,7 +37,7 @@ from ..commonroad import (
 from ..execution import ProgressReporter
 from ..geometry import arc_length, project
 from ..network import LaneletGraph, read_net
-from ..scene import aligned_lanelets, ego_route, lanelets_at, path_ahead
+from ..scene import ego_route, lanelets_of_pose, path_ahead
 from ..traffic import words_of_hour
 from ..vehicles import ego_class
 from .features import along_line, features, may_be_beside
@@ -156,12 +156,10 @@ def _ego(recording: _Recording, problem: "PlanningProblem") -> EgoFacts:
     network, state = recording.scenario.lanelet_network, problem.initial_state
     route = ego_route(network, recording.graph, problem)
     point, heading = np.asarray(center_of(state.position), dtype=float), middle_of(state.orientation)
-    under = lanelets_at(network, point)
-    ahead = aligned_lanelets(network, under, point, heading)
+    lanelets = lanelets_of_pose(network, point, heading)
     steps = [goal.time_step for goal in problem.goal.state_list if getattr(goal, "time_step", None) is not None]
     first = [int(getattr(step, "start", step)) for step in steps]
     last = [int(getattr(step, "end", step)) for step in steps]
-    lanelets = ahead + tuple(key for key in under if key not in ahead)
     signs = signs_of(network, lanelets)
     ego = EgoFacts(
         problem_id=int(problem.planning_problem_id),
@@ -169,7 +167,7 @@ def _ego(recording: _Recording, problem: "PlanningProblem") -> EgoFacts:
         x_m=float(point[0]),
         y_m=float(point[1]),
         heading_rad=heading,
-        lanes=max((len(recording.graph.beside([key])) for key in under), default=0),
+        lanes=max((len(recording.graph.beside([key])) for key in lanelets), default=0),
         lanelets=lanelets,
         goal_forms=_goal_forms(problem),
         goal_first_step=min(first, default=None),

@@ -18,9 +18,9 @@
 ``goal_lanelets``: Lanelets of a goal for planners: those that its regions touch, too; None for a free position.
 ``goal_center_lanelets``: Lanelets that a goal names, or that lie under the centre of its region; may be empty.
 ``goal_centers``: Centres (2,) in m of a goal's regions, one per goal state that has one.
-``start_lanelets``: Lanelets under a position or within 3 m, the one that fits the heading best first.
+``start_lanelets``: The lanelets of a pose; ``NotPossible`` if there are none.
+``lanelets_of_pose``: The lanelets that a position and heading lie on, the one that fits best first; may be empty.
 ``lanelets_at``: All lanelets that a point lies on, ascending.
-``aligned_lanelets``: Those of some lanelets that lead in the direction of a heading (within 90°), best aligned first.
 ``straight_on``: A route with the straightest successors behind it, for a length in m.
 ``path_ahead``: Centre line (n, 2) in m from a lanelet on, along a route and then the straightest successors.
 ``center_line``: A lanelet's centre line (n, 2) in m without repeated vertices.
@@ -35,11 +35,11 @@ if TYPE_CHECKING:
     from .ego_relations import EgoLane, ego_lane, is_own_recording, leader_and_follower
     from .map_matching import LaneMatch, MapMatcher, straightness
     from .occupancies import obstacle_of
+    from .poses import lanelets_of_pose
     from .routing import (
         TURN_RAD,
         EgoRoute,
         Route,
-        aligned_lanelets,
         center_line,
         ego_route,
         find_route,

@@ -16,7 +16,8 @@ import numpy as np
 from ..commonroad import Track
 from ..geometry import Points, arc_length, point_at, project, without_repeats, wrap_angle
 from ..network import Digraph, LaneletGraph
-from .routing import aligned_lanelets, center_line, goal_center_lanelets, lanelets_at, path_ahead
+from .poses import lanelets_of_pose
+from .routing import center_line, goal_center_lanelets, path_ahead
 from .scene import NOT_DRIVEN, Ego, Scene
 
 if TYPE_CHECKING:
@@ -46,8 +47,7 @@ def ego_lane(scene: Scene, ego: Ego) -> "EgoLane | None":
     None where it starts on no lanelet.
     """
     network = scene.network
-    under = lanelets_at(network, ego.position)
-    starts = aligned_lanelets(network, under, ego.position, ego.heading_rad) or under or ego.lanelets
+    starts = lanelets_of_pose(network, ego.position, ego.heading_rad) or ego.lanelets
     if not starts:
         return None
     goals = goal_center_lanelets(network, scene.loaded.problem(ego.problem_id))

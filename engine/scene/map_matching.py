@@ -18,24 +18,19 @@ from numpy.typing import NDArray
 from ..commonroad import Track
 from ..geometry import Points, Values, wrap_angles
 from ..network import NetLayout
+from .poses import COST_OF_NO_DIFFERENCE, COST_PER_M_BESIDE, COST_PER_M_OUTSIDE, COST_PER_RAD, REACH_M
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
-_REACH_M = 2.5
-"""A lanelet farther from a position is none that the vehicle may be on (chosen: a vehicle half beside its lane)."""
 _LARGEST_TURN_RAD = 1.2
 """A vehicle that moves is on no lanelet that it is turned farther from (chosen: 69°, short of driving across it)."""
 _STANDING_MPS = 0.5
 """The heading of a vehicle that is no faster does not count (chosen): standing ones are recorded with any."""
 _SAMPLES = 40
 """About how many positions of a track are looked at (chosen): one every half second of a usual recording."""
-_COST_PER_M_OUTSIDE, _COST_PER_M_BESIDE, _COST_PER_RAD = 3.0, 0.6, 2.0
 _COST_OF_A_STEP, _COST_OF_A_LEAP = 0.3, 8.0
 """Costs (chosen): a leap to a lanelet that neither follows nor lies beside costs as much as 2.7 m outside."""
-_COST_OF_NO_DIFFERENCE = 0.5
-"""A pose that fits another lanelet worse by no more (0.8 m beside, or 14° across) lies on that one as well (chosen)."""
-
 _MOST_COMPARED = 64
 """Lanelets under a pose that are compared with those of the next (chosen): all but where a file stacks lanelets."""
 
@@ -125,7 +120,7 @@ class MapMatcher:
     def near_as_well(self, position: Points, heading_rad: float, speed_mps: float, key: int) -> tuple[int, ...]:
         """The other lanelets that a pose on one fits nearly as well, best first: there they lie over one another."""
         costs = dict(self.near(position, heading_rad, speed_mps))
-        most = costs.get(key, 0.0) + _COST_OF_NO_DIFFERENCE
+        most = costs.get(key, 0.0) + COST_OF_NO_DIFFERENCE
         others = sorted((cost, other) for other, cost in costs.items() if other != key and cost <= most)
         return tuple(other for _, other in others)
 
@@ -136,16 +131,16 @@ class MapMatcher:
         points = shapely.points(positions)
         near: list[list[tuple[int, float]]] = [[] for _ in positions]
         # Looking up boxes is ten times as fast as distances, which are needed below anyway.
-        (left, below), (right, above) = (positions - _REACH_M).T, (positions + _REACH_M).T
+        (left, below), (right, above) = (positions - REACH_M).T, (positions + REACH_M).T
         nearby, places = self.tree.query(shapely.box(left, below, right, above))
         order = np.lexsort((nearby, places))
         reached, begins = np.unique(places[order], return_index=True)
         for place, samples in zip(reached.tolist(), np.split(nearby[order], begins[1:]), strict=False):
             outside = _outside_m(self.polygons[place], points[samples])
-            samples, outside = samples[outside <= _REACH_M], outside[outside <= _REACH_M]
+            samples, outside = samples[outside <= REACH_M], outside[outside <= REACH_M]
             beside, direction = _offsets(self.layout.table.lanes[self.keys[place]].center, positions[samples])
             turn = np.abs(wrap_angles(direction - headings_rad[samples]))
-            costs = _COST_PER_M_OUTSIDE * outside + _COST_PER_M_BESIDE * beside + _COST_PER_RAD * turn
+            costs = COST_PER_M_OUTSIDE * outside + COST_PER_M_BESIDE * beside + COST_PER_RAD * turn
             fits = (turn <= _LARGEST_TURN_RAD) | (speeds_mps[samples] <= _STANDING_MPS)
             for sample, cost in zip(samples[fits].tolist(), costs[fits].tolist(), strict=True):
                 near[sample].append((self.keys[place], cost))

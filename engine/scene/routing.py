@@ -21,14 +21,12 @@ from ...schemas.errors import NotPossible
 from ..commonroad import center_of, middle_of
 from ..geometry import Points, arc_length, point_at, project, without_repeats, wrap_angle
 from ..network import LaneletGraph
+from .poses import lanelets_of_pose
 
 if TYPE_CHECKING:
     from commonroad.planning.goal import GoalRegion
     from commonroad.planning.planning_problem import PlanningProblem
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
-
-_FARTHEST_LANELET_M = 3.0
-"""An ego that stands on no lanelet counts as on those whose centre line is nearer (chosen: nearly a lane's width)."""
 
 
 @dataclass(frozen=True)
@@ -60,26 +58,22 @@ def find_route(
         return Route(straight_on(network, graph, (starts[0],), ahead_m), None)
     if not goals:
         raise NotPossible("the goal region touches no lanelet")
-    aligned = [key for key in starts if _heading_error(network, key, position, heading_rad) < math.pi / 2]
-    route = graph.shortest_route(aligned, goals) or graph.shortest_route(starts, goals)
+    route = graph.shortest_route(starts, goals)
     if route is None:
         raise NotPossible(f"no route leads from lanelet {starts[0]} to the goal on {', '.join(map(str, goals[:6]))}")
     return Route(straight_on(network, graph, route, ahead_m), len(route) - 1)
 
 
-def start_lanelets(network: "LaneletNetwork", position: Points, heading_rad: float) -> list[int]:
-    """Lanelets under a position, the one that fits the heading best first.
+def start_lanelets(network: "LaneletNetwork", position: Points, heading_rad: float) -> tuple[int, ...]:
+    """The lanelets of a pose, the one that fits best first (:func:`~.poses.lanelets_of_pose`).
 
     Raises:
-        NotPossible: no lanelet is there or within :data:`_FARTHEST_LANELET_M`.
+        NotPossible: no lanelet is there.
     """
-    under = [int(key) for key in network.find_lanelet_by_position([position])[0]]
-    if not under:
-        gaps = {lane.lanelet_id: abs(project(lane.center_vertices, position)[1]) for lane in network.lanelets}
-        under = [key for key, gap in gaps.items() if gap < _FARTHEST_LANELET_M]
-    if not under:
+    starts = lanelets_of_pose(network, position, heading_rad)
+    if not starts:
         raise NotPossible(f"the ego at ({position[0]:.1f}, {position[1]:.1f}) m is on no lanelet")
-    return sorted(under, key=lambda key: (round(_heading_error(network, key, position, heading_rad), 3), key))
+    return starts
 
 
 def goal_lanelets(network: "LaneletNetwork", goal: "GoalRegion") -> list[int] | None:
@@ -166,21 +160,6 @@ def lanelets_at(network: "LaneletNetwork", point: Points) -> tuple[int, ...]:
     return tuple(sorted(network.find_lanelet_by_position([np.asarray(point, dtype=float)])[0]))
 
 
-def aligned_lanelets(
-    network: "LaneletNetwork", lanelet_ids: tuple[int, ...], point: Points, heading_rad: float
-) -> tuple[int, ...]:
-    """Those of the lanelets that lead in the direction of the heading (within 90°), best aligned first."""
-    turned = [(_heading_error(network, key, point, heading_rad), key) for key in lanelet_ids]
-    return tuple(key for angle, key in sorted(turned) if angle < math.pi / 2)
-
-
-def _heading_error(network: "LaneletNetwork", lanelet_id: int, point: Points, heading_rad: float) -> float:
-    """The angle in rad between a heading and the lanelet's centre line beside a point."""
-    line = center_line(network, lanelet_id)
-    along = point_at(line, project(line, np.asarray(point))[0])[1] if len(line) > 1 else 0.0
-    return abs(wrap_angle(along - heading_rad))
-
-
 def center_line(network: "LaneletNetwork", lanelet_id: int) -> Points:
     """The lanelet's centre line without repeated vertices, shape (n, 2)."""
     return without_repeats(network.find_lanelet_by_id(lanelet_id).center_vertices)
@@ -212,8 +191,7 @@ def ego_route(network: "LaneletNetwork", graph: LaneletGraph, problem: "Planning
     """The ego's route to its goal; None where the goal has no place or cannot be reached from the start."""
     state = problem.initial_state
     point, heading = np.asarray(center_of(state.position), dtype=float), middle_of(state.orientation)
-    under = lanelets_at(network, point)
-    starts = aligned_lanelets(network, under, point, heading) or under
+    starts = lanelets_of_pose(network, point, heading)
     goals = goal_center_lanelets(network, problem)
     lanelets = graph.shortest_route(starts, goals) if starts and goals else None
     if lanelets is None:

@@ -25,6 +25,7 @@ from ..vehicles import VehicleParameters, ego_class
 from .edge_routes import EdgeGraph
 from .map_matching import LaneMatch, MapMatcher
 from .occupancies import occupied_regions
+from .poses import lanelets_of_pose
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
@@ -206,14 +207,14 @@ def _ego(loaded: LoadedScenario, matcher: MapMatcher, problem_id: int | None) ->
     problem = loaded.problem(problem_id)
     state = problem.initial_state
     position, heading = np.asarray(center_of(state.position), dtype=float), middle_of(state.orientation)
-    near = sorted(matcher.near(position, heading, 1.0), key=lambda candidate: candidate[::-1])
+    on = lanelets_of_pose(loaded.scenario.lanelet_network, position, heading)
     return Ego(
         problem_id=int(problem.planning_problem_id),
         step=int(state.time_step),
         position=position,
         heading_rad=heading,
         speed_mps=middle_of(state.velocity),
-        lanelets=tuple(key for key, _ in near),
+        lanelets=tuple(key for key in on if key in matcher.layout.table.lanes),
         vehicle_class=loaded.ego_class(int(problem.planning_problem_id)),
     )
 

@@ -240,6 +240,19 @@ class Sumo:
         keep = _KEEP_ROUTE if keep_to_route else _KEEP_POSE
         self._vehicle.moveToXY(key, *hint, *pose, keep, _MATCH_REACH_M)
 
+    def takes(self, placing: Callable[[], None], key: str) -> bool:
+        """Place a new vehicle by a function, and say whether SUMO takes it; one that it refuses is withdrawn.
+
+        SUMO refuses a route or a type that it cannot use, and a pose too far from every lane of the route to which the
+        vehicle is to keep.
+        """
+        try:
+            placing()
+        except self._libsumo.TraCIException:
+            self.withdraw(key)
+            return False
+        return True
+
     def hold(self, key: str) -> None:
         """Keep SUMO from driving a vehicle that is placed by hand."""
         self._vehicle.setSpeedMode(key, _PLACED_SPEED_MODE)

@@ -16,6 +16,7 @@
 ``point_of``: The point of a configuration in the space of a search.
 ``propose``: an operation: the next points of a search.
 ``judge_gain``: an operation: a mean difference over scenarios with its interval.
+``fewest_configurations``: How many configurations the smallest design of a sensitivity analysis drives.
 ``sensitivity_design``: an operation: the points at which a sensitivity analysis looks.
 ``sensitivity_effects``: an operation: which weights matter, from the objective at these points.
 ``Setting``: One setting: its unit, range and meaning.
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
     )
     from .objectives import Constraint, Objective, parse_constraint, parse_objective
     from .search import Dimension, dimensions, judge_gain, point_of, propose, values_at
-    from .sensitivity import sensitivity_design, sensitivity_effects
+    from .sensitivity import fewest_configurations, sensitivity_design, sensitivity_effects
     from .settings import Setting, known_settings, setting_values
     from .tunings import PlannerTuning, tuning_of
     from .weight_file import WeightFile, read_weight_file, read_yaml, to_yaml

@@ -106,7 +106,8 @@ def _names_elsewhere(planner: str) -> dict[str, str]:
     names: dict[str, str] = {}
     for other in PLANNERS:
         tuning = tuning_of(other)
-        names |= dict.fromkeys((*tuning.weights, *tuning.external), f"it is a weight of {other}, not of {planner}")
+        of_other = dict.fromkeys((*tuning.weights, *tuning.external), f"it is a weight of {other}, not of {planner}")
+        names = of_other | names  # the first planner that has it
     return names | dict.fromkeys(known_settings(), "it is a setting; give it in settings")
 
 

@@ -38,7 +38,7 @@ def _collided(run: RunRecord) -> bool:
 
 
 def _risk(run: RunRecord) -> float:
-    if _collided(run):
+    if _collided(run) or run.outcome == "off_road":
         return 1.0
     score = None if run.metrics is None else run.metrics.risk_score
     return 0.0 if score is None else 1 - score / _MOST_RISK

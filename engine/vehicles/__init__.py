@@ -7,6 +7,7 @@
 ``PEDESTRIAN``: A person on foot as a class of road users, which is none of the vehicle classes.
 ``can_be_there``: Whether a vehicle can be between two distances ahead after n times at m speeds, shape (n, m).
 ``centers``: Positions of the centre, shape (n, 2) in m, for positions of the rear axle and headings.
+``farthest_m``: The longest distance in m that a vehicle covers in a time.
 ``latest_passing_s``: The time after which a vehicle has certainly driven a distance; infinite where it can stop before.
 ``least_time_s``: The shortest time in which a car covers a distance from a speed.
 ``rear_axle``: The position of the rear axle, shape (2,) in m, for a centre and heading.
@@ -47,7 +48,7 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .classes import PEDESTRIAN, VehicleClass, class_by_size, nearest_class, vehicle_classes
-    from .kinematics import can_be_there, centers, latest_passing_s, least_time_s, rear_axle
+    from .kinematics import can_be_there, centers, farthest_m, latest_passing_s, least_time_s, rear_axle
     from .models import (
         BMW_320I,
         COMFORTABLE_MPS2,

@@ -27,6 +27,27 @@ def centers(rear: Points, headings_rad: Points, vehicle: VehicleParameters) -> P
     return moved
 
 
+def farthest_m(speed_mps: float, duration_s: float, vehicle: VehicleParameters, top_mps: float = math.inf) -> float:
+    """Return the longest distance in m that a vehicle covers in a time.
+
+    It accelerates with its largest acceleration up to its largest speed and keeps that. The power of its engine, the
+    road and other vehicles are left aside, so no drive is longer. An infinite time gives an infinite distance.
+
+    Args:
+        speed_mps: the vehicle's speed at the beginning.
+        duration_s: the time, at least 0.
+        vehicle: its largest acceleration and speed.
+        top_mps: a lower speed than the vehicle's largest that it does not exceed, such as a speed limit. A vehicle
+            that is faster at the beginning keeps its speed.
+    """
+    top = max(min(vehicle.maximum_speed_mps, top_mps), speed_mps)
+    if math.isinf(duration_s):
+        return math.inf
+    faster_s = min(duration_s, (top - speed_mps) / vehicle.maximum_acceleration_mps2)
+    gained_m = vehicle.maximum_acceleration_mps2 * faster_s**2 / 2
+    return speed_mps * faster_s + gained_m + top * (duration_s - faster_s)
+
+
 def can_be_there(
     speed_mps: float,
     bounds_m: tuple[float, float],

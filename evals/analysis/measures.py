@@ -313,8 +313,9 @@ def _braking_leader(choice: random.Random) -> Made:
         if left <= 0:
             continue
         time = left / closing if closing > 0 else math.inf
-        exposed += STEP_S * (time <= EXPOSED_S)
-        depth += STEP_S * max(EXPOSED_S - time, 0.0)
+        if t > 0:  # a step counts by the state at its end
+            exposed += STEP_S * (time <= EXPOSED_S)
+            depth += STEP_S * max(EXPOSED_S - time, 0.0)
         threats.append(_needed(left, speed, now, slope))
     truth = {
         "time_exposed_s": exposed,

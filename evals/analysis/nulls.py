@@ -173,7 +173,7 @@ def measure(bench: AnalysisBench) -> Figures:
             second = tuple(RunSource(record=record) for record in batch.sides[1])
             analysed = analyse(AnalyseRequest(results=("drawn",), runs=second, scenarios=batch.scenarios), silent)
             seen = analysed.success
-            if seen.low is not None and seen.high is not None:
+            if seen is not None and seen.low is not None and seen.high is not None:
                 rates.append(seen.low <= batch.truth[1] <= seen.high)
                 naive_rates.append(_naive_covers(seen, batch.truth[1]))
             if not gain:

@@ -139,7 +139,24 @@ class Judge:
             run_id
             for run_id, by in judged.items()
             if by is not None and by["by_braking_until_s"] is None and not any(by[key] for key in keys)
+            if not any(one["prevents"] and one["driver"] != "evading" for one in by.get("drivers", ()))
         }
+
+    @cached_property
+    def not_attributable(self) -> set[str]:
+        """Collisions that neither the careful nor the fuzzy driver prevents from both starts."""
+        found = set()
+        for run_id, contact in self.contacts.items():
+            by = contact["prevention"]
+            if by is None:
+                continue
+            prevented = {(one["driver"], one["start"]) for one in by.get("drivers", ()) if one["prevents"]}
+            starts = ("before_contact", "start")
+            by_both = any(all((name, start) in prevented for start in starts) for name in ("r157_careful", "fsm"))
+            earlier = not by.get("drivers") and (by["by_careful_driver"] or by["by_fuzzy_driver"])
+            if not by_both and not earlier:
+                found.add(run_id)
+        return found
 
     @cached_property
     def the_others(self) -> set[str]:
@@ -178,7 +195,7 @@ class Judge:
                 found["recording"] += 1
             elif contact["prevention"] is None:
                 continue
-            elif one.run_id in self.unprevented:
+            elif one.run_id in self.not_attributable:
                 found["neither"] += 1
             elif one.prediction == "ground_truth" or gap == 0:
                 found["planning"] += 1
@@ -235,6 +252,14 @@ class Judge:
             (
                 rf"^{N} runs \({N} valid, {N} invalid\): goal {RATE}",
                 lambda _: [len(records), len(valid), len(records) - len(valid), *goals(valid)],
+            ),
+            (
+                rf"^{N} runs \({N} valid, {N} invalid\): by configuration",
+                lambda _: [len(records), len(valid), len(records) - len(valid)],
+            ),
+            (
+                rf"(?:See|;) (?:ego|recording|prediction|planning|neither) (run_[\w-]+) at {N} s",
+                lambda match: [contacts[match[1]]["time_s"]],
             ),
             (rf"\b([a-z]+(?:_[a-z]+)*) {N} \(((?:run_[\w-]+ ?)+?)(?: \+{N})?\)", failed),
             (
@@ -675,8 +700,9 @@ class Judge:
             test = pairs.tested(match[1])
             if test is None:
                 return [0]
-            p = [test["p"]] if test["scenarios"] > 5 else []
-            return [test["pairs"], *(test[key] for key in ("before", "after", "shift", "low", "high")), *p]
+            p = [test["p"]] if test["scenarios"] > 5 and match[8] is not None else []
+            holm_p = [adjusted.get(match[1])] if match[9] is not None else []
+            return [test["pairs"], *(test[key] for key in ("before", "after", "shift", "low", "high")), *p, *holm_p]
 
         return [
             (
@@ -716,7 +742,11 @@ class Judge:
             (rf"({words})(?: \(0 [^)]*\))? {N}(?: → {N})?(?= |,|$)", medians),
             (rf"(?<=[:,] )(\w+) {N} → {N}", lambda match: [before.get(match[1]), after.get(match[1])]),
             (rf"left out: {N} runs .* {N} pairs", lambda _: [pairs.unpaired, pairs.invalid]),
-            (rf"^({words})(?: \([^|]*\))? \| {N} \| {N} \| {N} \| {N} \[{N}, {N}\] \| (?:{N}|–)", report_row),
+            (
+                rf"^({words})(?: \([^|]*\))? \| {N} \| {N} \| {N} \| {N} \[{N}, {N}\]"
+                rf" \| (?:{N}|–|<0.001) \| (?:{N}|–|<0.001)",
+                report_row,
+            ),
             (rf"^(\w+) \| {N} \| {N}$", lambda match: [before.get(match[1]), after.get(match[1])]),
         ]
 

@@ -40,14 +40,13 @@ from ...engine.commonroad import read_scenario
 from ...engine.execution import silent
 from ...engine.geometry import Points
 from ...engine.planners import (
-    DesiredSpeed,
-    EgoState,
     Frenetix,
     Observation,
     Plan,
     PlannedTrajectory,
     PlanningTask,
     RecordedTraffic,
+    ReferenceDesiredSpeed,
     follows,
     run_planner,
     run_steps,
@@ -452,25 +451,16 @@ def drive_alike_here(path: Path) -> OwnRun:
 class AsTheReference(Frenetix):
     """Our planner where it is known to plan by other rules than the reference as it is configured.
 
-    It leaves followers behind the ego out of a known future too, and keeps its speed in a goal that asks for none.
+    It leaves followers behind the ego out of a known future too, and desires the speed that the reference desires.
     """
 
     def __init__(self) -> None:
-        super().__init__(desired_speed=_KeptInTheGoal)
+        super().__init__(desired_speed=ReferenceDesiredSpeed.of)
 
     def plan(self, observation: Observation) -> Plan:
         """The plan of Frenetix without the followers."""
         seen = [one for one in observation.obstacles if not follows(one.positions[0], observation.ego)]
         return super().plan(replace(observation, obstacles=tuple(seen)))
-
-
-class _KeptInTheGoal(DesiredSpeed):
-    """The desired speed as the reference has it: in a goal without a speed it is the present one."""
-
-    def at(self, ego: EgoState) -> float:
-        """The desired speed in m/s."""
-        kept = self._goal.speed_mps is None and self._goal.holds(ego.position)
-        return ego.speed_mps if kept else super().at(ego)
 
 
 def judge_here(path: Path, theirs: ReferenceRun) -> Judged:

@@ -46,17 +46,23 @@ def _made(seed: int) -> bool:
     limits = [10 ** choice.uniform(-1, 1) for _ in range(MADE_SCENARIOS)]
     needed = {name: [choice.random() < 0.05 for _ in range(MADE_SCENARIOS)] for name in others}
 
-    def success(values: dict[str, float]) -> float:
-        return fmean(
-            values[matters] >= limits[i] and not any(needed[name][i] and values[name] > 1 for name in others)
+    def reached(values: dict[str, float]) -> tuple[float, ...]:
+        return tuple(
+            float(values[matters] >= limits[i] and not any(needed[name][i] and values[name] > 1 for name in others))
             for i in range(MADE_SCENARIOS)
         )
 
     space = dimensions("frenetix", _NAMES)
     design = DesignRequest(method="morris", names=_NAMES, most=70, seed=seed)
     points = sensitivity_design(design, silent).points
-    values = tuple(success(values_at(space, point)) for point in points)
-    effects = sensitivity_effects(EffectsRequest(design=design, values=values), silent).effects
+    scores = tuple(reached(values_at(space, point)) for point in points)
+    request = EffectsRequest(
+        design=design,
+        values=tuple(map(fmean, scores)),
+        scores=scores,
+        units=tuple(f"made {number}" for number in range(MADE_SCENARIOS)),
+    )
+    effects = sensitivity_effects(request, silent).effects
     verdicts = {one.name: one.verdict for one in effects}
     return (effects[0].name, verdicts[matters], verdicts[idle]) == (matters, "matters", "none")
 

@@ -45,10 +45,9 @@ class CompareResultsArguments(Arguments):
     """A against B, paired per scenario: tests, intervals, effect sizes, flips each way, which weights changed."""
 
     results: list[str] = Field(
-        ["previous_batch", "latest_batch"],
-        min_length=1,
+        [],
         max_length=50,
-        description="two or more run or batch ids, the baseline first, or one batch with several configurations",
+        description="run or batch ids, baseline first, or one batch with several configurations; default: the newest",
     )
     metrics: list[UnlistedMetric] = Field([], description="risk_score, duration_s …; default: all that can be compared")
     limit: int = Field(10, ge=1, le=100, description="flipped scenarios shown per direction")

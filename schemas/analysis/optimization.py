@@ -9,8 +9,17 @@ from ..jobs import JobState
 from ..planning import WeightChange
 from ..results import figure
 from ..runs import Prediction, Traffic
-from ..text import counted
+from ..text import counted, p_in_words
+from .comparison import HeadlineCode
 
+StudyCode = Literal[
+    "better", "worse", "no_gain_shown", "nothing_better", "not_judged", "effects_shown", "no_effect_shown"
+]
+"""What a study shows.
+
+Of a search: the found configuration on scenarios that it had not seen, or that nothing was better in training, or that
+``max_trials`` left no look at the others; of a sensitivity analysis, whether a weight matters.
+"""
 SearchMethod = Literal["tpe", "cmaes", "random"]
 """How new candidates are drawn: tree-structured Parzen estimators, covariance matrix adaptation, or evenly."""
 _SHOWN = 5
@@ -31,7 +40,7 @@ class OptimizePlannerArguments(Arguments):
     method: Literal["tpe", "cmaes", "random", "morris", "sobol"] = "tpe"
     """How candidates are drawn; `morris` and `sobol` search nothing and tell which weights matter."""
     max_trials: int = Field(40, ge=1, le=2000)
-    """How many candidates are tried at most."""
+    """How many configurations are driven at most: candidates, changes taken back, and both on the held-out half."""
     prediction: Prediction = "constant_velocity"
     """As in `run_planner`."""
     traffic: Traffic = "recorded"
@@ -81,24 +90,36 @@ class DesignRequest(Model):
 
 
 class EffectsRequest(Model):
-    """The objective at the points of a design, in their order."""
+    """The objective at the points of a design, in their order.
+
+    ``scores``: the objective of each scenario at each point, None where there is none; ``units``: for each scenario the
+    one that it counts for. Without them the scenarios are not tested.
+    """
 
     design: DesignRequest
     values: tuple[float, ...]
+    scores: tuple[tuple[float | None, ...], ...] = ()
+    units: tuple[str, ...] = ()
 
 
 class Effect(Model):
     """How much a weight matters to the objective on these scenarios.
 
     ``effect``: Morris: μ*, the mean absolute change over the weight's range; Sobol: the total index. ``margin``: half
-    of its 95 % interval (bootstrap). ``verdict``: ``matters`` where the interval lies above 0, ``none`` where no change
-    of the weight changed anything.
+    of its 95 % interval (bootstrap). ``p``: how often signs of scenarios by chance give as much; ``p_adjusted``: for as
+    many weights as were tested. ``verdict``: ``matters`` where that is below 5 % and the interval, as wide as so many
+    weights ask for, lies above 0; ``none`` where no change of the weight changed anything. ``largest``: the two points
+    and the scenario between which it changed most, ``run_ids``: their runs.
     """
 
     name: str = Field(description="the weight or setting")
     effect: float
     margin: float
     verdict: Literal["matters", "none", "unclear"]
+    p: float | None = None
+    p_adjusted: float | None = None
+    largest: tuple[int, int, int] | None = Field(None, exclude_if=lambda largest: largest is None)
+    run_ids: tuple[str, ...] = ()
 
 
 class Effects(Model):
@@ -160,11 +181,19 @@ class HeldOut(Model):
     collisions_before: int = Field(description="runs of the base that ended in a collision")
     collisions_after: int = Field(description="runs of the found configuration that did")
     verdict: str = Field(description="what it says, in a sentence")
+    headline_code: HeadlineCode | None = Field(None, description="code of what the pairs say of success")
+    run_ids: tuple[str, ...] = Field((), description="runs by which it can be checked, at most eight")
+    shown: bool = Field(True, description="false where the comparison does not show it once all its tests are counted")
 
     @property
     def is_better(self) -> bool:
         """Whether the gain is shown."""
-        return self.gain.low > 0
+        return self.gain.low > 0 and self.shown
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether a loss is shown."""
+        return self.gain.high < 0 and self.shown
 
 
 class StudyRecord(Model):
@@ -195,6 +224,19 @@ class StudyRecord(Model):
     front: tuple[TrialLine, ...] = Field((), description="candidates that none other beats in all objectives")
     effects: tuple[Effect, ...] = Field((), description="how much each weight matters; of a sensitivity analysis")
     notes: tuple[str, ...] = ()
+    driven: int = Field(0, description="configurations that were driven; 0: the study is of a version before")
+    max_trials: int = Field(0, description="how many could have been driven")
+
+    @property
+    def headline_code(self) -> StudyCode:
+        """What came out, as a code."""
+        if self.effects:
+            return "effects_shown" if any(one.verdict == "matters" for one in self.effects) else "no_effect_shown"
+        if self.held_out is not None:
+            if self.held_out.is_better:
+                return "better"
+            return "worse" if self.held_out.is_worse else "no_gain_shown"
+        return "nothing_better" if self.best_id == self.base_id else "not_judged"
 
 
 class OptimizePlannerResult(Result):
@@ -203,6 +245,7 @@ class OptimizePlannerResult(Result):
     state: JobState
     job_id: str | None = None
     study: StudyRecord | None = Field(None, description="what was tried and what came out; null until it is done")
+    headline_code: StudyCode | None = Field(None, description="stable code of what came out; null until it is done")
     best_so_far: str | None = Field(None, description="configuration id")
     message: str = Field("", description="how far it is, in words")
     next_step: str
@@ -230,11 +273,14 @@ def _values(values: tuple[float, ...]) -> str:
 
 
 def _headline(study: StudyRecord) -> str:
-    held_out = study.held_out
-    if held_out is None:
-        return f"{study.study_id}: nothing better than {study.base_name} was found in training."
+    held_out, code = study.held_out, study.headline_code
     found = f"{study.best_id} ({study.best_name})"
-    told = "is better than" if held_out.is_better else "is not shown to be better than"
+    if held_out is None:
+        if code == "not_judged":
+            told = "scored higher in training, and max_trials left no look at the held-out half: nothing is shown"
+            return f"{study.study_id}: {found} {told}."
+        return f"{study.study_id}: nothing better than {study.base_name} was found in training."
+    told = {"better": "is better than", "worse": "is worse than"}.get(code, "is not shown to be better than")
     gain = held_out.gain
     return (
         f"{study.study_id}: {found} {told} {study.base_name} on {held_out.scenarios} held-out scenarios: objective"
@@ -244,10 +290,11 @@ def _headline(study: StudyRecord) -> str:
 
 def _searched(study: StudyRecord) -> str:
     pruned = sum(trial.pruned for trial in study.trials)
+    driven = f"; {study.driven} of at most {study.max_trials} configurations driven" if study.driven else ""
     return (
         f"{counted(len(study.trials), 'candidate')} ({pruned} given up early) by {study.method} on"
         f" {counted(study.training_scenarios, 'scenario')} of {counted(len(study.training), 'place')} for"
-        f" {' + '.join(study.objective)}; held out: {counted(len(study.held_out_places), 'other place')}."
+        f" {' + '.join(study.objective)}; held out: {counted(len(study.held_out_places), 'other place')}{driven}."
     )
 
 
@@ -259,7 +306,7 @@ def _figures(study: StudyRecord) -> list[str]:
     held_out = study.held_out
     if held_out is not None:
         collisions = f"collisions {held_out.collisions_before} → {held_out.collisions_after}"
-        lines.append(f"Held out ({held_out.batch_id}): {held_out.verdict}; {collisions}.")
+        lines.append(f"Held out ({held_out.batch_id}): {held_out.verdict.rstrip('.')}; {collisions}.")
     if study.changes:
         shown = sorted(study.changes, key=lambda share: -share.gain)[:_SHOWN]
         words = [f"{one.change.name} {one.change.before:g} → {one.change.after:g} ({one.gain:+.3f})" for one in shown]
@@ -276,19 +323,26 @@ def _told_effects(study: StudyRecord) -> str:
     matters = [one.name for one in study.effects if one.verdict == "matters"]
     verb = "matters" if len(matters) == 1 else "matter"
     told = f"{', '.join(matters)} {verb}" if matters else "no weight is shown to matter"
+    most = f" of at most {study.max_trials}" if study.max_trials else ""
     return (
         f"{study.study_id}: on {counted(study.training_scenarios, 'scenario')} {told} to {' + '.join(study.objective)}"
-        f" ({study.method}, {len(study.trials)} configurations)."
+        f" ({study.method}, {len(study.trials)}{most} configurations)."
     )
 
 
 def _effects(study: StudyRecord) -> list[str]:
     name = "μ*" if study.method == "morris" else "total index"
-    parts = [
-        f"{one.name} {figure(one.effect)} ± {figure(one.margin)}" for one in study.effects if one.verdict != "none"
-    ]
+
+    def told(one: Effect) -> str:
+        p = "" if one.p_adjusted is None else f", {p_in_words(one.p_adjusted)}"
+        runs = f"; {' '.join(one.run_ids)}" if one.run_ids and one.verdict == "matters" else ""
+        return f"{one.name} {figure(one.effect)} ± {figure(one.margin)} (95 %{p}{runs})"
+
+    shown = [told(one) for one in study.effects if one.verdict == "matters"]
+    unclear = [told(one) for one in study.effects if one.verdict == "unclear"]
     idle = [one.name for one in study.effects if one.verdict == "none"]
     return [
-        *([f"{name}: {', '.join(parts)}."] if parts else []),
+        *([f"{name} of what matters: {', '.join(shown)}."] if shown else []),
+        *([f"{name} that is not shown to be more than chance: {', '.join(unclear)}."] if unclear else []),
         *([f"Did nothing: {', '.join(idle)}."] if idle else []),
     ]

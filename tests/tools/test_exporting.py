@@ -10,6 +10,7 @@ import pytest
 from mcp import Client
 from support.builders import Problem, town_road
 
+from plannerforge.schemas.runs import RunSeries
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
 
@@ -41,6 +42,14 @@ async def test_solution_of_a_run_and_tables_of_a_batch(settings: Settings, tmp_p
         assert "<ksTrajectory" in Path(solution["files"][0]["path"]).read_text()
         refused = await ask("export_artifacts", ids=[invalid["run_id"]], formats=["solution"], folder="out")
         assert "has no solution" in refused
+        steps = await ask("export_artifacts", ids=[run["run_id"]], formats=["csv", "json"], folder="steps")
+        files = {file["format"]: Path(file["path"]) for file in steps["files"]}
+        assert set(files) == {"csv", "json", "steps", "series"}
+        with files["csv"].open(newline="") as stream:
+            assert float(next(csv.DictReader(stream))["lateral_offset_m"]) == 0.0
+        assert RunSeries.model_validate_json(files["series"].read_bytes()).steering_rad
+        untold = await ask("export_artifacts", ids=[invalid["run_id"]], formats=["csv"], folder="out")
+        assert "has no csv" in untold
         report = await ask(
             "export_artifacts", ids=["ZAM_Builder-1_1_T-1", grid["batch_id"]], formats=["html"], folder="r"
         )

@@ -7,11 +7,17 @@ from typing import Any
 
 import pytest
 
-from plannerforge.engine.tuning import dimensions, parse_constraint, parse_objective, preset_configuration
+from plannerforge.engine.tuning import (
+    dimensions,
+    fewest_configurations,
+    parse_constraint,
+    parse_objective,
+    preset_configuration,
+)
 from plannerforge.engine.workspace import Workspace
 from plannerforge.evals.harness import call_in_process
 from plannerforge.schemas.analysis.optimization import OptimizePlannerArguments, StudyRecord
-from plannerforge.schemas.errors import NotPossible
+from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.runs import RunMetrics, RunRecord
 from plannerforge.tools.analysis import optimization
 from plannerforge.tools.runs import Cell, CellResult
@@ -70,7 +76,8 @@ async def _study(
 
     async def compare_results(*_: Any) -> Any:
         success = SimpleNamespace(difference=0.5, low=0.2, high=0.8, p=0.01)
-        return SimpleNamespace(comparisons=[SimpleNamespace(success=success, verdict="so it is")])
+        found = SimpleNamespace(success=success, verdict="so it is", headline_code="better", run_ids=("run_a", "run_b"))
+        return SimpleNamespace(comparisons=[found])
 
     monkeypatch.setattr(optimization, "run_grid", run_grid)
     monkeypatch.setattr(optimization, "compare_results", compare_results)
@@ -91,10 +98,15 @@ async def _study(
         notes=notes,
     )
     workspace = Workspace(folder)
-    progress: Any = SimpleNamespace(results=(), report=lambda *_: None, add_result=lambda _: None)
+    told: list[tuple[float, str]] = []
+    progress: Any = SimpleNamespace(
+        results=(), report=lambda *told_now: told.append(told_now), add_result=lambda _: None
+    )
     search = optimization._Search(plan, call_in_process(workspace), progress)
     study = await (optimization._effects(search) if arguments.method == "morris" else search.run())
     workspace.close()
+    assert study.driven <= arguments.max_trials
+    assert all(0 <= share <= 1 for share, _ in told)
     return study
 
 
@@ -102,7 +114,7 @@ async def _study(
 async def test_a_planted_better_value_is_found_and_idle_changes_are_taken_back(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    study = await _study(monkeypatch, tmp_path, _needs_small_headway)
+    study = await _study(monkeypatch, tmp_path, _needs_small_headway, max_trials=20)
     assert [share.change.name for share in study.changes] == ["time_headway_s"]
     assert study.changes[0].change.after < 0.8
     assert study.held_out is not None
@@ -162,6 +174,42 @@ async def test_what_matters_to_the_runs_is_told(monkeypatch: pytest.MonkeyPatch,
         ("time_headway_s", "matters"),
         ("minimum_gap_m", "none"),
     ]
+
+
+@pytest.mark.anyio
+@pytest.mark.parametrize("method", ["tpe", "random", "morris"])
+@pytest.mark.parametrize("most", [1, 2, 3, 4, 7, 13])
+async def test_no_more_configurations_are_driven_than_were_allowed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, method: str, most: int
+) -> None:
+    driven: set[str] = set()
+
+    def rule(cell: Cell, number: int) -> bool:
+        driven.add(f"{cell.configuration.config_id} {'ab'[SCENARIOS.index(cell.scenario_id) in held_out]}")
+        return _needs_small_headway(cell, number)
+
+    chosen = [ChosenScenario(name) for name in SCENARIOS]
+    halves = optimization._divided(chosen, {name: name for name in SCENARIOS}, 1)[0]
+    held_out = {SCENARIOS.index(one.scenario_id) for one in halves[1]}
+    vary = ["time_headway_s", "minimum_gap_m"]
+    if method == "morris":
+        needed = 1 + fewest_configurations("morris", len(vary))
+        if most < needed:
+            with pytest.raises(InvalidRequest, match=f"drives {needed} configurations"):
+                optimization._check_design("morris", len(vary), most)
+            return
+    study = await _study(monkeypatch, tmp_path, rule, method=method, vary=vary, max_trials=most)
+    assert len(driven) <= study.driven <= most
+    answer = optimization.OptimizePlannerResult(state="done", study=study, next_step="").to_text()
+    assert f"of at most {most}" in answer
+
+
+@pytest.mark.anyio
+async def test_what_could_not_be_judged_is_not_said_to_be_better(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    study = await _study(monkeypatch, tmp_path, _needs_small_headway, max_trials=3, vary=["time_headway_s=0.1..0.7"])
+    assert (study.headline_code, study.held_out) == ("not_judged", None)
 
 
 @pytest.mark.anyio

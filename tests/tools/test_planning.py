@@ -9,6 +9,7 @@ import pytest
 from mcp import Client
 from support.builders import Problem, town_road
 
+from plannerforge.engine.planners import PLANNERS
 from plannerforge.engine.tuning import tuning_of
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
@@ -41,7 +42,7 @@ async def call(settings: Settings, warm_workers: None, tmp_path: Path) -> AsyncI
 
 async def test_what_there_is_to_set(call: Call) -> None:
     found = await call("list_planners")
-    assert [item["name"] for item in found["planners"]] == ["frenetix", "mp_rbfn", "idm", "fiss"]
+    assert [item["name"] for item in found["planners"]] == list(PLANNERS)
     assert found["config_name"] == "frenetix:Default"
     tuning = tuning_of("frenetix")
     assert [item["name"] for item in found["weights"]] == [*tuning.weights, *tuning.external]
@@ -169,7 +170,7 @@ async def test_the_first_run_against_the_second_after_an_edit_is_a_pair(call: Ca
     )
     second = await call("run_planner", scenarios=[edited["scenario_id"]])
     compared = await call("compare_results")
-    assert compared["notes"] == ["there is no batch: the two newest runs are compared"]
+    assert compared["notes"] == ["there is no batch: the two newest runs are compared, the older one as the baseline"]
     found = compared["comparisons"][0]
     assert found["edited"][0]["done"] == ["remove_vehicle all"]
     assert (found["edited"][0]["before"], found["edited"][0]["after"]) == ("ZAM_Builder-1_1_T-1", edited["scenario_id"])

@@ -9,6 +9,7 @@ import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import fmean
+from typing import Literal
 
 from ...engine.execution import JobProgress
 from ...engine.planners import check_modes
@@ -19,6 +20,7 @@ from ...engine.tuning import (
     changed_configuration,
     differences,
     dimensions,
+    fewest_configurations,
     parse_constraint,
     parse_objective,
     point_of,
@@ -44,11 +46,12 @@ from ...schemas.analysis.optimization import (
 from ...schemas.errors import Faults, InvalidRequest, NotPossible
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import RunRecord
+from ...schemas.text import counted
 from ..call import ToolCall
 from ..configurations import resolve_configuration, store_configuration
 from ..operations import JUDGE_GAIN, PROPOSE, SENSITIVITY_DESIGN, SENSITIVITY_EFFECTS
 from ..results import lineages
-from ..runs import Cell, run_grid, store_batch
+from ..runs import Cell, own_versions, run_grid, store_batch
 from ..scenarios import ChosenScenario, choose_scenarios
 from .tool import compare_results
 
@@ -58,6 +61,10 @@ _RUNGS = (0.25, 0.5, 1.0)
 """Shares of the training scenarios after which candidates are given up (chosen)."""
 _BROKEN = 1.0
 """Taken off what the sampler is told of a candidate that breaks a constraint (chosen: as much as all success)."""
+_LOOK = 2
+"""Configurations that the look at the held-out half drives: the base and what was found."""
+_TAKEN_BACK = 1 / 3
+"""Of what the look leaves, the share that is kept for taking changes back (chosen), if there are as many weights."""
 _MOST_FRONT = 8
 """Members of a front that are kept (chosen)."""
 _SENSITIVITY = ("morris", "sobol")
@@ -132,6 +139,23 @@ class _Search:
     call: ToolCall
     progress: JobProgress
     trials: list[_Trial] = field(default_factory=list)
+    driven: int = 0
+
+    @property
+    def left(self) -> int:
+        """How many configurations may still be driven."""
+        return self.plan.arguments.max_trials - self.driven
+
+    @property
+    def candidates(self) -> int:
+        """How many candidates are searched among: what the look at the held-out half and taking back leave.
+
+        Of so few that no search is left beside them, all are candidates, and what is found is not judged.
+        """
+        most = self.plan.arguments.max_trials
+        if most < _LOOK + 2:
+            return most
+        return most - _LOOK - min(len(self.plan.space), int(_TAKEN_BACK * (most - _LOOK)))
 
     async def run(self) -> StudyRecord:
         """The whole search."""
@@ -144,14 +168,18 @@ class _Search:
         if presets:
             await self.tried(presets, prune=not self.plan.arguments.pareto)
         enqueued, rounds = [self._told(trial) for trial in self.trials], list[tuple[ToldTrial, ...]]()
-        while len(self.trials) < self.plan.arguments.max_trials:
-            count = min(_ROUND, self.plan.arguments.max_trials - len(self.trials))
+        while (count := min(_ROUND, self._wanted())) > 0:
             points = await self._proposed(enqueued, rounds, count)
             made = await self.tried(
                 [(self.plan.at(point), point) for point in points], prune=not self.plan.arguments.pareto
             )
             rounds.append(tuple(self._told(trial) for trial in made))
         return await self._ended()
+
+    def _wanted(self) -> int:
+        """How many candidates more are tried: what is kept for taking back goes to them while nothing is better."""
+        wanted = self.candidates - len(self.trials)
+        return max(wanted, self.left - _LOOK) if self.best().number == 0 else wanted
 
     def _presets(self) -> list[tuple[PlannerConfiguration, tuple[float, ...]]]:
         """The other presets with the base's settings; none where only some weights are varied."""
@@ -160,7 +188,7 @@ class _Search:
         base = self.plan.base
         made = [changed_configuration(base, name, [])[0] for name in tuning_of(base.planner).presets]
         new = {one.config_id: one for one in made if one.config_id != base.config_id}
-        return [(one, point_of(self.plan.space, one)) for one in new.values()][: self.plan.arguments.max_trials - 1]
+        return [(one, point_of(self.plan.space, one)) for one in new.values()][: self.candidates - 1]
 
     async def _proposed(
         self, enqueued: Sequence[ToldTrial], rounds: Sequence[tuple[ToldTrial, ...]], count: int
@@ -221,6 +249,7 @@ class _Search:
             for index, (configuration, point) in enumerate(candidates)
         ]
         self.trials += made
+        self.driven += len(made)
         self._report()
         return made
 
@@ -277,7 +306,7 @@ class _Search:
         base = sum(self.plan.values(self.trials[0].valid))
         found = f"best {sum(self.plan.values(best.valid)):.3f}, base {base:.3f}"
         self.progress.report(
-            0.8 * min(len(self.trials) / most, 1.0), f"{len(self.trials)} of {most} candidates, {found}"
+            0.9 * self.driven / most, f"{self.driven} of at most {most} configurations driven, {found}"
         )
 
     async def _ended(self) -> StudyRecord:
@@ -285,15 +314,24 @@ class _Search:
         lines = tuple(self.line(trial) for trial in self.trials)
         best, front = self.best(), self._front()
         changes: tuple[ChangeShare, ...] = ()
+        notes: tuple[str, ...] = ()
         held_out = None
         if best.number != 0:
-            best, changes = await self._ablated(best)
+            best, changes, notes = await self._ablated(best)
             known = {line.config_id for line in lines}
             lines += (self.line(best),) if best.configuration.config_id not in known else ()
-            self.progress.report(0.95, "held-out scenarios")
-            held_out = await self._judged(best.configuration)
+            if self.left >= _LOOK:
+                self.progress.report(0.95, "held-out scenarios")
+                held_out = await self._judged(best.configuration)
         return _study_record(
-            self.plan, lines, best.configuration, changes=changes, held_out=held_out, front=tuple(map(self.line, front))
+            self.plan,
+            lines,
+            best.configuration,
+            changes=changes,
+            held_out=held_out,
+            front=tuple(map(self.line, front)),
+            driven=self.driven,
+            notes=notes,
         )
 
     def _front(self) -> list[_Trial]:
@@ -313,33 +351,34 @@ class _Search:
 
         return [trial for trial in whole if not is_beaten(trial)][:_MOST_FRONT]
 
-    async def _ablated(self, best: _Trial) -> tuple[_Trial, tuple[ChangeShare, ...]]:
-        """The best configuration without the changes that bring nothing in training, and what each of the rest brings.
+    async def _ablated(self, best: _Trial) -> tuple[_Trial, tuple[ChangeShare, ...], tuple[str, ...]]:
+        """The best configuration without the changes that bring nothing in training, what each of the rest brings, and
+        what could not be tried.
 
-        Every change is taken back alone; those whose loss costs nothing are taken back together, and stay out where
-        that costs nothing either.
+        One change after the other is taken back (backward elimination) and stays out where its loss costs nothing, as
+        long as the budget leaves the look at the held-out half.
         """
-        shares = await self._shares(best)
-        idle = [share.change.name for share in shares if share.gain <= 0]
-        if idle:
-            leaner = await self._apart(self._without(best.configuration, idle))
-            before, after = (sum(self.plan.values(one.valid)) for one in (best, leaner))
-            if (
-                leaner.configuration.config_id != self.plan.base.config_id
-                and after >= before
-                and self.is_within(leaner)
-            ):
-                return leaner, await self._shares(leaner)
-        return best, shares
+        shares = list[ChangeShare]()
+        changes = differences(self.plan.base, best.configuration)
+        tried = changes[: max(self.left - _LOOK, 0)]
+        for change in tried:
+            configuration = self._without(best.configuration, [change.name])
+            if configuration.config_id == self.plan.base.config_id:
+                shares.append(ChangeShare(change=change, gain=round(self._gain(best, self.trials[0]), 6)))
+                continue
+            without = await self._apart(configuration)
+            gain = self._gain(best, without)
+            if gain <= 0 and self.is_within(without):
+                best = without
+            else:
+                shares.append(ChangeShare(change=change, gain=round(gain, 6)))
+        untried = len(changes) - len(tried)
+        note = f"{untried} of {len(changes)} changes of the found configuration were not taken back: max_trials"
+        return best, tuple(shares), (note,) if untried else ()
 
-    async def _shares(self, trial: _Trial) -> tuple[ChangeShare, ...]:
-        whole, shares = sum(self.plan.values(trial.valid)), list[ChangeShare]()
-        for change in differences(self.plan.base, trial.configuration):
-            without = await self._apart(self._without(trial.configuration, [change.name]))
-            gain = whole - sum(self.plan.values(without.valid))
-            shares.append(ChangeShare(change=change, gain=round(gain, 6)))
-            self.progress.report(0.85, f"without {change.name}")
-        return tuple(shares)
+    def _gain(self, trial: _Trial, other: _Trial) -> float:
+        """By how much the summed objectives of a trial are above those of another one."""
+        return sum(self.plan.values(trial.valid)) - sum(self.plan.values(other.valid))
 
     def _without(self, configuration: PlannerConfiguration, names: Sequence[str]) -> PlannerConfiguration:
         """A configuration with the base's values of some weights and settings."""
@@ -356,6 +395,8 @@ class _Search:
     async def _apart(self, configuration: PlannerConfiguration) -> _Trial:
         """A configuration on all training scenarios, outside of the search."""
         runs = await self._run([self.plan.cell(scenario, configuration) for scenario in self.plan.training])
+        self.driven += 1
+        self._report()
         return _Trial(len(self.trials), configuration, None, tuple(runs), is_pruned=False)
 
     async def _judged(self, found: PlannerConfiguration) -> HeldOut:
@@ -367,6 +408,7 @@ class _Search:
         ]
         for configuration in (self.plan.base, found):
             store_configuration(self.call, configuration)
+        self.driven += _LOOK
         results = await run_grid(self.call, cells, lambda _: None)
         batch = store_batch(self.call, cells, results)
         self.progress.add_result(batch.batch_id)
@@ -388,7 +430,8 @@ class _Search:
         )
         comparison = compared.comparisons[0]
         success = comparison.success
-        if self.plan.arguments.objective == ["success"] and None not in (success.low, success.high):
+        is_success = self.plan.arguments.objective == ["success"]
+        if is_success and None not in (success.low, success.high):
             gain = gain.model_copy(update={"low": success.low, "high": success.high})
         return HeldOut(
             batch_id=batch.batch_id,
@@ -401,6 +444,9 @@ class _Search:
             collisions_before=sum(one.outcome == "collision" for one, _ in pairs),
             collisions_after=sum(two.outcome == "collision" for _, two in pairs),
             verdict=comparison.verdict,
+            headline_code=comparison.headline_code,
+            run_ids=comparison.run_ids,
+            shown=not is_success or comparison.headline_code in ("better", "worse", "mixed"),
         )
 
 
@@ -413,6 +459,8 @@ def _study_record(
     held_out: HeldOut | None = None,
     front: tuple[TrialLine, ...] = (),
     effects: tuple[Effect, ...] = (),
+    driven: int = 0,
+    notes: tuple[str, ...] = (),
 ) -> StudyRecord:
     """The record of a study."""
     return StudyRecord(
@@ -434,7 +482,9 @@ def _study_record(
         held_out=held_out,
         front=front,
         effects=effects,
-        notes=plan.notes,
+        notes=(*plan.notes, *notes),
+        driven=driven,
+        max_trials=plan.arguments.max_trials,
     )
 
 
@@ -485,7 +535,7 @@ def _finished(study: StudyRecord, call: ToolCall) -> OptimizePlannerResult:
     )
     if study.effects:
         following = "optimize_planner with vary: what matters"
-    return OptimizePlannerResult(state="done", study=study, next_step=following)
+    return OptimizePlannerResult(state="done", study=study, headline_code=study.headline_code, next_step=following)
 
 
 async def _effects(search: _Search) -> StudyRecord:
@@ -494,7 +544,7 @@ async def _effects(search: _Search) -> StudyRecord:
     design = DesignRequest(
         method="morris" if arguments.method == "morris" else "sobol",
         names=tuple(one.name for one in plan.space),
-        most=arguments.max_trials,
+        most=arguments.max_trials - 1,  # the base is driven too
         seed=arguments.seed,
     )
     points = (await search.call.services.workers.run(SENSITIVITY_DESIGN, design)).points
@@ -502,9 +552,29 @@ async def _effects(search: _Search) -> StudyRecord:
     for start in range(0, len(points), _ROUND):
         await search.tried([(plan.at(point), point) for point in points[start : start + _ROUND]], prune=False)
     values = tuple(sum(plan.values(trial.valid)) for trial in search.trials[1:])
-    request = EffectsRequest(design=design, values=values)
+    at_points = search.trials[1:]
+    request = EffectsRequest(
+        design=design,
+        values=values,
+        scores=tuple(
+            tuple(None if run is None or run.outcome == "invalid" else plan.score(run) for run in trial.runs)
+            for trial in at_points
+        ),
+        units=tuple(plan.roots[one.scenario_id] for one in plan.training),
+    )
     found = await search.call.services.workers.run(SENSITIVITY_EFFECTS, request)
-    return _study_record(plan, tuple(map(search.line, search.trials)), plan.base, effects=found.effects)
+    effects = tuple(_with_runs(effect, at_points) for effect in found.effects)
+    lines = tuple(map(search.line, search.trials))
+    return _study_record(plan, lines, plan.base, effects=effects, driven=search.driven)
+
+
+def _with_runs(effect: Effect, trials: Sequence[_Trial]) -> Effect:
+    """The effect with the two runs between which the weight changed most."""
+    if effect.largest is None:
+        return effect
+    first, second, scenario = effect.largest
+    runs = (trials[first].runs[scenario], trials[second].runs[scenario])
+    return effect.model_copy(update={"largest": None, "run_ids": tuple(run.run_id for run in runs if run is not None)})
 
 
 def _plan(arguments: OptimizePlannerArguments, call: ToolCall) -> _Plan:
@@ -532,6 +602,8 @@ def _plan(arguments: OptimizePlannerArguments, call: ToolCall) -> _Plan:
         if arguments.pareto and (arguments.method not in ("tpe", "random") or len(arguments.objective) < 2):
             raise InvalidRequest("a front needs two objectives and the method tpe or random", valid=["pareto=false"])
     faults.raise_all()
+    if arguments.method == "morris" or arguments.method == "sobol":
+        _check_design(arguments.method, len(space), arguments.max_trials)
     lineage = {one.scenario_id: one.root for one in lineages((one.scenario_id for one in choice.scenarios), call)}
     roots = {one.scenario_id: lineage.get(one.scenario_id, one.scenario_id) for one in choice.scenarios}
     if arguments.method in _SENSITIVITY:
@@ -552,6 +624,24 @@ def _plan(arguments: OptimizePlannerArguments, call: ToolCall) -> _Plan:
         roots=roots,
         notes=(*choice.notes, *notes),
     )
+
+
+def _check_design(method: Literal["morris", "sobol"], weights: int, most: int) -> None:
+    """Refuse a sensitivity analysis whose smallest design drives more than was allowed.
+
+    Raises:
+        InvalidRequest: with how many would do, and how few weights.
+    """
+    needed = 1 + fewest_configurations(method, weights)
+    if needed > most:
+        fewer = max(
+            (count for count in range(1, weights) if 1 + fewest_configurations(method, count) <= most), default=0
+        )
+        valid = [f"max_trials={needed}", *([f"vary with at most {fewer} weights"] if fewer else [])]
+        raise InvalidRequest(
+            f"{method} of {counted(weights, 'weight')} drives {needed} configurations, more than max_trials={most}",
+            valid=valid,
+        )
 
 
 _Parts = tuple[
@@ -616,5 +706,5 @@ def _recipe(plan: _Plan) -> Recipe:
         arguments=arguments | {"scenarios": scenarios, "base": plan.base.config_id},
         parents=(plan.base.config_id,),
         seed=plan.arguments.seed,
-        versions=versions_of(*packages),
+        versions=versions_of(*packages) | own_versions([plan.base.planner]),
     )

@@ -96,7 +96,7 @@ async def carry_out(suite: Suite, folder: Path, call: ToolCall, tell: Tell) -> S
         verdicts=tuple(verdicts),
         reused=sum(result.reused for result in results),
         lost=batch.lost,
-        notes=(*notes, *choice.notes),
+        notes=(*notes, *choice.notes, *_other_versions(groups, baselines)),
         runs=SuiteBaseline(
             suite=suite.name,
             configurations={
@@ -105,6 +105,16 @@ async def carry_out(suite: Suite, folder: Path, call: ToolCall, tell: Tell) -> S
             },
         ),
     )
+
+
+def _other_versions(groups: Mapping[str, Sequence[CellResult]], baselines: Mapping[str, "_Baseline"]) -> Iterable[str]:
+    """A sentence for each configuration that another version of its planner drove in a baseline."""
+    for name, group in groups.items():
+        now = {one.record.planner_version for one in group if one.record is not None} - {""}
+        for word, baseline in baselines.items():
+            before = {source.record.planner_version for source in baseline.of(name)} - {""}
+            if before and now and before != now:
+                yield f"{name}: {', '.join(sorted(before))} drove in {word}, {', '.join(sorted(now))} now"
 
 
 def _named(groups: Mapping[str, Sequence[CellResult]]) -> Iterable[tuple[str, CellResult]]:
@@ -279,6 +289,7 @@ async def _verdicts(
             lost=len(group) - len(records),
             unpreventable=frozenset(run_id for run_id, review in reviews.items() if _is_unpreventable(review)),
             against=against,
+            roots={one.scenario_id: one.root for one in lineages((record.scenario_id for record in records), call)},
         )
         verdicts += [limit.judge(runs) for limit in own]
     return verdicts
@@ -286,8 +297,7 @@ async def _verdicts(
 
 def _is_unpreventable(review: RunReview) -> bool:
     """Whether no reference driver prevents the collision; one that could not be judged counts as preventable."""
-    prevention = None if review.contact is None else review.contact.prevention
-    return prevention is not None and not prevention.possible
+    return review.contact is not None and review.contact.is_unpreventable
 
 
 async def _compared(

@@ -1,11 +1,12 @@
 """The tools that say what runs show: figures of a set, and one set against another."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from itertools import accumulate
 
 from ...schemas.analysis.comparison import CompareRequest, CompareResultsArguments, CompareResultsResult, Side
 from ...schemas.errors import InvalidRequest
 from ...schemas.results import AnalyseRequest, AnalyzeResultsArguments, AnalyzeResultsResult
-from ...schemas.runs import RunSource
+from ...schemas.runs import BatchRecord, RunRecord, RunSource, configuration_id
 from ..call import ToolCall
 from ..operations import ANALYSE, COMPARE
 from ..results import ChosenResult, chosen_runs, config_weights, lineages, scenario_sources
@@ -34,51 +35,74 @@ async def analyze_results(arguments: AnalyzeResultsArguments, call: ToolCall) ->
 
 
 async def compare_results(arguments: CompareResultsArguments, call: ToolCall) -> CompareResultsResult:
-    """Paired tests of every side against the first."""
+    """Paired tests of every side against the first, or of like sides of several batches against each other."""
     words, notes = _words_of(arguments, call)
     chosen, runs = chosen_runs(words, call)
     call.shows(*(result.result_id for result in chosen))
+    sides, couples, more = _sides_of(chosen, runs)
     request = CompareRequest(
-        sides=_sides_of(chosen, runs),
+        sides=sides,
         runs=runs,
         configs=config_weights(runs, call),
         scenarios=scenario_sources((run.record.scenario_id for run in runs), call),
         lineage=lineages((run.record.scenario_id for run in runs), call),
         metrics=tuple(arguments.metrics),
         limit=arguments.limit,
+        couples=couples,
     )
     result = await call.run(COMPARE, request)
     asked = arguments.limit if "limit" in arguments.model_fields_set else None
-    return result.model_copy(update={"notes": (*notes, *result.notes), "flips_asked": asked})
+    return result.model_copy(update={"notes": (*notes, *more, *result.notes), "flips_asked": asked})
 
 
 def _words_of(arguments: CompareResultsArguments, call: ToolCall) -> tuple[list[str], tuple[str, ...]]:
-    """What is compared; left out while there is one batch only, its configurations, and without any, two runs."""
-    if "results" in arguments.model_fields_set:
-        return arguments.results, ()
-    batches = len(call.newest("batch", count=2))
-    if batches == 0:
-        return ["previous_run", "latest_run"], ("there is no batch: the two newest runs are compared",)
-    if batches == 1:
-        return ["latest_batch"], ("there is one batch only: its configurations are compared",)
-    return arguments.results, ()
-
-
-def _sides_of(chosen: Sequence[ChosenResult], runs: Sequence[RunSource]) -> tuple[Side, ...]:
-    """The sides in the given order.
-
-    A batch gives one side a configuration; single runs with several configurations are put together by configuration;
-    two runs of one configuration stand against each other.
+    """What is compared. Left out: the configurations of the newest batch, or without any batch the two newest runs.
 
     Raises:
-        InvalidRequest: there is only one side.
+        InvalidRequest: the newest batch has one configuration, and which older one is the baseline was not said.
+    """
+    if arguments.results:
+        return arguments.results, ()
+    batches = call.newest("batch", count=2)
+    if not batches:
+        told = "there is no batch: the two newest runs are compared, the older one as the baseline"
+        return ["previous_run", "latest_run"], (told,)
+    newest = batches[0].artifact_id
+    if len(batches) == 1:
+        return [newest], ("there is one batch only: its configurations are compared",)
+    if len(batches[0].read(BatchRecord).configs) == 1:
+        older = batches[1].artifact_id
+        raise InvalidRequest(
+            f"{newest} has one configuration, and which older batch is the baseline was not said",
+            valid=[f"results ['{older}', '{newest}']"],
+            next_step="name both, the baseline first",
+        )
+    return [newest], (f"results were left out: the configurations of {newest}, the newest batch, are compared",)
+
+
+_Couples = tuple[tuple[int, int], ...]
+"""Which sides are compared, as places among the sides, the baseline of each first; empty: all with the first."""
+
+
+def _sides_of(
+    chosen: Sequence[ChosenResult], runs: Sequence[RunSource]
+) -> tuple[tuple[Side, ...], _Couples, tuple[str, ...]]:
+    """The sides in the given order, which of them are compared with which, and what was left out.
+
+    A batch gives one side a configuration; single runs with several configurations are put together by configuration;
+    two runs of one configuration stand against each other. Of several batches the first that was named is the baseline,
+    and each side of another one is compared with its like in it.
+
+    Raises:
+        InvalidRequest: there is only one side, or no side of one batch has a like in another.
     """
     by_id = {run.record.run_id: run for run in runs}
     if all(result.kind == "run" for result in chosen) and len({run.record.config_id for run in runs}) > 1:
         groups = [("", list(by_id.values()))]
     else:
         groups = [(result.result_id, [by_id[run_id] for run_id in result.run_ids]) for result in chosen]
-    sides = [side for label, members in groups for side in _by_config(label, members, alone=len(groups) == 1)]
+    split = [_by_config(result_id, members) for result_id, members in groups]
+    sides = _labelled([side for group in split for side in group])
     if len(sides) < 2:
         labels = ", ".join(side.label for side in sides)
         raise InvalidRequest(
@@ -86,24 +110,90 @@ def _sides_of(chosen: Sequence[ChosenResult], runs: Sequence[RunSource]) -> tupl
             valid=["two runs or batches", "one batch with several configurations"],
             next_step="run another configuration on the same scenarios with run_planner",
         )
-    return tuple(sides)
-
-
-def _by_config(label: str, members: Sequence[RunSource], *, alone: bool) -> list[Side]:
-    groups: dict[str, list[RunSource]] = {}
-    for member in members:
-        groups.setdefault(member.record.config_id, []).append(member)
-    names = [group[0].record.config_name for group in groups.values()]
-    sides = []
-    for config_id, group in groups.items():
-        name = group[0].record.config_name
-        words = name if names.count(name) == 1 else f"{name} {config_id}"
-        sides.append(
-            Side(
-                label=words if alone else f"{words} ({label})",
-                config_id=config_id,
-                config_name=name,
-                run_ids=tuple(member.record.run_id for member in group),
-            )
+    if len(groups) == 1:
+        return tuple(sides), (), ()
+    couples, alone = _matched([len(group) for group in split], sides)
+    if not couples:
+        named = [f"{group[0].result_id}: {', '.join(side.config_name for side in group)}" for group in split]
+        raise InvalidRequest(
+            f"no configuration of {groups[0][0]}, the baseline, has a like in the other results",
+            valid=named,
+            next_step="name results with the same configurations or with one each, or a single batch with several",
         )
-    return sides
+    notes = [f"{side.label} has no like in the other results and is in no comparison" for side in alone]
+    return tuple(sides), () if couples == _star(len(sides)) else couples, tuple(notes)
+
+
+def _star(count: int) -> _Couples:
+    """Every side against the first."""
+    return tuple((0, place) for place in range(1, count))
+
+
+def _matched(sizes: Sequence[int], sides: Sequence[Side]) -> tuple[_Couples, list[Side]]:
+    """The couples of like sides of the first group and each other one, and the sides that are in none.
+
+    Like are the same configuration under the same planner version, else the same configuration, else what alone is
+    left of a planner in both groups, else what alone is left of both at all. A baseline with one side is the like of
+    every side of a group in which nothing is more like it.
+    """
+    ends = list(accumulate(sizes))
+    groups = [list(range(end - size, end)) for size, end in zip(sizes, ends, strict=True)]
+    couples: list[tuple[int, int]] = []
+    for group in groups[1:]:
+        left, right = list(groups[0]), list(group)
+        found: list[tuple[int, int]] = []
+        for alike in _LIKENESS:
+            kinds = {alike(sides[place]) for place in left} & {alike(sides[place]) for place in right}
+            for kind in sorted(kinds):
+                first = [place for place in left if alike(sides[place]) == kind]
+                second = [place for place in right if alike(sides[place]) == kind]
+                if len(first) == len(second) == 1:
+                    found.append((first[0], second[0]))
+                    left.remove(first[0])
+                    right.remove(second[0])
+        if not found and len(groups[0]) == 1:
+            found = [(groups[0][0], place) for place in right]
+        couples += sorted(found, key=lambda couple: couple[1])
+    used = {place for couple in couples for place in couple}
+    return tuple(couples), [side for place, side in enumerate(sides) if place not in used]
+
+
+_LIKENESS: tuple[Callable[[Side], str], ...] = (
+    lambda side: side.config_id,
+    lambda side: configuration_id(side.config_id),
+    lambda side: side.config_name.partition(":")[0],
+    lambda _: "",
+)
+"""What makes two sides alike, the strictest first."""
+
+
+def _by_config(result_id: str, members: Sequence[RunSource]) -> list[Side]:
+    """A side for each configuration and planner version; its label is its name."""
+    groups: dict[str, list[RunRecord]] = {}
+    for member in members:
+        groups.setdefault(member.record.config_id, []).append(member.record)
+    return [
+        Side(
+            label=records[0].config_name,
+            config_id=config_id,
+            config_name=records[0].config_name,
+            run_ids=tuple(record.run_id for record in records),
+            result_id=result_id,
+            planner_version=records[0].planner_version,
+        )
+        for config_id, records in groups.items()
+    ]
+
+
+def _labelled(sides: Sequence[Side]) -> list[Side]:
+    """The sides, those of one name with what tells them apart: the configuration, and the result that they are of."""
+    told = []
+    for side in sides:
+        twins = [one for one in sides if one.config_name == side.config_name and one is not side]
+        words = side.config_name
+        if any(one.config_id != side.config_id for one in twins):
+            words = f"{words} {side.config_id}"
+        if any(one.result_id != side.result_id for one in twins):
+            words = f"{words} ({side.result_id})"
+        told.append(side.model_copy(update={"label": words}))
+    return told

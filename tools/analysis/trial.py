@@ -10,15 +10,16 @@ from dataclasses import dataclass
 from math import comb
 
 from ...engine.execution import JobProgress, JobWork
+from ...engine.planners import source_that_drives
 from ...engine.tuning import changed_configuration, preset_configuration
 from ...engine.workspace import Recipe, versions_of
-from ...schemas.errors import InvalidRequest
+from ...schemas.errors import InvalidRequest, PlannerFailure, UnknownName
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.results import AnalyzeResultsResult, Finding, Suggestion, TriedChange
 from ...schemas.runs import RunRecord, RunSource
 from ..call import ToolCall
 from ..configurations import resolve_configuration, store_configuration
-from ..runs import Cell, CellResult, run_grid
+from ..runs import Cell, CellResult, own_versions, run_grid
 
 MOST_TRIED = 3
 """Suggestions that one call tries (chosen)."""
@@ -54,6 +55,11 @@ async def with_trials(result: AnalyzeResultsResult, runs: Sequence[RunSource], c
     """The analysis with its first suggestions tried; while the runs are under way, with the job that makes them."""
     unpreventable = frozenset(() if result.causes is None else result.causes.not_preventable)
     suggestions = _chosen(result.findings)
+    edited = {source.record.planner for source in runs if _was_edited(source.record)}
+    if edited:
+        return _noted(
+            result, f"nothing was tried: {', '.join(sorted(edited))} is another version now than in these runs"
+        )
     if not suggestions:
         return _noted(result, "nothing to be tried: no finding suggests a change of a weight")
     changes = [
@@ -88,6 +94,14 @@ async def with_trials(result: AnalyzeResultsResult, runs: Sequence[RunSource], c
         for finding in result.findings
     )
     return result.model_copy(update={"findings": findings})
+
+
+def _was_edited(record: RunRecord) -> bool:
+    """Whether a run is of another version of its planner than would drive a trial; not known counts as the same."""
+    try:
+        return record.planner_source not in ("", source_that_drives(record.planner))
+    except (UnknownName, PlannerFailure):  # it is not installed any more: what resolves its configuration says so
+        return False
 
 
 def _chosen(findings: Sequence[Finding]) -> list[Suggestion]:
@@ -155,7 +169,8 @@ def _recipe(changes: Sequence[_Change]) -> Recipe:
             "runs": sorted({run.run_id for change in changes for run in (*change.failing, *change.passing)}),
         },
         parents=tuple(dict.fromkeys(change.suggestion.config_id for change in changes)),
-        versions=versions_of("frenetix", "commonroad-io", "commonroad-drivability-checker"),
+        versions=versions_of("frenetix", "commonroad-io", "commonroad-drivability-checker")
+        | own_versions(change.configuration.planner for change in changes),
     )
 
 

@@ -35,6 +35,8 @@ IMPORT_LIMIT_S = 60.0
 """The longest that a planner's package may take to be imported; chosen: PyTorch takes seconds."""
 _LARGEST_SOURCE_BYTES = 10_000_000
 """Files of a program up to this size are part of its version (chosen: scripts are, data and interpreters are not)."""
+_SOURCE_SUFFIXES = (".py", ".so", ".pyd")
+"""Of the files of a package that are code: Python's own and its compiled modules."""
 _IMPORT_BYTES = 4 * 1024**3
 """Data memory of the process that imports it for its declaration; chosen, as of a worker."""
 _COMMANDS = TypeAdapter(dict[str, CommandPlanner])
@@ -93,12 +95,22 @@ class Found:
             raise self._broken(one_line(str(error))) from error
 
     @property
+    def sources(self) -> list[Path]:
+        """The files that make the planner: those that the command of a program names, those of a package."""
+        if self.command is not None:
+            named = [Path(part) for part in self.command.command if part.startswith("/")]
+            return [path for path in named if path.is_file() and path.stat().st_size <= _LARGEST_SOURCE_BYTES]
+        return _sources(self.entry.module if self.entry else "")
+
+    @property
     def version(self) -> str:
         """A digest of the planner's own source, so that runs of an edited planner are made anew."""
-        if self.command is not None:
-            files = [Path(part) for part in self.command.command if part.startswith("/")]
-            return _digest(self.command.model_dump_json(), files)
-        return _digest("", _sources(self.entry.module if self.entry else ""))
+        return _digest("" if self.command is None else self.command.model_dump_json(), self.sources)
+
+    @property
+    def package_version(self) -> str:
+        """The version of the package that brings the planner; empty of a program."""
+        return self.entry.dist.version if self.entry is not None and self.entry.dist is not None else ""
 
     def _broken(self, why: str) -> PlannerFailure:
         value = self.entry.value if self.entry else ""
@@ -185,12 +197,13 @@ def _of_environment(text: str) -> tuple[Found, ...]:
 
 
 def _sources(module: str) -> list[Path]:
-    """The Python files of the module's package, without importing it."""
+    """The Python files and compiled modules of the module's package, without importing it."""
     spec = find_spec(module.partition(".")[0]) if module else None
     if spec is None:
         return []
     folders = [Path(folder) for folder in spec.submodule_search_locations or ()]
-    return sorted(path for folder in folders for path in folder.rglob("*.py")) or [Path(spec.origin or "")]
+    found = (path for folder in folders for path in folder.rglob("*") if path.suffix in _SOURCE_SUFFIXES)
+    return sorted(found) or [Path(spec.origin or "")]
 
 
 def _digest(text: str, files: list[Path]) -> str:

@@ -11,10 +11,10 @@ from ....schemas.stepwise import GoalMessage, LaneletMessage, Line, StartMessage
 from ...geometry import Points, Values
 from ...network import posted_speeds
 from ...vehicles import parameter_values
+from ..driving.route_place import RoutePlaces
 from ..goal import Goal
 from ..interface import EgoState, Observation, PlanningTask, PredictedObstacle
 from ..prediction import SENSOR_RADIUS_M
-from ..route_place import RoutePlaces
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet
@@ -41,6 +41,7 @@ def start_message(task: PlanningTask, planner: str, scenario_id: str) -> StartMe
         weights=task.configuration.weights,
         settings=numbers_of(settings.stated_values),
         vehicle=numbers_of(parameter_values(task.vehicle)),
+        ego_class=task.vehicle.vehicle_class,
         step_s=task.step_s,
         first_step=ego.step,
         last_step=Goal(task.problem.goal).last_step,
@@ -77,7 +78,7 @@ class StepMessages:
     def __init__(self, task: PlanningTask) -> None:
         self._first_step, self._step_s = EgoState.of(task.problem.initial_state).step, task.step_s
         self._places = RoutePlaces(task)
-        self._signals = _signals(task, self._places)
+        self._signals = _signals(task)
 
     def at(self, observation: Observation) -> StepMessage:
         """What a program is told at one step."""
@@ -202,14 +203,13 @@ def _lanelet(lanelet: "Lanelet", limit_mps: float | None) -> LaneletMessage:
     )
 
 
-def _signals(task: PlanningTask, places: RoutePlaces) -> list[_Signal]:
+def _signals(task: PlanningTask) -> list[_Signal]:
     """The working lights at the ends of the route's lanelets, in driving order."""
     found = []
-    for key in task.reference.lanelets:
+    for key, end_m in zip(task.reference.lanelets, task.reference.lanelet_ends_m(task.network), strict=True):
         lanelet = task.network.find_lanelet_by_id(key)
         lights = [task.network.find_traffic_light_by_id(light) for light in sorted(lanelet.traffic_lights or ())]
         working = [one for one in lights if one is not None and one.traffic_light_cycle is not None]
         if working:
-            end_m = float(places.stations_of(np.asarray(lanelet.center_vertices)[-1:])[0])
-            found += [_Signal(light, int(key), end_m) for light in working]
+            found += [_Signal(light, int(key), float(end_m)) for light in working]
     return found

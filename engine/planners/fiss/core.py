@@ -32,10 +32,16 @@ import fiss_planner
 import numpy as np
 
 from ....schemas.planning import PlannerSettings
+<<<<<<< HEAD
 from ...geometry import Points, Values, project, wrap_angle
 from ...vehicles import VehicleParameters
+=======
+from ...geometry import Points, Values, wrap_angle
+from ...vehicles import VehicleParameters, tractrix
+>>>>>>> main
 from ..driving.following import FOLLOWED_WITHIN_M, is_on_plan
 from ..interface import EgoState, PlannedTrajectory, PredictedObstacle
+from ..reference_path import ReferencePath
 
 SEARCHES = ("fop", "fop_plus", "fiss", "fiss_plus")
 """The core's searches by the number that the setting ``search`` has."""
@@ -146,16 +152,17 @@ def core_configuration(
 class PathLine:
     """The reference path as the core's line; ``hardest_mps2``: the lateral acceleration that its curves may need."""
 
-    def __init__(self, path: Points, hardest_mps2: float) -> None:
+    def __init__(self, reference: ReferencePath, hardest_mps2: float) -> None:
+        path = reference.points
         self.line = fiss_planner.ReferenceLine(path[:, 0].tolist(), path[:, 1].tolist())
         samples = self.line.sample(_LINE_SPACING_M)
         self._stations: Values = samples[:, 0]
         self._curve_mps: Values = np.sqrt(hardest_mps2 / np.maximum(np.abs(samples[:, 4]), 1e-4))
-        self._path = path
+        self._reference = reference
 
-    def nearest_station(self, point: Points) -> float:
-        """The station in m nearest to a point (2,), on whichever lap."""
-        return project(self._path, point)[0]
+    def first_station(self, point: Points) -> float:
+        """The station in m of the ego at a point (2,) at which it begins."""
+        return self._reference.follower().place(point)[0]
 
     def curve_speed_mps(self, station_m: float, ahead_m: float) -> float:
         """The speed at which no curve of the next metres needs more than the lateral acceleration."""

@@ -26,9 +26,9 @@ import numpy as np
 
 from ...geometry import Points
 from ...vehicles import rear_axle
+from ..driving.desired_speed import DesiredSpeed
 from ..driving.drivability import violated_limit
 from ..driving.following import FOLLOWED_WITHIN_M, follow
-from ..goal import DesiredSpeed, Goal
 from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
 from ..safety import SafetyCheck
 from .core import (
@@ -80,11 +80,17 @@ class Fiss:
         """Prepare for a new run."""
         self._task = task
         limits = vehicle_limits(task.vehicle)
-        self._path = PathLine(task.reference.points, limits.max_lat_accel)
+        self._path = PathLine(task.reference, limits.max_lat_accel)
         self._bands = lane_bands(task.network, task.reference)
+<<<<<<< HEAD
         self._corridors: dict[tuple[float, float], fiss_planner.Corridor] = {}
         self._desired_speed = DesiredSpeed(Goal(task.goal_ahead), task.reference, task.step_s)
         self._cores: dict[tuple[bool, Care, bool], fiss_planner.Planner] = {}
+=======
+        self._corridor = self._bands.corridor()
+        self._desired_speed = DesiredSpeed.of(task)
+        self._cores: dict[tuple[bool, bool], fiss_planner.Planner] = {}
+>>>>>>> main
         self._station_m: float | None = None
         self._driven: DrivenPlan | None = None
         self._has_braked = False
@@ -129,7 +135,7 @@ class Fiss:
             ego = replace(ego, acceleration_mps2=max(ego.acceleration_mps2, -_RECOVERY_MPS2))
         near_m = self._station_m
         if near_m is None:
-            near_m = self._path.nearest_station(rear_axle(ego.position, ego.heading_rad, self._task.vehicle))
+            near_m = self._path.first_station(rear_axle(ego.position, ego.heading_rad, self._task.vehicle))
         return self._path.start(ego, self._task.vehicle, near_m)
 
     def _core(self, care: Care, *, slow: bool, every_candidate: bool = False) -> "fiss_planner.Planner":

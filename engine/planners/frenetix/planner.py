@@ -16,13 +16,12 @@ from typing import Any, Protocol, TypeVar
 import frenetix
 import numpy as np
 
-from ...geometry import Points, project
+from ...geometry import Points
+from ..driving.desired_speed import DesiredSpeed
 from ..driving.drivability import Limit, violated_limit
 from ..driving.following import FollowedPlan, follow
-from ..goal import DesiredSpeed, Goal
 from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
 from ..lanes import LaneCenters, LaneCorridors
-from ..reference_path import ReferencePath
 from ..safety import SafetyCheck
 from .core import (
     CONSTRAINTS,
@@ -58,7 +57,7 @@ class Frenetix:
     def __init__(
         self,
         settings: SamplingSettings | None = None,
-        desired_speed: Callable[[Goal, ReferencePath, float], DesiredSpeed] = DesiredSpeed,
+        desired_speed: Callable[[PlanningTask], DesiredSpeed] = DesiredSpeed.of,
     ) -> None:
         self._given_settings, self._desired_speed_of = settings, desired_speed
 
@@ -72,7 +71,8 @@ class Frenetix:
         self._lanes = LaneCenters(network) if self._own_terms else None
         self._corridors = LaneCorridors(network) if self._own_terms else None
         self._frames = FrameKeeper(task.reference.points)
-        self._desired_speed = self._desired_speed_of(Goal(task.goal_ahead), task.reference, task.step_s)
+        self._follower = task.reference.follower()
+        self._desired_speed = self._desired_speed_of(task)
         self._handler = frenetix.TrajectoryHandler(task.step_s)
         add_feasibility(self._handler, task.vehicle)
         self._driven: DrivenPlan | None = None
@@ -82,7 +82,7 @@ class Frenetix:
         ego, task = observation.ego, self._task
         horizon_s = self._settings.horizon_s
         reach_m = (ego.speed_mps + task.vehicle.maximum_acceleration_mps2 / 6.0 * horizon_s) * horizon_s
-        frame = self._frames.frame_for(project(task.reference.points, ego.position)[0], reach_m)
+        frame = self._frames.frame_for(self._follower.place(ego.position)[0], reach_m)
         low_speed, desired_mps = ego.speed_mps < _LOW_SPEED_MPS, self._desired_speed.at(ego)
         step = PlanningStep(observation, frame, self._settings, low_speed, desired_mps, task.step_s, reach_m)
         self._step = step

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...geometry import Points, Values, arc_length, gaussian, project, wrap_angle
+from ...geometry import PathFollower, Points, Values, arc_length, gaussian, wrap_angle
 from ...vehicles import VehicleParameters
 from ..driving.following import is_on_plan
 from ..interface import EgoState, PlannedTrajectory
@@ -37,12 +37,16 @@ _LEAST_PACE = 0.2
 
 
 class PathTable:
-    """A reference path by its arc length: points, headings and curvatures, for many stations at once."""
+    """A reference path by its arc length: points, headings and curvatures, for many stations at once.
 
-    def __init__(self, path: Points) -> None:
+    It follows the rear axle of one run, whose feet are asked for in the order of driving and which begins near the
+    station ``begin_m``, if that is known.
+    """
+
+    def __init__(self, path: Points, begin_m: float | None = None) -> None:
         from scipy.interpolate import CubicSpline
 
-        self._path, stations = path, arc_length(path)
+        self._follower, stations = PathFollower(path, begin_m), arc_length(path)
         spline = CubicSpline(stations, path)
         at = np.arange(0.0, float(stations[-1]), _SPACING_M)
         points, along, bending = spline(at), spline(at, 1), spline(at, 2)
@@ -59,7 +63,7 @@ class PathTable:
 
     def foot(self, point: Points) -> float:
         """The station nearest to a point (2,)."""
-        nearest = np.array([project(self._path, point)[0]])
+        nearest = np.array([self._follower.place(point)[0]])
         return float(self.beside(point[:1], point[1:], nearest)[0][0])
 
     def beside(self, x_m: Points, y_m: Points, near_m: Points, rounds: int = 4) -> tuple[Points, Points, Points]:

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from ...geometry import Points, Values, wrap_angles
 from ...vehicles import centers, rear_axle
+from ..driving.desired_speed import DesiredSpeed
 from ..driving.drivability import broken_limits
 from ..driving.following import FollowedPlan, follow
-from ..goal import DesiredSpeed, Goal
 from ..interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
 from ..safety import SafetyCheck
 from .candidates import Candidates, Driven, PathTable, Samples, Start, candidates, followed_within_m
@@ -56,9 +56,9 @@ class RadialBasisPrimitives:
         """Prepare for a new run."""
         self._task = task
         self._weights = task.configuration.weights
-        self._path = PathTable(task.reference.points)
+        self._path = PathTable(task.reference.points, task.reference.start_m)
         self._edge = RoadEdge(task.road)
-        self._desired_speed = DesiredSpeed(Goal(task.goal_ahead), task.reference, task.step_s)
+        self._desired_speed = DesiredSpeed.of(task)
         count = round(task.configuration.settings.horizon_s / task.step_s) + 1
         self._times: Values = np.arange(count, dtype=np.float64) * task.step_s
         self._within_m = followed_within_m(task.configuration.settings.sampling_level)

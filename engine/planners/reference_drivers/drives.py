@@ -1,7 +1,7 @@
 """A reference driver in the ego's place, among others that move as they did and do not react to it.
 
-Until the driver reacts, the ego moves as a :class:`NominalMotion` says: as it was driven, or along its lane at the speed
-that it began with. From then on it brakes as the driver wants, keeps its speed in between, and follows the same
+Until the driver reacts, the ego moves as a :class:`NominalMotion` says: as it was driven, or along its lane at the
+speed that it began with. From then on it brakes as the driver wants, keeps its speed in between, and follows the same
 way. A drive is followed until the ego stands or has passed the other: an ego that still rolls towards it has not
 prevented anything. Where a track ends before that, the other goes on straight at its last speed, and one that braked
 goes on braking until it stands.
@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from ...commonroad import Track
 from ...geometry import Values, arc_length, headings, resample, without_repeats
 from ...vehicles import COMFORTABLE_MPS2
-from ..idm import curve_speeds_mps
+from ..driving.desired_speed import curve_speeds_mps
 from .models import Brakes, Moment, ReferenceDriver, Seen
-from .ways import DriverWay, OnWay, rectangles, visible
+from .ways import DriverWay, OnWay, rectangles, with_hidden
 
 WANDERING_M = 0.375
 """How far the centre of a vehicle deviates from the middle of the way before it is seen to leave it (UN R157)."""
@@ -213,7 +213,7 @@ class DriverScene:
             seen = row.seen(step, station, self.body, self.step_s)
             if seen is not None:
                 rows.append((seen, row.offset_at(step), row.hides))
-        shown = visible(rows, WANDERING_M)
+        shown = with_hidden(rows, WANDERING_M)
         return tuple(one for one in shown if one.key == self._met.key) if self.nominal.was_driven else shown
 
     def is_clear(self, driven: Driven, aside_m: Values | None = None, turned_rad: Values | None = None) -> bool:

@@ -1,8 +1,9 @@
 """Reference drivers as pure models: what each one sees, when it reacts, and how hard it brakes.
 
-A driver is a frozen dataclass. ``react(memory, moment)`` takes what the driver remembers and what it sees at one moment,
-and returns its new memory and the deceleration in m/s² that it wants, or None if it does not react. Nothing here knows
-tracks, planners or simulations. The vehicle's :class:`Brakes` limit how fast and how far a wanted deceleration builds up.
+A driver is a frozen dataclass. ``react(memory, moment)`` takes what the driver remembers and what it sees at one
+moment, and returns its new memory and the deceleration in m/s² that it wants, or None if it does not react. Nothing
+here knows tracks, planners or simulations. The vehicle's :class:`Brakes` limit how fast and how far a wanted
+deceleration builds up.
 
 * :class:`CarefulDriver`: the competent and careful human driver of UN Regulation No. 157 (ECE/TRANS/WP.29/2020/81,
   Annex 4, Appendix 3, paragraphs 3.3 and 3.4; performance model 1 of Annex 3 since the 01 series of amendments).
@@ -66,7 +67,7 @@ class Seen:
     ``gap_m``: from the driver's front to its nearest end, negative beside and behind; ``past_m``: how far the driver
     has to go until its rear is past the other's far end. ``aside_m``: the gap between both bodies across the way, 0 or
     less if it is in the way; ``nearing_mps``: how fast that gap closes; ``along_mps`` and ``slowing_mps2``: its speed
-    along the way and its deceleration.
+    along the way and its deceleration. ``hider_gap_m``: the gap to the one that hides it; None: it can be seen.
     """
 
     key: int
@@ -76,6 +77,7 @@ class Seen:
     nearing_mps: float
     along_mps: float
     slowing_mps2: float
+    hider_gap_m: float | None = None
 
     @property
     def is_in_way(self) -> bool:
@@ -100,17 +102,26 @@ class Seen:
 
     def time_headway_s(self, own_mps: float) -> float:
         """Return the time in which the driver covers the gap; infinite if it stands."""
-        return max(self.gap_m, 0.0) / own_mps if own_mps > 0 else math.inf
+        return _headway_s(self.gap_m, own_mps)
+
+
+def _headway_s(gap_m: float, own_mps: float) -> float:
+    return max(gap_m, 0.0) / own_mps if own_mps > 0 else math.inf
 
 
 @dataclass(frozen=True)
 class Moment:
-    """What a driver sees: the time, its own speed and acceleration, and the others that it can see."""
+    """What a driver sees: the time, its own speed and acceleration, and the others ahead, hidden ones included."""
 
     time_s: float
     own_mps: float
     own_mps2: float
     seen: tuple[Seen, ...]
+
+    @property
+    def visible(self) -> tuple[Seen, ...]:
+        """Those that the driver can see."""
+        return tuple(seen for seen in self.seen if seen.hider_gap_m is None)
 
 
 class ReferenceDriver(Protocol):
@@ -136,9 +147,13 @@ _ROUNDING_S = 1e-9
 
 @dataclass(frozen=True)
 class _Hazard:
-    """What the careful driver knows of one road user: since when it shows each trigger, and when the risk was clear."""
+    """What the careful driver knows of one road user: since when it shows each trigger, and when the risk was clear.
+
+    ``followed_closely``: whether the driver followed the one that hid it within the critical time headway.
+    """
 
     farthest_m: float
+    followed_closely: bool = False
     coming_since_s: float | None = None
     slowing_since_s: float | None = None
     slower_since_s: float | None = None
@@ -152,10 +167,14 @@ class CarefulDriver:
     A road user is *noticed* when it has come nearer to the way by ``wandering_m`` or is in it (cut-in, 3.4.1), when it
     brakes in the way by more than ``hard_mps2`` (deceleration, 3.4.3), or when it is in the way and slower than the
     driver (cut-out, 3.4.2: the regulation means the one that a cut-out reveals; a leader that has become slower is
-    treated alike). The regulation's others change from the lane beside, ``lane_m`` wide (4.1); what is farther aside
-    is noticed only if, at its present rate, it is in the way before the driver is past it. ``perception_s`` later the risk is *perceived*; it is *critical* if the time to collision is below
-    ``critical_ttc_s`` (cut-in), or the time headway below ``critical_thw_s`` (deceleration, cut-out). ``delay_s`` after
-    that the driver brakes fully, until the other is neither slower nor braking, or has left the way.
+    treated alike). One behind a broad one that is in the way is hidden until the centre of the broad one is more than
+    ``wandering_m`` beside the way. The regulation's others change from the lane beside, ``lane_m`` wide (4.1); what is
+    farther aside is noticed only if, at its present rate, it is in the way before the driver is past it.
+
+    ``perception_s`` later the risk is *perceived*. It is *critical* if the time to collision is below
+    ``critical_ttc_s`` (cut-in), if the time headway is below ``critical_thw_s`` (deceleration, cut-out), or if that to
+    the one that cut out was (cut-out: the regulation's driver then avoids whatever stands there, 5.2). ``delay_s``
+    after that the driver brakes fully, until the other is neither slower nor braking, or has left the way.
     """
 
     wandering_m: float = 0.375
@@ -183,6 +202,9 @@ class CarefulDriver:
         return hazards, math.inf if brakes else None
 
     def _hazard(self, before: _Hazard | None, seen: Seen, moment: Moment) -> _Hazard:
+        if seen.hider_gap_m is not None:
+            headway_s = _headway_s(seen.hider_gap_m, moment.own_mps)
+            return _Hazard(seen.aside_m, headway_s <= self.critical_thw_s + _ROUNDING_S)
         known = before or _Hazard(seen.aside_m)
         if known.decided_s is not None:
             acts = moment.time_s - known.decided_s >= self.delay_s + _ROUNDING_S
@@ -193,6 +215,7 @@ class CarefulDriver:
         hard = seen.is_in_way and (seen.slowing_mps2 > self.hard_mps2 or known.slowing_since_s is not None)
         hazard = _Hazard(
             farthest,
+            known.followed_closely,
             coming_since_s=_since(known.coming_since_s, now, coming),
             slowing_since_s=_since(known.slowing_since_s, now, hard and (closing > 0 or seen.slowing_mps2 > 0)),
             slower_since_s=_since(known.slower_since_s, now, seen.is_in_way and closing > _SLOWER_MPS),
@@ -206,7 +229,9 @@ class CarefulDriver:
         if seen.is_passed or moment.own_mps <= seen.along_mps:
             return False
         near = seen.time_headway_s(moment.own_mps) < self.critical_thw_s
-        if near and (perceived(hazard.slowing_since_s) or perceived(hazard.slower_since_s)):
+        if near and perceived(hazard.slowing_since_s):
+            return True
+        if (near or hazard.followed_closely) and perceived(hazard.slower_since_s):
             return True
         return perceived(hazard.coming_since_s) and seen.time_to_collision_s(moment.own_mps) < self.critical_ttc_s
 
@@ -279,7 +304,7 @@ class FuzzyDriver:
 
     def react(self, memory: _Alertness, moment: Moment) -> tuple[_Alertness, float | None]:
         """Brake by how unsafe it is, once the response time has passed."""
-        wanted = max((self.wanted_mps2(seen, moment) for seen in moment.seen), default=0.0)
+        wanted = max((self.wanted_mps2(seen, moment) for seen in moment.visible), default=0.0)
         memory = memory.after(wanted > 0, moment.time_s, self.response_s)
         return memory, wanted if wanted > 0 and memory.responds(moment.time_s, self.response_s) else None
 
@@ -350,7 +375,7 @@ class RssDriver:
 
     def react(self, memory: _Alertness, moment: Moment) -> tuple[_Alertness, float | None]:
         """Brake fully while the distance to anyone is unsafe, once the response time has passed."""
-        is_unsafe = any(self.is_unsafe(seen, moment.own_mps) for seen in moment.seen)
+        is_unsafe = any(self.is_unsafe(seen, moment.own_mps) for seen in moment.visible)
         memory = memory.after(is_unsafe, moment.time_s, self.response_s)
         return memory, math.inf if is_unsafe and memory.responds(moment.time_s, self.response_s) else None
 

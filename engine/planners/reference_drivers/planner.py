@@ -31,7 +31,7 @@ from .models import (
     RssDriver,
     Seen,
 )
-from .ways import visible
+from .ways import with_hidden
 
 NOMINAL: Mapping[str, float] = {
     "follows": 0.0,
@@ -113,8 +113,12 @@ class ReferencePlanner(IntelligentDriver):
         in_bend = self._before_curve(speed, rear_m + speed * step_s)
         if not self._weights["follows"]:
             return min((kept_mps - speed) / step_s, self._weights["acceleration_mps2"], in_bend)
-        acceleration = self._free(speed, min(self._desired(ego), self._allowed(center_m), top))
-        leaders = [one for one in seen if one.is_in_way and one.gap_m > -self._task.vehicle.length_m]
+        acceleration = self._free(speed, min(self._desired_speed.at(ego), self._allowed(center_m), top))
+        leaders = [
+            one
+            for one in seen
+            if one.hider_gap_m is None and one.is_in_way and one.gap_m > -self._task.vehicle.length_m
+        ]
         if leaders:
             leader = min(leaders, key=lambda one: one.gap_m)
             acceleration -= self._interaction(speed, leader.gap_m, speed - leader.along_mps)
@@ -217,7 +221,7 @@ class _Ahead:
                 slowing_mps2=row.slowing_mps2 if index == 0 else 0.0,
             )
             found.append((seen, float(row.offset_m[index]), row.hides))
-        return visible(found, WANDERING_M)
+        return with_hidden(found, WANDERING_M)
 
 
 def careful_driver(weights: Mapping[str, float]) -> ReferenceDriver:

@@ -7,7 +7,7 @@ turned against the way.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -154,15 +154,17 @@ class OnWay:
         return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
-def visible(seen: Sequence[tuple[Seen, float, bool]], wandering_m: float) -> tuple[Seen, ...]:
-    """Return those that a driver can see past the broad ones before them (UN R157, Annex 4, Appendix 3, 3.4.2).
+def with_hidden(seen: Sequence[tuple[Seen, float, bool]], wandering_m: float) -> tuple[Seen, ...]:
+    """Return what a driver has ahead, marked where one hides another (UN R157, Annex 4, Appendix 3, 3.4.2).
 
-    Each with the offset of its centre from the way, and whether it hides others. One ahead in the way hides what is
-    in the way beyond it until its centre has left the way's middle by more than the wandering distance.
+    Each comes with the offset of its centre from the way, and whether it hides others. One ahead in the way hides what
+    is in the way beyond it until its centre has left the middle of the way by more than the wandering distance.
     """
     hiding = [one.gap_m for one, offset, hides in seen if hides and one.is_in_way and abs(offset) <= wandering_m]
     nearest = min((gap for gap in hiding if gap >= 0), default=math.inf)
-    return tuple(one for one, _, _ in seen if not (one.is_in_way and one.gap_m > nearest))
+    return tuple(
+        replace(one, hider_gap_m=nearest) if one.is_in_way and one.gap_m > nearest else one for one, _, _ in seen
+    )
 
 
 def rectangles(centers: Points, headings_rad: Values, body: tuple[float, float]) -> NDArray[Any]:

@@ -78,18 +78,22 @@ def reactive_traffic(
 def _astray(sumo: Sumo, roles: TrafficRoles) -> frozenset[str]:
     """Driven vehicles whose first pose SUMO takes for another road than their own; tried in a step of its own."""
     for actor in roles.driven:
-        _insert(sumo, actor)
+        _is_inserted(sumo, actor)
     sumo.step()
     there = frozenset(sumo.vehicles())
     return frozenset(a.key for a in roles.driven if a.key in there and sumo.last_edge(a.key) != a.edges[-1])
 
 
-def _insert(sumo: Sumo, actor: Actor) -> None:
-    """Put a vehicle that is to be driven into SUMO, at the state from which it is driven on."""
-    index = actor.handover_index
-    sumo.add_route(actor.route, actor.edges)
-    sumo.insert(actor.key, actor.route, actor.type_id)
-    sumo.move_to(actor.key, actor.pose_at(index), actor.hints[index], keep_to_route=actor.keep_to_route)
+def _is_inserted(sumo: Sumo, actor: Actor) -> bool:
+    """Put a vehicle that is to be driven into SUMO, at the state from which it is driven on, if SUMO can place it."""
+
+    def placing() -> None:
+        index = actor.handover_index
+        sumo.add_route(actor.route, actor.edges)
+        sumo.insert(actor.key, actor.route, actor.type_id)
+        sumo.move_to(actor.key, actor.pose_at(index), actor.hints[index], keep_to_route=actor.keep_to_route)
+
+    return sumo.takes(placing, actor.key)
 
 
 class _ReactiveTraffic:
@@ -127,7 +131,7 @@ class _ReactiveTraffic:
         starting = [actor for actor in self._waiting if self._may_start(actor, ego)]
         for actor in starting:
             self._waiting.remove(actor)
-            _insert(self._sumo, actor)
+            _is_inserted(self._sumo, actor)
         self._place_shown(ego.step)
         self._place_ego(ego)
         self._sumo.step()
@@ -173,7 +177,7 @@ class _ReactiveTraffic:
         self._ego.place(pose, hint, width_m + 2 * _BESIDE_EGO_M)
 
     def _place_shown(self, step: int) -> None:
-        for actor in self._roles.shown:
+        for actor in (*self._roles.shown, *self._lost):
             index = self._shown_index(actor, step)
             if index is not None:
                 if actor.key not in self._shown:
@@ -183,7 +187,7 @@ class _ReactiveTraffic:
                 self._shown.pop(actor.key).leave()
 
     def _settle_shown(self, step: int, there: frozenset[str]) -> None:
-        for actor in self._roles.shown:
+        for actor in (*self._roles.shown, *self._lost):
             index = self._shown_index(actor, step)
             if index is not None:
                 self._shown[actor.key].settle(float(actor.track.speeds_mps[index]), there)
@@ -191,7 +195,9 @@ class _ReactiveTraffic:
     def _shown_index(self, actor: Actor, step: int) -> int | None:
         if actor.track.obstacle_id in self._roles.scene.standing:
             return 0
-        return actor.track.index_at(step)
+        grown = self._tracks.get(actor.track.obstacle_id)
+        late = 0 if grown is None or actor.drive_from is None else grown.first_step - actor.drive_from
+        return actor.track.index_at(step - late)
 
     def _read(self, there: frozenset[str]) -> None:
         """Note the states of the driven vehicles; those that are not there any more have left the network."""
@@ -200,7 +206,7 @@ class _ReactiveTraffic:
             self._tracks[actor.track.obstacle_id].add(*self._sumo.state(actor.key, actor.track.length_m))
         for actor in self._lost:
             grown = self._tracks[actor.track.obstacle_id]
-            index = actor.track.index_at(grown.last_step + 1 - grown.first_step + (actor.drive_from or 0))
+            index = self._shown_index(actor, grown.last_step + 1)
             if index is not None:
                 grown.add(*_recorded_state(actor.track, index))
 
@@ -308,7 +314,7 @@ class ShownVehicle:
 
     Args:
         sumo: the simulation.
-        key: names its route ``r<key>``, its type ``t<key>`` and its entries ``<key>:<number>``.
+        key: names its route ``s<key>``, its type ``t<key>`` and its entries ``<key>:<number>``.
         edges: its route.
     """
 
@@ -317,7 +323,7 @@ class ShownVehicle:
         self._entry, self._entry_before, self._entries = "", "", 0
         self._is_seen_elsewhere = False
         self._over: tuple[str, frozenset[str]] = "", frozenset()
-        sumo.add_route(f"r{key}", edges)
+        sumo.add_route(f"s{key}", edges)
 
     def place(self, pose: tuple[float, float, float], hint: LaneHint, width_m: float | None = None) -> None:
         """Put it at a pose of ``sumo_pose`` where the next step ends; ``width_m`` stands for the one of its type."""
@@ -357,4 +363,4 @@ class ShownVehicle:
         self._entry_before, self._entry = self._entry, f"{self._key}:{self._entries}"
         self._entries += 1
         self._over, self._is_seen_elsewhere = ("", frozenset()), False
-        self._sumo.insert(self._entry, f"r{self._key}", f"t{self._key}")
+        self._sumo.insert(self._entry, f"s{self._key}", f"t{self._key}")

@@ -78,7 +78,10 @@ def board_view(request: ViewRequest, report: ProgressReporter) -> BoardView:
     lost = (f"{cell.scenario_id} under {cell.config_id}: {cell.error}" for one in request.batches for cell in one.lost)
     return BoardView(
         title=one_line(request.title),
-        columns=tuple(_column(side, sides, [run for at, run in placed if at == side]) for side in sides),
+        columns=tuple(
+            _column(side, sides, RunSet(tuple(run for at, run in placed if at == side), lineage=request.lineage))
+            for side in sides
+        ),
         rows=tuple(_row(key, problem, known[key], alone=several[key] == 1) for key, problem in problems),
         metrics=tuple(BoardMetric(words=metric_words(one.name), unit=one.unit, better=one.better) for one in METRICS),
         runs=runs,
@@ -109,9 +112,9 @@ def _problem(record: RunRecord) -> tuple[str, int]:
     return record.scenario_id, record.problem_id
 
 
-def _column(side: _Side, sides: Sequence[_Side], runs: Sequence[RunSource]) -> BoardColumn:
+def _column(side: _Side, sides: Sequence[_Side], runs: RunSet) -> BoardColumn:
     """A column, called after its configuration and by what else tells it from the others."""
-    told = [runs[0].record.config_name]
+    told = [runs.records[0].config_name]
     for name, words in (
         ("prediction", side.prediction.replace("_", " ")),
         ("traffic", f"{side.traffic} traffic"),
@@ -120,11 +123,10 @@ def _column(side: _Side, sides: Sequence[_Side], runs: Sequence[RunSource]) -> B
     ):
         if len({getattr(one, name) for one in sides}) > 1:
             told.append(words)
-    records = RunSet(tuple(runs))
-    counts = Counter(run.record.outcome for run in runs)
+    counts = Counter(record.outcome for record in runs.records)
     return BoardColumn(
         title=one_line(", ".join(filter(None, told))),
-        success=_rate_words(records.rate(records.valid)),
+        success=_rate_words(runs.rate(runs.valid)),
         outcomes=dict(sorted(counts.items(), key=lambda item: (-item[1], item[0]))),
     )
 

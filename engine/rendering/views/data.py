@@ -127,8 +127,8 @@ class AreaView(Model):
 class DriveView(Model):
     """A run over a scene: the ego, and a value a driven state of what passengers feel and how near others were.
 
-    ``series``: more of a value a driven state, by name with unit; ``planned`` and ``told``: numbers and texts of a value
-    a planning step, debug values of the planner among them; ``areas``: its polygons.
+    ``series``: further values, one for each driven state, by name with unit. ``planned`` and ``told``: numbers and
+    texts, one for each planning step, among them the planner's debug values. ``areas``: the polygons that it reported.
 
     ``acceleration_cmps2``: along the path; ``gap_cm`` to the nearest other, ``nearest`` which one, ``collision_cs``:
     time to collision in 1/100 s; None: no other within 60 m, or none on a collision course. ``costs``, ``rejected``: as

@@ -278,6 +278,7 @@ def drive_view(source: RunSource, path: DrivenPath, scenario: ScenarioSource, or
         speeds_mps=path.speeds_mps,
     )
     costs = {name: tuple(round(value, 4) for value in values) for name, values in steps.costs.items() if any(values)}
+    hit = record.collision
     return DriveView(
         run_id=record.run_id,
         config_id=record.config_id,
@@ -292,8 +293,8 @@ def drive_view(source: RunSource, path: DrivenPath, scenario: ScenarioSource, or
         plan_steps=steps.plan_steps,
         costs={one_line(name): values for name, values in costs.items()},
         rejected={one_line(name): counts for name, counts in steps.rejected.items() if any(counts)},
-        collision_step=None if record.collision is None else record.collision.step,
-        collision_id=None if record.collision is None else record.collision.obstacle_id,
+        collision_step=None if hit is None or hit.obstacle_id is None else hit.step,
+        collision_id=None if hit is None else hit.obstacle_id,
         moments=tuple(_moments(source, review, path.first_step)),
         figures=tuple(figures(source)),
         others=tuple(track_view(track, origin, driven=True) for track in path.others.values()),

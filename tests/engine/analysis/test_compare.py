@@ -72,7 +72,8 @@ def test_enough_flips_are_significant_after_holm() -> None:
     assert found.success.p == pytest.approx(2 * 0.5**count)
     assert found.success.p_holm is not None
     assert found.success.p <= found.success.p_holm < 0.05
-    assert "'after' reaches the goal more often" in found.verdict
+    assert found.headline_code == "better"
+    assert found.verdict.startswith("Better: 20 of 20 pairs flipped to success.")
 
 
 def test_metric_names_the_better_side_only_where_the_interval_leaves_zero() -> None:

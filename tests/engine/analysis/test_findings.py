@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from support.builders import ScenarioBuilder, town_road
 from support.runs import DEFAULT, SAFE, driven, metrics, record, source
 
 from plannerforge.engine.analysis.findings import FINDINGS, find_all
@@ -91,14 +92,21 @@ def test_near_misses_are_those_that_the_ego_brought_about(tmp_path: Path) -> Non
     assert "; in 1 more others came near to it" in both.statement
 
 
-def test_late_runs_behind_a_slower_vehicle_are_laid_to_it(tmp_path: Path) -> None:
-    slow = driven(EGO_M + 25.0, 0.0, 5.0)
-    late = record(outcome="timeout", figures=metrics())
-    held_up = found(source(late, tmp_path, (slow,), velocity_offset=5.0))
-    assert "1 of 1 late runs were behind a slower vehicle" in held_up["held_up"].statement
+def test_late_runs_are_laid_to_a_slower_vehicle_within_the_time_gap_of_followers(tmp_path: Path) -> None:
+    late = record(outcome="timeout", figures=metrics(duration_s=4.0))
+    road = ScenarioBuilder(town_road().lanes).write(tmp_path / "road.xml")
+    scenarios = (ScenarioSource(scenario_id=late.scenario_id, path=str(road)),)
+
+    def names(other: DrivenObstacle) -> dict[str, Finding]:
+        run = source(late, tmp_path, (other,), velocity_offset=5.0)
+        return {one.name: one for one in find_all(RunSet((run,), (DEFAULT,), scenarios))}
+
+    held_up = names(driven(EGO_M + 25.0, 0.0, 5.0))
+    assert held_up["held_up"].run_ids == (late.run_id,)
+    assert [(one.run_id, one.code) for one in held_up["held_up"].moments] == [(late.run_id, "held_up")]
     assert "held_back" not in held_up
-    apart = driven(EGO_M + 25.0, 5.0, 5.0)
-    assert "held_up" not in found(source(late, tmp_path, (apart,), velocity_offset=5.0))
+    assert "held_up" not in names(driven(EGO_M + 25.0, 5.0, 5.0))  # on the lane beside
+    assert "held_up" not in names(driven(EGO_M + 50.0, 0.0, 8.0))  # too far ahead
 
 
 def test_a_weight_that_is_off_is_named_where_runs_fail_as_it_works_against() -> None:

@@ -1,6 +1,7 @@
 """Reference drivers in the ego's place: closed forms of braking, encounters that none of them prevents."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,8 +12,8 @@ from hypothesis import strategies as st
 from plannerforge.engine.analysis.prevention import Surroundings
 from plannerforge.engine.analysis.prevention import prevention_of as prevention_or_none
 from plannerforge.engine.commonroad import Track
-from plannerforge.engine.planners import brakes_of
-from plannerforge.schemas.runs import Prevention
+from plannerforge.engine.planners import DriverWay, brakes_of
+from plannerforge.schemas.runs import DriverVerdict, Prevention
 
 STEP_S = 0.1
 LENGTH_M, WIDTH_M = 4.5, 1.8
@@ -192,3 +193,114 @@ def test_steering_aside_is_no_way_out_where_someone_is_or_no_road(
     found = prevention_or_none(ego.part(0, hit + 1), standing, hit, STEP_S, Surroundings(others, road))
     assert found is not None
     assert (found.by_steering_until_s, found.steering_tried) == (None, True)
+
+
+def verdict(found: Prevention, driver: str, start: str) -> DriverVerdict:
+    return next(one for one in found.drivers if (one.driver, one.start) == (driver, start))
+
+
+def braking_leader(gap_m: float, speed_mps: float, by_mps2: float, steps: int) -> Track:
+    """A car ahead that brakes from 1 s on to a stop."""
+    leader = track(7, (gap_m + LENGTH_M, 0.0), speed_mps, steps)
+    speeds = np.maximum(speed_mps - by_mps2 * np.maximum(np.arange(steps) * STEP_S - 1.0, 0.0), 0.0)
+    leader.speeds_mps[:] = speeds
+    leader.positions[1:, 0] = leader.positions[0, 0] + np.cumsum((speeds[1:] + speeds[:-1]) / 2 * STEP_S)
+    return leader
+
+
+@pytest.mark.parametrize(("by_mps2", "gap_m"), [(6.0, 40.0), (3.0, 40.0)], ids=["hard", "gently"])
+def test_the_careful_driver_prevents_running_into_a_leader_that_brakes(by_mps2: float, gap_m: float) -> None:
+    ego, leader = track(-1, (0.0, 0.0), 25.0, 300), braking_leader(gap_m, 25.0, by_mps2, 300)
+    hit = first_touch(ego, leader)
+    found = prevention_of(ego.part(0, hit + 1), leader, hit, STEP_S)
+    assert found.by_careful_driver
+    assert found.attributable
+
+
+def test_a_driver_that_still_rolls_after_three_seconds_has_not_prevented_anything() -> None:
+    """At 35 m/s the fuzzy driver reaches a leader that brakes by 4.5 m/s² five seconds after the ego did."""
+    ego, leader = track(-1, (0.0, 0.0), 35.0, 400), braking_leader(10.0, 35.0, 4.5, 400)
+    hit = first_touch(ego, leader)
+    whole = prevention_of(ego.part(0, hit + 1), leader, hit, STEP_S)
+    assert not verdict(whole, "fsm", "before_contact").prevents
+    # a track that ends while the leader still brakes goes on braking
+    ending = prevention_of(ego.part(0, hit + 1), leader.part(0, hit + 5), hit, STEP_S)
+    assert [one.prevents for one in ending.drivers] == [one.prevents for one in whole.drivers]
+
+
+def test_an_ego_that_sped_up_has_made_the_encounter_itself() -> None:
+    speeds = np.minimum(8.0 + 3.0 * np.arange(200) * STEP_S, 20.0)
+    ego = track(-1, (0.0, 0.0), 8.0, 200)
+    ego.speeds_mps[:] = speeds
+    ego.positions[1:, 0] = np.cumsum((speeds[1:] + speeds[:-1]) / 2 * STEP_S)
+    other = track(7, (14.0, 0.0), 9.0, 400)
+    hit = first_touch(ego, other)
+    found = prevention_of(ego.part(0, hit + 1), other, hit, STEP_S)
+    assert verdict(found, "keep_lane", "start").prevents
+    assert found.possible
+    assert found.in_words().endswith("from the start all do")
+
+
+def test_from_the_start_a_driver_that_runs_into_someone_else_prevents_nothing() -> None:
+    ego, crossing = track(-1, (0.0, 0.0), 10.0, 200), track(7, (80.0, -40.0), 5.0, 400, heading_rad=math.pi / 2)
+    ego.positions[20:, 0] = ego.positions[19, 0] + np.arange(1, 181) * 0.95  # it slowed for the one in its lane
+    hit = next(i for i in range(200) if abs(ego.positions[i, 0] - 80.0) < 3 and abs(crossing.positions[i, 1]) < 3)
+    parked = track(9, (40.0, 0.0), 0.0, 400)
+    alone = prevention_of(ego.part(0, hit + 1), crossing, hit, STEP_S)
+    among = prevention_or_none(ego.part(0, hit + 1), crossing, hit, STEP_S, Surroundings([parked], None))
+    assert among is not None
+    assert not verdict(among, "keep_lane", "start").prevents
+    assert len(alone.drivers) == len(among.drivers)
+
+
+def test_a_standing_car_that_a_cut_out_reveals_is_not_seen_before() -> None:
+    ego, standing = track(-1, (0.0, 0.0), 20.0, 300), track(7, (100.0, 0.0), 0.0, 300)
+    lead = track(8, (34.5, 0.0), 20.0, 300)  # 1.5 s ahead
+    lead.positions[:, 1] = np.clip((np.arange(300) * STEP_S - 1.8) * 2.0, 0.0, 3.5)
+    hit = first_touch(ego, standing)
+    seen = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S)
+    hidden = prevention_or_none(ego.part(0, hit + 1), standing, hit, STEP_S, Surroundings([lead], None))
+    assert hidden is not None
+    reacts = [verdict(found, "fsm", "before_contact").reacts_at_s or 0.0 for found in (seen, hidden)]
+    assert reacts[1] > reacts[0]
+    assert reacts[1] >= 1.8 + 0.375 / 2.0
+
+
+def test_trucks_prevent_less_than_cars() -> None:
+    standing = track(7, (75.0, 0.0), 0.0, 300)
+    latest = {}
+    for kind in ("car", "truck", "bus"):
+        ego = replace(track(-1, (0.0, 0.0), 20.0, 200), kind=kind)
+        hit = first_touch(ego, standing)
+        latest[kind] = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S).by_braking_until_s or 0.0
+    assert latest["truck"] == latest["bus"] < latest["car"]
+    assert latest["car"] - latest["truck"] == pytest.approx((200 / 5.0 - 200 / CAR.full_mps2) / 20.0, abs=0.25)
+
+
+def test_beside_a_bend_another_does_not_jump_along_the_way() -> None:
+    """The ego drives a right-angle bend of 10 m; the other moves straight past the middle of the bend, 8 m aside."""
+    angle = np.linspace(0.0, math.pi / 2, 60)
+    bend = np.column_stack([10.0 * np.sin(angle), 10.0 - 10.0 * np.cos(angle)])
+    line = np.vstack([[[-20.0, 0.0]], bend, [[10.0, 40.0]]])
+    way = DriverWay.along(line)
+    passing = np.column_stack([np.linspace(-10.0, 4.0, 140), np.full(140, 8.0)])
+    stations, _, _ = way.follow(passing)
+    assert np.abs(np.diff(stations)).max() < 2.5
+
+
+def test_takeover_times_are_within_the_run_and_say_when_it_is_too_late() -> None:
+    ego, standing = track(-1, (0.0, 0.0), 12.0, 300), track(7, (120.0, 0.0), 0.0, 300)
+    hit = first_touch(ego, standing)
+    found = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S)
+    careful, full = (verdict(found, name, "before_contact") for name in ("r157_careful", "full_braking"))
+    assert careful.until_s is not None
+    assert full.until_s is not None
+    assert full.until_s - careful.until_s == pytest.approx(0.75 + 0.4, abs=0.25)
+    assert found.by_braking_until_s == full.until_s
+
+
+def test_verdicts_of_earlier_versions_are_read_as_they_were() -> None:
+    old = Prevention(by_braking_until_s=None, by_careful_driver=False, by_rss=False, by_fuzzy_driver=True)
+    assert old.possible
+    assert old.attributable
+    assert "from the start" not in old.in_words()

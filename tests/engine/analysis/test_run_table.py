@@ -10,10 +10,10 @@ import pytest
 from support.planning import configuration
 from support.runs import driven, record, source
 
-from plannerforge.engine.analysis.run_table import write_run_table
+from plannerforge.engine.analysis.run_table import write_run_table, write_step_table
 from plannerforge.engine.execution.executor import silent
-from plannerforge.schemas.artifacts import RunTableRequest
-from plannerforge.schemas.runs import LostCell
+from plannerforge.schemas.artifacts import RunTableRequest, StepTableRequest
+from plannerforge.schemas.runs import LostCell, RunSeries
 
 CONFIG = configuration()
 
@@ -73,3 +73,55 @@ def test_measures_of_runs_with_steps_are_columns(tmp_path: Path) -> None:
     assert told["measure_post_encroachment_time_s"] == ""
     assert lost["measure_time_to_brake_s"] == ""
     assert "measure_minimum_distance_m" not in told  # stored: a column of the metrics
+
+
+def step_table(folder: Path, form: Literal["csv", "parquet"], series: RunSeries | None) -> Path:
+    run = source(record(), folder, jerk=0.5)
+    assert run.steps_path is not None
+    if series is not None:
+        Path(run.steps_path).with_name("series.json").write_text(series.model_dump_json(), encoding="utf-8")
+    target = folder / f"steps.{form}"
+    wanted = StepTableRequest(record=run.record, steps_path=run.steps_path, form=form, target_path=str(target))
+    write_step_table(wanted, silent)
+    return target
+
+
+PLANNED = len(range(0, 41, 3))
+SERIES = RunSeries(
+    lateral_offset_m=(0.25,) * 41,
+    desired_speed_mps=(9.0,) * PLANNED,
+    desired_speed_reasons=("the goal",) * PLANNED,
+    numbers={"gap_m": (None, *(5.0,) * (PLANNED - 1))},
+    texts={"why": ("free",) * PLANNED},
+)
+
+
+def test_steps_of_a_run_stand_with_series_and_debug_values(tmp_path: Path) -> None:
+    with step_table(tmp_path, "csv", SERIES).open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 41
+    assert (rows[4]["step"], rows[4]["time_s"], rows[4]["x_m"], rows[4]["lateral_offset_m"]) == (
+        "4",
+        "0.4",
+        "44.0",
+        "0.25",
+    )
+    planned, between, first = rows[3], rows[4], rows[0]
+    named = ("desired_speed_mps", "desired_speed_reason", "cost jerk", "debug gap_m", "debug text why")
+    assert [planned[name] for name in named] == ["9.0", "the goal", "0.5", "5.0", "free"]
+    assert [between[name] for name in named] == [""] * 5
+    assert first["debug gap_m"] == ""
+
+
+def test_parquet_of_the_steps_has_numbers_and_texts(tmp_path: Path) -> None:
+    table = pq.read_table(step_table(tmp_path, "parquet", SERIES))
+    assert table.schema.field("debug gap_m").type == pa.float64()
+    assert table.schema.field("debug text why").type == pa.string()
+    assert table.schema.field("step").type == pa.int64()
+    assert table.column("debug gap_m").to_pylist()[:7] == [None, None, None, 5.0, None, None, 5.0]
+
+
+def test_steps_of_a_run_that_was_stored_without_series_have_empty_columns(tmp_path: Path) -> None:
+    table = pq.read_table(step_table(tmp_path, "parquet", None))
+    assert set(table.column("lateral_offset_m").to_pylist()) == {None}
+    assert table.column("speed_mps").to_pylist() == [10.0] * 41

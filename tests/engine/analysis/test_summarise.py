@@ -26,9 +26,10 @@ def five_runs() -> list[RunSource]:
 
 def test_invalid_items_are_in_no_denominator() -> None:
     found = analysed(*five_runs())
+    assert found.success is not None
     assert (found.runs, found.success.count, found.success.of, found.invalid_count) == (5, 2, 4, 1)
     assert found.invalid[0].scenario_id == "DEU_Town-3_1_T-1"
-    assert {item.outcome: (item.rate.count, item.rate.of) for item in found.outcomes} == {
+    assert {item.outcome: (item.count, found.valid_count) for item in found.outcomes} == {
         "goal_reached": (2, 4),
         "collision": (1, 4),
         "timeout": (1, 4),
@@ -51,8 +52,21 @@ def test_lost_cells_are_named_and_counted_nowhere() -> None:
 
 def test_only_invalid_runs_give_no_rate() -> None:
     found = analysed(source(record(outcome="invalid")), source(record("ZAM_B-1_1_T-1", "invalid")))
+    assert found.success is not None
     assert found.success.share is None
     assert "goal 0/0" in found.to_text()
+
+
+def test_several_configurations_are_pooled_only_if_asked() -> None:
+    runs = [source(record("DEU_A-1_1_T-1")), source(record("DEU_A-1_1_T-1", "collision", SAFE))]
+    apart = analysed(*runs)
+    assert apart.success is None
+    assert all(one.rate is None for one in apart.outcomes)
+    assert [(group.success.count, group.success.of) for group in apart.groups] == [(1, 1), (0, 1)]
+    assert len(analysed(*runs, breakdown="country").groups) == 2
+    pooled = analysed(*runs, breakdown="pooled")
+    assert pooled.success is not None
+    assert (pooled.success.count, pooled.success.of, pooled.groups) == (1, 2, ())
 
 
 def test_groups_by_what_is_asked() -> None:

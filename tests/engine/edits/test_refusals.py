@@ -82,9 +82,11 @@ WRONG: list[tuple[dict[str, Any], str, str]] = [
     (GOAL | {"goal_speed": "900km/h"}, "no speed of a car", "m/s"),
     (GOAL | {"goal_time": "<=1s"}, "out of reach of any car", "goal_time of at least"),
     (GOAL | {"rectangle_m": [8.0]}, "is no goal region", "[length, width]"),
-    ({"op": "set_ego"}, "either a car in 'vehicles' or a start", "at=LANELET"),
+    ({"op": "set_ego"}, "either a vehicle in 'vehicles' or a start", "at=LANELET"),
     ({"op": "set_ego", "speed": "900km/h"}, "does not drive 900km/h", "m/s"),
-    ({"op": "set_ego", "vehicles": ["33"]}, "vehicle 33 cannot become the ego", "31"),
+    ({"op": "set_ego", "vehicles": ["31", "33"]}, "vehicle 31, 33 cannot become the ego", "31"),
+    ({"op": "set_ego", "vehicle_class": "bicycle"}, "the ego cannot be a 'bicycle'", "motorcycle"),
+    ({"op": "set_ego", "vehicle_class": "bus", "speed": "30m/s"}, "does not drive 30m/s", "23.6"),
     ({"op": "remove_vehicle", "vehicles": ["31"], "speed": "9m/s"}, "speed does not belong to op remove_vehicle", ""),
 ]
 

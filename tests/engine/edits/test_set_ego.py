@@ -95,16 +95,67 @@ def test_the_former_ego_is_in_the_way_only_where_it_stays_as_traffic(apply: Appl
         apply(a_little_on | {"former_ego": "traffic"}, builder=SHORT)
 
 
-@pytest.mark.parametrize("vehicles", [["33"], ["31", "35"], ["34"]])
-def test_only_one_recorded_car_can_be_the_ego(apply: Apply, vehicles: list[str]) -> None:
+def test_only_one_recorded_vehicle_can_be_the_ego(apply: Apply) -> None:
     with pytest.raises(NotPossible, match="cannot become the ego") as caught:
-        apply({"op": "set_ego", "vehicles": vehicles}, builder=SHORT)
-    assert caught.value.valid == ("31", "32", "35")
+        apply({"op": "set_ego", "vehicles": ["31", "35"]}, builder=SHORT)
+    assert caught.value.valid == ("31", "32", "33", "34", "35")
+
+
+def ego_class(applied: Applied) -> str:
+    return read_scenario(applied.xml).ego_class(100)
+
+
+def test_a_class_alone_leaves_the_start_as_it_is(apply: Apply) -> None:
+    applied = apply({"op": "set_ego", "vehicle_class": "lorry"}, builder=SHORT)
+    assert ego_class(applied) == "truck"
+    assert applied.changed_elements() == {"100"}
+    before, after = (path.read_text(encoding="utf-8") for path in (applied.base, applied.xml))
+    written = '<?plannerforge ego-class="truck"?>'
+    assert written in after
+    assert [line for line in after.splitlines() if written not in line][2:] == before.splitlines()[2:]
+    assert schema_errors(applied.xml) <= schema_errors(applied.base)
+
+
+def test_the_ego_keeps_its_class_until_it_is_given_another(apply: Apply) -> None:
+    bus = {"op": "set_ego", "vehicle_class": "bus"}
+    assert ego_class(apply(bus, {"op": "set_ego", "speed": "5m/s"}, builder=SHORT)) == "bus"
+    assert ego_class(apply(bus, {"op": "set_ego", "vehicle_class": "car"}, builder=SHORT)) == "car"
+    assert ego_class(apply(bus, {"op": "set_ego", "vehicles": ["31"]}, builder=SHORT)) == "car"
+
+
+def test_in_the_place_of_a_truck_the_ego_is_one(apply: Apply) -> None:
+    applied = apply({"op": "set_ego", "vehicles": ["33"]}, builder=SHORT)
+    assert ego_class(applied) == "truck"
+    assert "truck, 7.1 × 2.4 m" in applied.outcome.edits[0].what
+    other = apply({"op": "set_ego", "vehicles": ["33"], "vehicle_class": "motorcycle"}, builder=SHORT)
+    assert ego_class(other) == "motorcycle"
+
+
+def test_a_class_that_has_no_room_at_the_start_is_refused(apply: Apply) -> None:
+    near = {"op": "set_ego", "at": "1", "position": "75.5m", "vehicle_class": "motorcycle"}
+    assert ego_class(apply(near, builder=SHORT)) == "motorcycle"
+    with pytest.raises(NotPossible, match="vehicle 31 is there") as caught:
+        apply(near, {"op": "set_ego", "vehicle_class": "coach"}, builder=SHORT)
+    assert caught.value.reason == "place_taken"
+
+
+def test_a_bus_that_was_the_ego_drives_on_as_a_bus(apply: Apply) -> None:
+    bus = {"op": "set_ego", "vehicle_class": "bus"}
+    applied = apply(bus, {"op": "set_ego", "vehicles": ["35"], "former_ego": "traffic"}, builder=SHORT)
+    former = applied.tracks()[101]
+    assert (former.kind, former.size_m) == ("bus", (12.0, 2.5))
+
+
+def test_a_goal_that_a_car_meets_and_the_ego_s_class_does_not_is_refused(apply: Apply) -> None:
+    goal = {"op": "set_goal", "to": ["1"], "position": "130m", "goal_time": "<=3.2s"}
+    assert apply(goal, builder=SHORT).outcome.edits[0].done
+    with pytest.raises(NotPossible, match="out of reach of any bus"):
+        apply({"op": "set_ego", "vehicle_class": "bus"}, goal, builder=SHORT)
 
 
 @pytest.mark.parametrize("edit", [{}, {"vehicles": ["31"], "speed": "3m/s"}])
 def test_either_a_car_or_a_start_is_needed(apply: Apply, edit: dict[str, object]) -> None:
-    with pytest.raises(InvalidRequest, match="either a car"):
+    with pytest.raises(InvalidRequest, match="either a vehicle"):
         apply({"op": "set_ego", **edit}, builder=SHORT)
 
 

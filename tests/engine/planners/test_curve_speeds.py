@@ -8,7 +8,8 @@ import pytest
 from commonroad.geometry.shape import Rectangle
 from support.planning import configuration, drive, goal_state, lanelet_along, network_of, problem_for, scenario_on
 
-from plannerforge.engine.planners.idm import IntelligentDriver, curve_speeds_mps
+from plannerforge.engine.planners.driving.desired_speed import curve_speeds_mps
+from plannerforge.engine.planners.idm import IntelligentDriver
 
 RADIUS_M = 15.0
 

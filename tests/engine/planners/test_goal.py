@@ -8,7 +8,15 @@ import pytest
 from commonroad.geometry.shape import Circle, Polygon, ShapeGroup
 from hypothesis import given
 from hypothesis import strategies as st
-from support.planning import goal_state, problem_for, rectangle_at, scenario_on, straight_road
+from support.planning import (
+    goal_state,
+    lanelet_along,
+    network_of,
+    problem_for,
+    rectangle_at,
+    scenario_on,
+    straight_road,
+)
 
 from plannerforge.engine.planners.goal import Goal, progress_to_goal
 from plannerforge.engine.planners.interface import EgoState
@@ -109,3 +117,40 @@ def test_progress_is_the_share_of_the_path_to_where_the_goal_begins(farthest_m: 
 def test_there_is_no_progress_to_a_goal_without_a_place() -> None:
     problem = problem_for(goal_state((5, 90)))
     assert progress_to_goal(scenario_on(straight_road()), problem, BMW_320I, np.zeros((2, 2))) is None
+
+
+def ring(radius_m: float = 20.0) -> Any:
+    """A ring road of four lanelets to the left, from the origin to the east."""
+    angle = np.linspace(0.0, math.tau, 161)
+    line = radius_m * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
+    quarters = [line[40 * i : 40 * i + 41] for i in range(4)]
+    return line, network_of(
+        *(
+            lanelet_along(one, i + 1, predecessor=[(i - 1) % 4 + 1], successor=[(i + 1) % 4 + 1])
+            for i, one in enumerate(quarters)
+        )
+    )
+
+
+def test_the_first_passage_of_a_goal_counts_where_the_path_passes_it_again() -> None:
+    line, _ = ring()
+    path = np.concatenate([line, line[1:]])
+    here = goal(goal_state((5, 20), rectangle_at(*line[80], size=(6.0, 6.0))))
+    first = here.stations_on(path)
+    assert first is not None
+    assert first[0] == pytest.approx(math.pi * 20.0 - 3.0, abs=0.5)
+    assert first[1] == pytest.approx(math.pi * 20.0 + 3.0, abs=0.5)
+    second = here.stations_on(path, from_m=100.0)
+    assert second is not None
+    assert second[0] - first[0] == pytest.approx(math.tau * 20.0, abs=0.5)
+
+
+def test_progress_on_a_ring_road_is_that_of_the_lap_which_was_driven() -> None:
+    line, network = ring()
+    last = line[150]  # the goal lies a little behind the ego's start
+    problem = problem_for(goal_state((5, 200), rectangle_at(*last, size=(4.0, 4.0))), position=line[5])
+    problem.initial_state.orientation = 5 / 160 * math.tau
+    whole_m = 145 / 160 * math.tau * 20.0 - 2.0
+    for count in (1, 10, 60, 120):
+        found = progress_to_goal(scenario_on(network), problem, BMW_320I, line[5 : 5 + count])
+        assert found == pytest.approx((count - 1) / 160 * math.tau * 20.0 / whole_m, abs=0.01)

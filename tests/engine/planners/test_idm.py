@@ -57,7 +57,7 @@ def test_it_keeps_the_contract(speed: float) -> None:
 
 
 def test_the_acceleration_is_that_of_the_formula() -> None:
-    """a·[1 − (v/v0)⁴ − (s*/s)²] with a = 0.73, b = 1.67, T = 1.6, s0 = 2, computed by hand for one state."""
+    """a·[1 − (v/v0)⁴ − (s*/s)²] with a = 0.73, b = 1.67, T = 1.6, s0 = 2 and v0 = 50 km/h, for one state by hand."""
     task, observation = task_for(10.0, moving_car(7, (40.0, 0.0), (6.0, 0.0)), goal=goal_state((60, 60)))
     planner = IntelligentDriver()
     planner.reset(task)
@@ -65,7 +65,8 @@ def test_the_acceleration_is_that_of_the_formula() -> None:
     assert trajectory is not None
     gap = 40.0 - (4.5 + 0.5) / 2 - 4.508 / 2
     wanted = 2.0 + 10.0 * 1.6 + 10.0 * (10.0 - 6.0) / (2 * (0.73 * 1.67) ** 0.5)
-    assert trajectory.accelerations_mps2[1] == pytest.approx(-0.73 * (wanted / gap) ** 2, rel=1e-6)
+    free = 0.73 * (1 - (10.0 / 13.89) ** 4)
+    assert trajectory.accelerations_mps2[1] == pytest.approx(free - 0.73 * (wanted / gap) ** 2, rel=1e-6)
 
 
 def test_it_stops_behind_a_standing_car_and_keeps_its_gap() -> None:

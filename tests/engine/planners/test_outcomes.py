@@ -19,11 +19,9 @@ from support.planning import (
     straight_road,
 )
 
-from plannerforge.engine.planners.goal import farthest_m
 from plannerforge.engine.planners.interface import Observation, Plan, PlannedTrajectory, PlanningTask
 from plannerforge.engine.planners.registry import make_planner
 from plannerforge.engine.planners.simulation import DrivenRun
-from plannerforge.engine.vehicles.models import VehicleParameters
 from plannerforge.schemas.runs import InvalidReason, Outcome
 
 ROAD = straight_road(400.0, lanes=2)
@@ -165,13 +163,6 @@ def test_a_goal_that_the_ego_stands_in_is_not_behind_it() -> None:
 def test_a_goal_that_one_state_can_still_reach_is_tried() -> None:
     run = cruise(goal_state((20, 21), rectangle_at(300.0, 0.0)), goal_state((35, 45), AT_40))
     assert run.final.outcome == "goal_reached"
-
-
-def test_the_farthest_distance_is_the_integral_of_the_fastest_drive() -> None:
-    vehicle = VehicleParameters(maximum_acceleration_mps2=5.0, maximum_speed_mps=20.0)
-    assert farthest_m(10.0, 1.0, vehicle) == pytest.approx(10.0 + 2.5)
-    assert farthest_m(10.0, 4.0, vehicle) == pytest.approx(10.0 * 2 + 10.0 + 2 * 20.0)
-    assert farthest_m(25.0, 2.0, vehicle) == pytest.approx(50.0)
 
 
 NEAR_IN_TIME, FAR_IN_TIME = goal_state((35, 45), AT_40), goal_state((90, 100), rectangle_at(100.0, 0.0))

@@ -1,5 +1,6 @@
 """The pages of views in a real browser: keys, clicks, and that hostile text does nothing there."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from plannerforge.engine.rendering import empty_page, filled_page, write_view
 from plannerforge.evals.serve.browser import Browser, Page, chromium, find_chromium
 from plannerforge.schemas.planning import RunPlans, ShownPlan
 from plannerforge.schemas.rendering import ViewPane, ViewRequest
-from plannerforge.schemas.runs import RunSource, ScenarioSource
+from plannerforge.schemas.runs import DebugPolygon, RunSeries, RunSource, ScenarioSource
 
 pytestmark = pytest.mark.skipif(find_chromium() is None, reason="Chromium is not installed")
 TOWN = "ZAM_Builder-1_1_T-1"
@@ -288,3 +289,39 @@ def test_predictions_are_drawn_in_their_colour_with_the_plans(
     page.press("o")
     page.wait_for(f"!{PLAYER}.stale")
     assert page.value(of_their_colour) == 0
+
+
+def test_debug_values_of_the_planner_are_shown_drawn_and_charted(
+    browser: Browser, folder: Path, town: ScenarioSource
+) -> None:
+    own = folder / "debug"
+    own.mkdir()
+    run, planned = hit(own), len(range(0, 41, 3))
+    series = RunSeries(
+        lateral_offset_m=tuple(0.01 * step for step in range(41)),
+        desired_speed_mps=(9.0,) * planned,
+        numbers={"gap_m": (None, *(5.25,) * (planned - 1))},
+        texts={"why": ("free", *("behind 7",) * (planned - 1))},
+        polygons=(DebugPolygon(step=3, name="corridor", x_m=(40.0, 60.0, 60.0), y_m=(-1.0, -1.0, 1.0)),),
+    )
+    assert run.steps_path is not None
+    Path(run.steps_path).with_name("series.json").write_text(series.model_dump_json(), encoding="utf-8")
+    page = opened(browser, own, "debug", ViewPane(scenario=town, run=run))
+    page.press("Home")
+    for _ in range(3):
+        page.press("ArrowRight")
+    told = shown(page, ".now")
+    for row in (r"lateral offset \(m\)\s+0.03", r"desired speed \(m/s\)\s+9.000", r"gap m\s+5.250", r"why\s+behind 7"):
+        assert re.search(row, told), told
+    assert "areas that the planner reported: corridor" in shown(page, ".side")
+    charts = page.value("[...document.querySelectorAll('.chart option')].map(one => one.innerText)")
+    assert charts[-3:] == ["lateral offset (m)", "desired speed (m/s)", "gap m"]
+    picture = "document.querySelector('.stage canvas').toDataURL()"
+    with_areas = page.value(picture)
+    page.press("o")
+    page.wait_for(f"!{PLAYER}.stale")
+    assert page.value(picture) != with_areas
+    for _ in charts:
+        page.press("c")
+        page.wait_for(f"!{PLAYER}.stale")
+    assert page.errors == []

@@ -14,6 +14,7 @@ from support.builders import town_road
 from support.hostile import HOSTILE
 from support.runs import DEFAULT, SAFE, driven, record, source
 
+from plannerforge.engine.analysis import RunSet
 from plannerforge.engine.commonroad import kept_recording
 from plannerforge.engine.execution import silent
 from plannerforge.engine.rendering import empty_page, filled_page, write_view
@@ -22,7 +23,17 @@ from plannerforge.engine.rendering.content import content_of
 from plannerforge.engine.rendering.views.data import BoardView, DriveView, PlayerView, TrackView
 from plannerforge.engine.rendering.views.scenes import track_view
 from plannerforge.schemas.rendering import ViewKind, ViewPane, ViewRequest
-from plannerforge.schemas.runs import BatchRecord, LostCell, Outcome, RunRecord, RunSource, ScenarioSource
+from plannerforge.schemas.runs import (
+    BatchRecord,
+    DebugPolygon,
+    Lineage,
+    LostCell,
+    Outcome,
+    RunRecord,
+    RunSeries,
+    RunSource,
+    ScenarioSource,
+)
 
 TOWN = "ZAM_Builder-1_1_T-1"
 
@@ -103,6 +114,38 @@ def test_run_has_its_costs_moments_and_contact(folder: Path, town: ScenarioSourc
     assert ("mean speed", "10 m/s") in drive.figures
 
 
+def test_run_has_its_series_and_the_debug_values_of_its_planner(tmp_path: Path, town: ScenarioSource) -> None:
+    run = source(collided(), tmp_path, velocity_offset=3.0)
+    planned = len(range(0, 41, 3))
+    series = RunSeries(
+        lateral_offset_m=(0.25,) * 41,
+        heading_error_rad=(0.1,) * 41,
+        steering_rad=(0.0,) * 41,
+        desired_speed_mps=(9.0,) * planned,
+        numbers={"gap_m": (None, *(5.0,) * (planned - 1))},
+        texts={"why": ("free",) * planned},
+        polygons=(DebugPolygon(step=3, name="corridor", x_m=(40.0, 60.0, 60.0), y_m=(-1.0, -1.0, 1.0)),),
+    )
+    assert run.steps_path is not None
+    Path(run.steps_path).with_name("series.json").write_text(series.model_dump_json(), encoding="utf-8")
+    shown = player(tmp_path, ViewPane(scenario=town, run=run))
+    (drive,) = (pane.drive for pane in shown.panes)
+    assert drive is not None
+    assert drive.series["lateral offset (m)"] == (0.25,) * 41
+    assert drive.series["heading error (°)"][0] == pytest.approx(5.73)
+    assert drive.planned["desired speed (m/s)"] == (9.0,) * planned
+    assert drive.planned["gap_m"][:2] == (None, 5.0)
+    assert drive.told == {"why": ("free",) * planned}
+    (area,) = drive.areas
+    corners = np.cumsum(np.reshape(area.outline, (-1, 2)), axis=0) / 100 + shown.scenes[0].origin_m
+    assert (area.step, area.name, corners.tolist()) == (3, "corridor", [[40.0, -1.0], [60.0, -1.0], [60.0, 1.0]])
+
+
+def test_run_that_was_stored_without_series_is_shown_without(folder: Path, town: ScenarioSource) -> None:
+    drive = driven_view(folder, town)
+    assert (drive.series, drive.planned, drive.told, drive.areas) == ({}, {}, {}, ())
+
+
 def test_reactive_traffic_stands_beside_the_recording(folder: Path, town: ScenarioSource) -> None:
     run = source(record(TOWN, config=SAFE), folder, others=(driven(60.0, 0.0, 5.0),))
     (pane,) = player(folder, ViewPane(scenario=town, run=run)).panes
@@ -164,6 +207,27 @@ def test_board_has_a_column_a_configuration_and_says_what_flipped(folder: Path, 
     assert view.lost == (f"{TOWN} under cfg_c: the worker died",)
     speed = [metric.words for metric in view.metrics].index("mean speed")
     assert view.runs[0].values[speed] == 10.0
+
+
+def test_a_board_has_the_intervals_of_an_analysis(folder: Path, town: ScenarioSource) -> None:
+    runs = source(record(TOWN), folder), source(record("ZAM_Edited-1_1_T-2", "timeout"), folder)
+    scenarios = (town, town.model_copy(update={"scenario_id": "ZAM_Edited-1_1_T-2"}))
+    lineage = (Lineage(scenario_id="ZAM_Edited-1_1_T-2", ancestors=(TOWN,), edits=("remove_vehicle 2",)),)
+    request = ViewRequest(
+        kind="board",
+        title="b",
+        batches=(batch(*runs),),
+        runs=runs,
+        scenarios=scenarios,
+        lineage=lineage,
+        whole=False,
+        path=str(folder / "b.json"),
+    )
+    view = BoardView.model_validate_json(Path(write_view(request, silent).path).read_bytes())
+    success = RunSet(runs, lineage=lineage).rate(run.record for run in runs)
+    assert success.low is not None
+    assert success.high is not None
+    assert f"{100 * success.low:.0f} to {100 * success.high:.0f} %" in view.columns[0].success
 
 
 def test_board_that_is_whole_holds_what_its_player_shows(folder: Path, town: ScenarioSource) -> None:

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry import Points, Values, arc_length, headings, project_all, wrap_angle, wrap_angles
-from .goal import DesiredSpeed, Goal
-from .interface import EgoState, PlanningTask
+from ...geometry import Points, Values, arc_length, headings, project_along, wrap_angle, wrap_angles
+from ..goal import Goal
+from ..interface import EgoState, PlanningTask
+from .desired_speed import DesiredSpeed, SpeedReason
 
 
 @dataclass(frozen=True)
@@ -31,35 +32,30 @@ class RoutePlaces:
         self._path = task.reference.points
         self._stations_m, self._headings_rad = arc_length(self._path), headings(self._path)
         goal = Goal(task.goal_ahead)
-        begins = goal.stations_on(self._path) if goal.has_position else None
+        self._start_m, self._follower = task.reference.start_m, task.reference.follower()
+        begins = goal.stations_on(self._path, self._start_m) if goal.has_position else None
         self._goal_m = None if begins is None else begins[0]
-        self._desired = DesiredSpeed(goal, task.reference, task.step_s)
+        self._desired = DesiredSpeed.of(task)
 
     def at(self, ego: EgoState) -> RoutePlace:
         """The place of one state."""
-        stations, offsets = project_all(self._path, ego.position[None, :])
-        station_m = float(stations[0])
+        station_m, offset_m = self._follower.place(ego.position)
         return RoutePlace(
             station_m=station_m,
-            offset_m=float(offsets[0]),
-            heading_error_rad=wrap_angle(ego.heading_rad - float(self._direction(stations)[0])),
+            offset_m=offset_m,
+            heading_error_rad=wrap_angle(ego.heading_rad - float(self._direction(np.array([station_m]))[0])),
             to_goal_m=None if self._goal_m is None else self._goal_m - station_m,
             desired_speed_mps=self._desired.at(ego),
         )
 
     def beside(self, positions: Points, headings_rad: Values) -> tuple[Values, Values]:
-        """Offsets in m and heading errors in rad of many states, both of shape (n,)."""
-        stations, offsets = project_all(self._path, positions)
+        """Offsets in m and heading errors in rad of the states of a run from its start on, both of shape (n,)."""
+        stations, offsets = project_along(self._path, positions, self._start_m)
         return offsets, wrap_angles(headings_rad - self._direction(stations))
 
-    def desired_speeds_mps(self, states: Sequence[EgoState]) -> list[float]:
-        """The desired speed at each of some states."""
-        return [self._desired.at(ego) for ego in states]
-
-    def stations_of(self, points: Points) -> Values:
-        """The stations in m of points (n, 2)."""
-        stations: Values = project_all(self._path, points)[0]
-        return stations
+    def desired_speeds(self, states: Sequence[EgoState]) -> list[tuple[float, SpeedReason]]:
+        """The desired speed in m/s at each of some states, and why it is desired."""
+        return [self._desired.explained_at(ego) for ego in states]
 
     def _direction(self, stations_m: Values) -> Values:
         last = len(self._headings_rad) - 1

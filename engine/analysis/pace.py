@@ -1,0 +1,628 @@
+"""Why an ego stood, drove slowly or braked: by lights, signs, others, the goal, the road, or by nothing of these.
+
+Each stretch of a run gets one code (``PaceCode``; the rules are in ``docs/runs.md``). What is looked at is what was on
+the ego's way: the path that it drove, and from there the reference path to its goal. A cause is anything that would
+excuse the ego, so that ``without_cause`` is told only where there is nothing of the kind.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...schemas.errors import UnknownName
+from ...schemas.runs import PaceCode, PaceMoment, RunRecord, RunSteps
+from ..commonroad import Track, kept_recording, signs_of
+from ..criticality import SAME_DIRECTION_RAD
+from ..geometry import Points, Values, arc_length, curvatures, headings, project_all, wrap_angle, wrap_angles
+from ..planners import Goal, ReferencePath, goal_with_path
+from .ruled_drive import Ahead, RuledDrive, meeting_m
+from .run_set import RunSet, ego_track, tracks_in
+
+if TYPE_CHECKING:
+    from commonroad.scenario.lanelet import Lanelet
+    from commonroad.scenario.traffic_light import TrafficLight
+
+STANDING_MPS = 0.1
+"""As in CommonRoad's own monitor of traffic rules: who is slower stands."""
+FOLLOWS_S = 3.0
+"""Highway Capacity Manual 2010, chapter 15: a vehicle with a headway of at most 3 s, front to front, is following."""
+QUEUE_GAP_M = 12.5
+"""Measured: of 343 vehicles that stand behind a standing one in the recordings of 195 public scenarios, 97.5 % keep a
+gap of at most 12.4 m (median 2.5 m)."""
+START_UP_S = 2.0
+"""Highway Capacity Manual 2010, chapter 31: the default of the start-up lost time. Shorter stands are no delay."""
+CRITICAL_HEADWAY_S = 7.5
+"""Highway Capacity Manual 2010, chapter 19: the largest base critical headway, of a left turn from a minor street. A
+driver who gives way does not go before one who comes sooner."""
+STARTING_MPS2 = 2.0
+"""ISO 15622:2018: how strongly cruise control may accelerate. It bounds how far ahead a standing ego has to look."""
+DELAY_S = 0.75
+"""UN Regulation 157, Annex 3: the delay until a careful driver brakes. What was there so long before is a reason."""
+ABRUPT_MPS2 = 2.0
+"""As in CommonRoad's own monitor: harder braking needs a reason (rule R_G2)."""
+CLOSE_S = 3.0
+"""As in the rule R_G2: a meeting that is nearer in time is a compelling reason to brake."""
+GENTLE_MPS2, NEEDED_MPS2 = 0.5, 1.0
+"""Chosen: braking ahead of time for a place is explained by a need of half of what coasting in gear gives, hard braking
+by the threshold of braking of ``moments.py``."""
+ISO_BRAKING_MPS2 = (5.0, 3.5)
+"""ISO 15622:2018: how hard cruise control may brake up to 5 m/s and from 20 m/s on. Harder braking is hard."""
+LATERAL_MPS2 = 3.0
+"""ISO 11270:2014: lateral acceleration that a lane keeping system may cause. Faster curves are a reason to brake."""
+STOP_SIGN_S = 3.0
+"""As in CommonRoad's own monitor: how long a stop sign asks to stand."""
+SLOWER = 0.9
+"""Chosen: one ahead that is a tenth slower than the ego needs to be makes it late."""
+_AHEAD_M, _ASIDE_M, _ONTO_M = 80.0, 0.5, 4.0
+"""Chosen: how far the way goes on behind the driven end, how near to the ego's body another is in its way, and how far
+from the reference path an ego is on another way."""
+
+
+def pace_of(runs: RunSet, record: RunRecord) -> tuple[PaceMoment, ...]:
+    """Where the ego of a run stood, was held up or braked, and why; empty without its steps or its scenario."""
+    kept = runs.look(record)
+    if kept is not None:
+        return kept.review.pace
+    steps, path = runs.steps.get(record.run_id), runs.scenario_path(record)
+    if steps is None or len(steps.x_m) < 2 or path is None or not path.is_file():
+        return ()
+    return _pace(runs, record, steps).moments()
+
+
+def own_doing(runs: RunSet, record: RunRecord, time_s: float) -> PaceMoment | None:
+    """What nothing on the road asked of the ego, up to three seconds before a moment: the last one; None without it."""
+    moments = (moment for moment in pace_of(runs, record) if moment.is_the_egos)
+    return max(
+        (moment for moment in moments if moment.since_s <= time_s <= moment.until_s + CLOSE_S),
+        key=lambda moment: moment.until_s,
+        default=None,
+    )
+
+
+def on_opposite_lane_since_s(runs: RunSet, record: RunRecord, time_s: float) -> float | None:
+    """Since when the ego's centre is on no lanelet of its direction but on one of the opposite; None if it is not."""
+    steps, path = runs.steps.get(record.run_id), runs.scenario_path(record)
+    if steps is None or not steps.x_m or path is None or not path.is_file():
+        return None
+    network = kept_recording(path).loaded.scenario.lanelet_network
+    drive = RuledDrive.of(record, steps, {}, network)
+    against = drive.roads.under(drive.ego.positions, drive.ego.headings_rad + math.pi)
+    wrong = np.array([not own and bool(opposite) for own, opposite in zip(drive.lanelets, against, strict=True)])
+    last = min(round(time_s / record.step_s), drive.count - 1)
+    right = np.flatnonzero(~wrong[: last + 1])
+    first = int(right[-1]) + 1 if len(right) else 0
+    return round(first * record.step_s, 9) if first <= last else None
+
+
+def _pace(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Pace":
+    path = runs.scenario_path(record)
+    loaded = kept_recording(path).loaded  # type: ignore[arg-type]
+    scenario = loaded.scenario
+    try:
+        found = goal_with_path(scenario, loaded.problem(record.problem_id), runs.vehicle(record))
+    except UnknownName:  # the file was put in the place of the one that was run
+        found = None
+    goal, reference = found if found is not None else (None, None)
+    ego = ego_track(record, steps)
+    onward = None if reference is None else _onward(reference.points, ego)
+    drive = RuledDrive(
+        ego,
+        np.asarray(steps.acceleration_mps2, dtype=float),
+        tracks_in(runs, record, steps),
+        scenario.lanelet_network,
+        record.step_s,
+        onward,
+    )
+    return _Pace(drive, goal, None if onward is None else reference)
+
+
+def _onward(path: Points, ego: Track) -> Points | None:
+    """The path behind the driven end; None if the ego ended beside it. The driven stations are followed in order."""
+    stations, offsets = arc_length(path), np.full(1, np.inf)
+    here = float(project_all(path, ego.positions[:1])[0][0])
+    for before, position in zip(ego.positions, ego.positions[1:], strict=False):
+        reach = float(np.linalg.norm(position - before)) + 2.0
+        near = np.flatnonzero((stations >= here - reach) & (stations <= here + reach))
+        part = path[max(near[0] - 1, 0) : near[-1] + 2]
+        found, offsets = project_all(part, position[None])
+        here = float(stations[max(near[0] - 1, 0)] + found[0])
+    if abs(float(offsets[0])) > _ONTO_M:
+        return None
+    return path[(stations > here + 2.0) & (stations < here + 2.0 + _AHEAD_M)]
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A line across the way at which lights or a stop sign ask to stand; its station is that of the way."""
+
+    lanelet: "Lanelet"
+    station_m: float
+    lights: "tuple[TrafficLight, ...]"
+    unknown: bool
+    stop_sign: bool
+
+
+@dataclass(frozen=True)
+class _Cause:
+    """Why the ego stands or brakes at a state; ``strong``: whether it explains hard braking."""
+
+    code: PaceCode
+    obstacle_id: int | None = None
+    distance_m: float | None = None
+    strong: bool = True
+
+
+@dataclass(frozen=True)
+class _InWay:
+    """Another that is in the ego's way at some time: by step whether, where along it, and whether it heads along it."""
+
+    track: Track
+    inside: NDArray[np.bool_]
+    station_m: Values
+    along: NDArray[np.bool_]
+
+
+class _Pace:
+    """A drive with its goal, as one asks it for reasons."""
+
+    def __init__(self, drive: RuledDrive, goal: Goal | None, reference: ReferencePath | None) -> None:
+        self._drive, self._goal, self._reference = drive, goal, reference
+        self._ego, self._step_s = drive.ego, drive.step_s
+        self._speeds = drive.ego.speeds_mps
+        self._way = drive.path.positions
+        self._along = arc_length(self._way)
+        self._stations = self._along[: drive.count]
+
+    def moments(self) -> tuple[PaceMoment, ...]:
+        """All stretches, in order of their beginning."""
+        found = [*self._stands(), *self._followed(), *self._brakings()]
+        return tuple(sorted(found, key=lambda one: (one.since_s, one.code)))
+
+    # stretches
+
+    def _stands(self) -> Iterator[PaceMoment]:
+        stands = self._speeds < STANDING_MPS
+        for first, last in _stretches(stands):
+            if (last - first) * self._step_s < START_UP_S - 1e-9:
+                continue
+            causes = [self._why_it_stands(index, first) for index in range(first, last + 1)]
+            yield from self._settled(first, causes)
+
+    def _settled(self, first: int, causes: list[_Cause]) -> Iterator[PaceMoment]:
+        """Stretches of one code; what lasts less than a start takes belongs to the one before it, or after it."""
+        runs: list[list[int]] = []
+        for index, cause in enumerate(causes):
+            if runs and causes[runs[-1][0]].code == cause.code:
+                runs[-1].append(index)
+            else:
+                runs.append([index])
+        kept: list[list[int]] = []
+        for run in runs:
+            short = (len(run) - 1) * self._step_s < START_UP_S - 1e-9
+            own = causes[run[0]].code in ("stood_at_green", "stood_without_cause")
+            if kept and (causes[kept[-1][0]].code == causes[run[0]].code or (short and own)):
+                kept[-1].extend(run)
+            elif not (short and own):
+                kept.append(run)
+        for run in kept:
+            cause = causes[run[0]]
+            yield self._moment(cause, first + run[0], first + run[-1])
+
+    def _followed(self) -> Iterator[PaceMoment]:
+        """Where a slower vehicle was ahead within the time gap that a follower keeps, while the ego drove."""
+        wanted = self.wanted_mps
+        slow = np.zeros(self._drive.count, dtype=bool)
+        ids = np.full(self._drive.count, -1)
+        for index in range(self._drive.count):
+            leader = self._leader(index)
+            if leader is not None and self._follows(index, leader) and leader.speed_mps[index] < SLOWER * wanted:
+                slow[index] = self._speeds[index] >= STANDING_MPS
+                ids[index] = leader.obstacle_id
+        for first, last in _stretches(slow):
+            if (last - first) * self._step_s >= START_UP_S - 1e-9:
+                most = int(Counter(ids[first : last + 1].tolist()).most_common(1)[0][0])
+                yield self._moment(_Cause("held_up", most), first, last)
+
+    def _brakings(self) -> Iterator[PaceMoment]:
+        """Where the ego slowed down, at some moment by 2 m/s² or more."""
+        felt = self._drive.acceleration_mps2.copy()
+        felt[:1] = 0.0  # how the run began is not the planner's
+        for first, last in _stretches(felt <= -GENTLE_MPS2):
+            hardest = -float(felt[first : last + 1].min())
+            if hardest < ABRUPT_MPS2:
+                continue
+            begins = first - 1
+            cause = self._cause_of_braking(begins, last, hardest)
+            yield self._moment(cause, begins, last).model_copy(update={"largest_mps2": round(hardest, 6)})
+
+    def _cause_of_braking(self, first: int, last: int, hardest_mps2: float) -> _Cause:
+        """The first reason that there is in a stretch. Hard braking is explained by strong reasons only."""
+        earlier = max(first - round(DELAY_S / self._step_s), 0)
+        causes = [cause for index in range(earlier, last + 1) for cause in self._why_it_brakes(index)]
+        causes.sort(key=lambda cause: (not cause.strong, _REASONS.index(cause.code)))
+        is_hard = hardest_mps2 > np.interp(float(self._speeds[first]), [5.0, 20.0], ISO_BRAKING_MPS2)
+        if causes and (causes[0].strong or not is_hard):
+            return causes[0]
+        on_the_way = next((cause for cause in causes if cause.code not in _NOT_ON_THE_WAY), None)
+        if on_the_way is None:
+            return _Cause("braked_without_cause")
+        return _Cause("braked_too_hard", on_the_way.obstacle_id, on_the_way.distance_m)
+
+    def _moment(self, cause: _Cause, first: int, last: int) -> PaceMoment:
+        other = None if cause.obstacle_id is None else self._drive.others.get(cause.obstacle_id)
+        return PaceMoment(
+            code=cause.code,
+            since_s=round(first * self._step_s, 9),
+            until_s=round(last * self._step_s, 9),
+            obstacle_id=cause.obstacle_id,
+            obstacle_class="" if other is None else other.kind,
+            distance_m=None if cause.distance_m is None else round(cause.distance_m, 3),
+        )
+
+    # reasons
+
+    def _why_it_stands(self, index: int, began: int) -> _Cause:
+        if self._waits_in_goal(index):
+            return _Cause("stood_in_goal")
+        leader = self._leader(index)
+        if leader is not None and leader.gap_m[index] <= QUEUE_GAP_M:
+            code: PaceCode = "stood_in_queue" if self._is_queued(leader, index) else "stood_behind_vehicle"
+            return _Cause(code, leader.obstacle_id, float(leader.gap_m[index]))
+        line = self._line_ahead(index)
+        if line is not None:
+            cause = self._light_to_wait_for(line, index)
+            if cause is not None:
+                return cause
+            stood_s = (index - began) * self._step_s
+            if line.stop_sign and self._before_m(line, index) <= QUEUE_GAP_M and stood_s <= STOP_SIGN_S:
+                return _Cause("stood_at_stop_sign", distance_m=self._before_m(line, index))
+        crossing = self._who_crosses(index)
+        if crossing is not None:
+            return _Cause("stood_to_give_way", crossing)
+        if line is not None and self._before_m(line, index) <= QUEUE_GAP_M and self._is_green(line, index):
+            return _Cause("stood_at_green", distance_m=self._before_m(line, index))
+        return _Cause("stood_without_cause")
+
+    def _light_to_wait_for(self, line: _Line, index: int) -> _Cause | None:
+        before = self._before_m(line, index)
+        if line.unknown and before <= QUEUE_GAP_M:
+            return _Cause("stood_at_light", distance_m=before)
+        if not line.lights:
+            return None
+        if self._stops(line, index):
+            if before <= QUEUE_GAP_M:
+                return _Cause("stood_at_red", distance_m=before)
+            arrives = index + round(math.sqrt(2 * before / STARTING_MPS2) / self._step_s)
+            if self._stops(line, arrives):
+                return _Cause("stood_before_red", distance_m=before)
+        return None
+
+    def _why_it_brakes(self, index: int) -> Iterator[_Cause]:
+        """All that would explain braking at a state, what is most urgent on the road first."""
+        speed = float(self._speeds[index])
+        leader = self._leader(index)
+        if leader is not None:
+            gap, theirs = max(float(leader.gap_m[index]), 0.0), float(leader.speed_mps[index])
+            closing = speed - theirs
+            needed = closing**2 / (2 * max(gap, 0.1)) if closing > 0 else 0.0
+            soon = closing > 0 and gap <= CLOSE_S * closing
+            brakes = float(leader.acceleration_mps2[index]) <= -ABRUPT_MPS2 / 2
+            stops_m = speed**2 / (2 * _HARD_MPS2) + speed * 1.0 - theirs**2 / (2 * _HARD_MPS2)
+            strong = needed >= NEEDED_MPS2 or soon or gap < stops_m
+            if strong or ((self._follows(index, leader) or needed >= GENTLE_MPS2) and (closing > 0 or brakes)):
+                yield _Cause("braked_for_vehicle", leader.obstacle_id, gap, strong)
+        for other in self._drive.near:
+            if float(other.collision_s[index]) <= CLOSE_S and not self._is_behind(other.obstacle_id, index):
+                code: PaceCode = "braked_for_vehicle" if np.isfinite(other.gap_m[index]) else "braked_for_course"
+                yield _Cause(code, other.obstacle_id)
+        crossing = self._who_comes(index)
+        if crossing is not None:
+            yield crossing
+        yield from self._lines_to_brake_for(index, speed)
+        yield from self._places_to_brake_for(index, speed)
+
+    def _lines_to_brake_for(self, index: int, speed: float) -> Iterator[_Cause]:
+        for line in self._lines:
+            before = self._before_m(line, index)
+            if before < -1.0:
+                continue
+            needed = speed**2 / (2 * max(before, 0.5))
+            arrives = index + round(before / max(speed, 1.0) / self._step_s)
+            if needed < GENTLE_MPS2:
+                continue
+            strong = needed >= NEEDED_MPS2
+            if line.unknown or self._stops(line, index) or self._stops(line, arrives):
+                yield _Cause("braked_for_light", distance_m=before, strong=strong)
+            elif line.stop_sign:
+                yield _Cause("braked_for_stop_sign", distance_m=before, strong=strong)
+
+    def _places_to_brake_for(self, index: int, speed: float) -> Iterator[_Cause]:
+        """The curves, limits and end of the way, and the goal."""
+        here = float(self._stations[index])
+        away = np.maximum(self._curves[0] - here, 0.5)
+        there = (self._curves[0] >= here - 1.0) & (self._curves[1] > 1e-6)
+        if there.any():
+            bearable = LATERAL_MPS2 / self._curves[1][there]
+            needed = float(((speed**2 - bearable) / (2 * away[there])).max())
+            if needed >= GENTLE_MPS2:
+                yield _Cause("braked_for_curve", strong=needed >= NEEDED_MPS2)
+        limits = self._drive.roads.limit_mps
+        ahead = {self._drive.lanelets[index], *self._drive.lanelets[index : index + round(CLOSE_S / self._step_s)]}
+        if min((limits(keys) for keys in ahead if keys), default=math.inf) < speed:
+            yield _Cause("braked_for_limit", strong=False)
+        end = self._road_end_m
+        if end is not None and speed**2 / (2 * max(end - here, 0.5)) >= GENTLE_MPS2:
+            yield _Cause("braked_for_road_end", strong=speed**2 / (2 * max(end - here, 0.5)) >= NEEDED_MPS2)
+        yield from self._goal_to_brake_for(index, speed)
+
+    def _goal_to_brake_for(self, index: int, speed: float) -> Iterator[_Cause]:
+        if self._goal is None:
+            return
+        if self._goal.holds(self._ego.positions[index]):
+            top = self._goal_top_mps
+            early = self._ego.first_step + index < self._goal.first_step
+            if early or (top is not None and speed > top):
+                yield _Cause("braked_for_goal")
+            return
+        if self._goal_span_m is None:
+            return
+        begin, end = (station - float(self._stations[index]) for station in self._goal_span_m)
+        if end <= 0:
+            return
+        top = self._goal_top_mps
+        if top is not None and speed > top:
+            needed = (speed**2 - top**2) / (2 * max(end, 0.5))
+            if needed >= GENTLE_MPS2:
+                yield _Cause("braked_for_goal", strong=needed >= NEEDED_MPS2)
+        middle = (self._goal.first_step + self._goal.last_step) / 2
+        left_s = (middle - self._ego.first_step - index) * self._step_s
+        if left_s > 0 and max(begin + end, 0.0) / 2 / left_s < speed:
+            needed = 2 * (speed - max(begin + end, 0.0) / 2 / left_s) / left_s
+            yield _Cause("braked_for_goal", strong=needed >= NEEDED_MPS2)
+
+    # the others
+
+    def _leader(self, index: int) -> Ahead | None:
+        """The nearest one ahead on the way."""
+        if not self._drive.near:
+            return None
+        nearest = self._drive.near[int(self._drive.nearest_ahead[index])]
+        return nearest if np.isfinite(nearest.gap_m[index]) else None
+
+    def _follows(self, index: int, leader: Ahead) -> bool:
+        """Whether the ego is so near to the one ahead as followers are."""
+        length = self._drive.others[leader.obstacle_id].length_m
+        return float(leader.gap_m[index]) <= max(FOLLOWS_S * float(self._speeds[index]) - length, QUEUE_GAP_M)
+
+    def _is_queued(self, leader: Ahead, index: int) -> bool:
+        """Whether the one ahead stands behind another, or at a light that asks it to."""
+        if leader.speed_mps[index] >= STANDING_MPS:
+            return False
+        gap, length = float(leader.gap_m[index]), self._drive.others[leader.obstacle_id].length_m
+        for other in self._drive.near:
+            farther = float(other.gap_m[index]) - gap - length
+            stands = other.speed_mps[index] < STANDING_MPS
+            if other is not leader and np.isfinite(farther) and stands and -1.0 < farther <= QUEUE_GAP_M:
+                return True
+        line = self._line_ahead(index)
+        return line is not None and self._stops(line, index) and self._before_m(line, index) > gap
+
+    def _is_behind(self, obstacle_id: int, index: int) -> bool:
+        """Whether another drives behind the ego in its direction, if it is there."""
+        track = self._drive.others[obstacle_id]
+        at = track.index_at(self._ego.first_step + index)
+        if at is None:
+            return False
+        heading = float(self._ego.headings_rad[index])
+        away = track.positions[at] - self._ego.positions[index]
+        turned = abs(wrap_angle(float(track.headings_rad[at]) - heading))
+        behind = float(away @ np.array([math.cos(heading), math.sin(heading)])) < 0
+        return behind and turned < SAME_DIRECTION_RAD
+
+    @cached_property
+    def _in_way(self) -> list[_InWay]:
+        """The others whose body is in the ego's way at some time, until some time after the run."""
+        import shapely
+
+        line = shapely.LineString(self._way) if len(self._way) > 1 and self._along[-1] > 0 else None
+        last = self._ego.last_step + round(CRITICAL_HEADWAY_S / self._step_s)
+        found: list[_InWay] = []
+        if line is None:
+            return found
+        reach = self._ego.width_m / 2 + _ASIDE_M
+        low, high = self._way.min(axis=0) - reach, self._way.max(axis=0) + reach
+        directions = headings(self._way)
+        for track in self._drive.others.values():
+            if len(track.positions) < 2:
+                continue
+            begin, end = max(self._ego.first_step - track.first_step, 0), last - track.first_step + 1
+            positions, turned = track.positions[begin:end], track.headings_rad[begin:end]
+            margin = math.hypot(*track.size_m) / 2
+            near = ((positions >= low - margin) & (positions <= high + margin)).all(axis=1)
+            if not near.any():
+                continue
+            steps = np.arange(last - self._ego.first_step + 1) + self._ego.first_step
+            inside, station = np.zeros(len(steps), dtype=bool), np.full(len(steps), np.nan)
+            along = np.zeros(len(steps), dtype=bool)
+            at = np.flatnonzero(near) + begin
+            corners = np.array([track.corners_at(int(index)) for index in at])
+            touching = shapely.distance(line, shapely.polygons(corners)) <= reach
+            place = at + track.first_step - self._ego.first_step
+            inside[place] = touching
+            station[place] = shapely.line_locate_point(line, shapely.points(track.positions[at]))
+            segment = np.clip(np.searchsorted(self._along, station[place], side="right") - 1, 0, len(directions) - 1)
+            along[place] = np.abs(wrap_angles(turned[at - begin] - directions[segment])) < SAME_DIRECTION_RAD
+            if inside.any():
+                found.append(_InWay(track, inside, station, along))
+        return found
+
+    def _who_crosses(self, index: int) -> int | None:
+        """The one for which a standing ego waits: in its way across, or comes into it sooner than drivers accept."""
+        front = float(self._stations[index]) + self._ego.length_m / 2
+        until = index + round(CRITICAL_HEADWAY_S / self._step_s)
+        for other in self._in_way:
+            if self._is_behind(other.track.obstacle_id, index):
+                continue
+            later = np.arange(index, min(until, len(other.inside) - 1) + 1)
+            since_s = (later - index) * self._step_s
+            ahead = other.station_m[later] + other.track.length_m / 2 - front
+            near = (ahead > 0) & (ahead <= QUEUE_GAP_M + other.track.length_m + STARTING_MPS2 / 2 * since_s**2)
+            came = other.inside[later] & ~(other.inside[index] & other.along[index])
+            if bool((near & came).any()):
+                return other.track.obstacle_id
+        return None
+
+    def _who_comes(self, index: int) -> _Cause | None:
+        """The one that a driving ego would meet if it kept its speed: both in one place within three seconds."""
+        here, speed = float(self._stations[index]), max(float(self._speeds[index]), STANDING_MPS)
+        until = index + round(CRITICAL_HEADWAY_S / self._step_s)
+        best: _Cause | None = None
+        for other in self._in_way:
+            if (other.inside[index] and other.along[index]) or self._is_behind(other.track.obstacle_id, index):
+                continue  # one ahead is looked at as such, and one behind is no reason to brake
+            later = np.arange(index, min(until, len(other.inside) - 1) + 1)
+            away = other.station_m[later] - here
+            arrives_s = (away - self._ego.length_m / 2) / speed
+            meets = other.inside[later] & (away > 0) & (np.abs(arrives_s - (later - index) * self._step_s) <= CLOSE_S)
+            if not meets.any():
+                continue
+            gap = max(float(away[meets].min()) - self._ego.length_m / 2, 0.5)
+            strong = speed**2 / (2 * gap) >= NEEDED_MPS2
+            cause = _Cause("braked_to_give_way", other.track.obstacle_id, gap, strong)
+            best = cause if best is None or (cause.strong and not best.strong) else best
+        return best
+
+    # lights and signs
+
+    @cached_property
+    def _lines(self) -> list[_Line]:
+        """The lines of lights and stop signs across the way, in its order."""
+        drive = self._drive
+        route = Counter(() if self._reference is None else self._reference.lanelets)
+        route.update(key for under in drive.lanelets for key in under)
+        found = []
+        for key in route:
+            lanelet = drive.network.find_lanelet_by_id(key)
+            if not (lanelet.traffic_lights or lanelet.traffic_signs):
+                continue
+            names = {
+                element.traffic_sign_element_id.name
+                for sign in signs_of(drive.network, [key])
+                for element in sign.traffic_sign_elements
+            }
+            station = meeting_m(self._way, drive.roads.stop_line(lanelet))
+            known = tuple(drive.lights_of([key]))
+            is_lit = bool(lanelet.traffic_lights)
+            if station is None or not (is_lit or "STOP" in names):
+                continue
+            ours = tuple(drive.lights_for_turn(lanelet, drive.turn_after(key, route)))
+            unknown = is_lit and not ours and (not known or self._any_stops(known))
+            found.append(_Line(lanelet, station, ours, unknown, "STOP" in names and not is_lit))
+        return sorted(found, key=lambda line: line.station_m)
+
+    def _any_stops(self, lights: "tuple[TrafficLight, ...]") -> bool:
+        """Whether any of some lights asks to stop at some time of the run."""
+        return any(not self._drive.shown(light, _GO).all() for light in lights)
+
+    def _line_ahead(self, index: int) -> _Line | None:
+        """The first line that the ego's front has not passed by more than a metre."""
+        return next((line for line in self._lines if self._before_m(line, index) > -1.0), None)
+
+    def _before_m(self, line: _Line, index: int) -> float:
+        return line.station_m - float(self._stations[index]) - self._ego.length_m / 2
+
+    def _stops(self, line: _Line, index: int) -> bool:
+        """Whether a light of the line asks to stop at a state, or at one after the run."""
+        step = self._ego.first_step + index
+        return any(light.get_state_at_time_step(step).name not in _GO for light in line.lights)
+
+    def _is_green(self, line: _Line, index: int) -> bool:
+        step = self._ego.first_step + index
+        return bool(line.lights) and all(light.get_state_at_time_step(step).name == "GREEN" for light in line.lights)
+
+    # the way and the goal
+
+    @cached_property
+    def _curves(self) -> tuple[Values, Values]:
+        """Stations of the way and its curvature there, in 1/m."""
+        kept = np.concatenate([[True], np.diff(self._along) > 1e-3])
+        way = self._way[kept]
+        if len(way) < 4 or self._along[-1] < 4.0:
+            return np.zeros(0), np.zeros(0)
+        return curvatures(way, 1.0)
+
+    @cached_property
+    def _road_end_m(self) -> float | None:
+        """The station at which the network ends; None if the way does not come so far."""
+        if self._reference is None:
+            return None
+        ends = self._reference.points
+        end = ends[min(int(np.searchsorted(arc_length(ends), self._reference.network_end_m)), len(ends) - 1)]
+        station, offset = project_all(self._way, end[None])
+        at_end = float(station[0]) >= self._along[-1] - 1e-6
+        return None if at_end or abs(float(offset[0])) > _ONTO_M else float(station[0])
+
+    @cached_property
+    def _goal_span_m(self) -> tuple[float, float] | None:
+        if self._goal is None or not self._goal.has_position:
+            return None
+        return self._goal.stations_on(self._way)
+
+    @cached_property
+    def _goal_top_mps(self) -> float | None:
+        """The highest speed that the goal allows; None where it names none."""
+        if self._goal is None:
+            return None
+        speeds = [state.speeds_mps[1] for state in self._goal.states if state.speeds_mps is not None]
+        return max(speeds, default=None)
+
+    def _waits_in_goal(self, index: int) -> bool:
+        goal = self._goal
+        if goal is None or not goal.has_position:
+            return False
+        return self._ego.first_step + index < goal.first_step and goal.holds(self._ego.positions[index])
+
+    @cached_property
+    def wanted_mps(self) -> float:
+        """How fast the ego has to be on average to be on time, and at least how fast it began."""
+        began = float(self._speeds[0])
+        if self._goal is None or self._reference is None or not self._goal.has_position:
+            return began
+        span = self._goal.stations_on(self._reference.points)
+        time_s = (self._goal.last_step - self._ego.first_step) * self._step_s
+        if span is None or time_s <= 0:
+            return began
+        start = float(project_all(self._reference.points, self._ego.positions[:1])[0][0])
+        return max(began, (span[0] - start) / time_s)
+
+
+_REASONS: tuple[PaceCode, ...] = (
+    "braked_for_vehicle",
+    "braked_to_give_way",
+    "braked_for_light",
+    "braked_for_stop_sign",
+    "braked_for_curve",
+    "braked_for_road_end",
+    "braked_for_course",
+    "braked_for_limit",
+    "braked_for_goal",
+)
+"""The reasons to brake, in the order in which they are told."""
+_NOT_ON_THE_WAY: tuple[PaceCode, ...] = ("braked_for_limit", "braked_for_goal")
+_GO = ("GREEN", "INACTIVE")
+"""CommonRoad's names of the states of lights that ask for nothing."""
+_HARD_MPS2 = 8.0
+"""The hardest braking that is counted on, as in the measures of conflicts."""
+
+
+def _stretches(holds: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    """First and last index of every stretch in which a condition holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(int)))
+    for first, end in zip(edges[::2], edges[1::2], strict=True):
+        yield int(first), int(end) - 1

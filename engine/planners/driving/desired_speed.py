@@ -1,0 +1,190 @@
+"""How fast an ego is to drive, defined at every moment of a run: before, inside and after the goal's time.
+
+Each desired speed has a reason, a :data:`SpeedReason`:
+
+- ``goal_mean``: the mean speed that brings the ego to the middle of the goal by the middle of its time;
+- ``goal_end``: that which still brings it there by the end of the goal's time;
+- ``goal_interval``: the middle of the goal's speed interval, inside the goal or if the goal has no place;
+- ``speed_limit``: the cruising speed of the lane, if the goal says nothing (any more);
+- ``curve``: the speed at which the curve ahead can be driven, if that is less than the cruising speed.
+
+The rule of the Frenetix reference loop is kept beside it, for comparisons: :class:`ReferenceDesiredSpeed`.
+"""
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from ...geometry import Values, arc_length, gaussian, headings
+from ...network import USUAL_SPEED_MPS, posted_speeds
+from ...vehicles import COMFORTABLE_MPS2
+from ..goal import Goal
+from ..interface import EgoState, PlanningTask
+from ..reference_path import ReferencePath
+
+if TYPE_CHECKING:
+    from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
+
+SPEED_BAND_MPS = 5.0
+_MAXIMUM_SPEED_MPS = 50.0
+"""As in the Frenetix reference loop: the desired speed is within this band of the present one, and at most this."""
+SpeedReason = Literal["goal_mean", "goal_end", "goal_interval", "speed_limit", "curve", "present"]
+"""Why a speed is desired; ``present`` (the speed that the ego has) is a reason of the reference's rule alone."""
+_USUAL_OF_TYPE_MPS = {"interstate": 130 / 3.6, "highway": 130 / 3.6, "country": 100 / 3.6}
+"""Speeds by CommonRoad's lanelet types if no limit is posted: the advisory speed of German motorways
+(Autobahn-Richtgeschwindigkeits-Verordnung, section 1) and the limit outside built-up areas (StVO section 3, paragraph
+3, number 2 c). On all other lanelets it is 50 km/h, the limit inside built-up areas (number 1), which is SUMO's default
+for a lane as well."""
+_SMOOTHING_M = 3.0
+"""Chosen: over this length curvature is smoothed for comfort."""
+_STRAIGHT_PER_M = 1e-4
+"""Chosen: curvature in 1/m below which a path counts as straight."""
+
+
+def curve_speeds_mps(
+    stations_m: Values,
+    headings_rad: Values,
+    lateral_acceleration_mps2: float,
+    deceleration_mps2: float,
+    smoothing_m: float = _SMOOTHING_M,
+) -> Values:
+    """The highest speeds along a path, shape (n,), at which no curve needs more lateral acceleration v² · curvature.
+
+    ``stations_m`` and ``headings_rad`` of shape (n,). Before a curve the speed falls by the deceleration, so that
+    v² = v_next² + 2 · deceleration · distance. The curvature is smoothed over ``smoothing_m``.
+    """
+    spacing_m = float(np.mean(np.diff(stations_m)))
+    curvature = np.abs(gaussian(np.gradient(headings_rad, stations_m), smoothing_m / spacing_m))
+    squared = lateral_acceleration_mps2 / np.maximum(curvature, _STRAIGHT_PER_M)
+    # with E = v² + 2·b·s the condition is that no later E is smaller
+    energy = squared + 2.0 * deceleration_mps2 * stations_m
+    least = np.minimum.accumulate(energy[::-1])[::-1]
+    speeds: Values = np.sqrt(least - 2.0 * deceleration_mps2 * stations_m)
+    return speeds
+
+
+class CruisingSpeed:
+    """The speed along a reference path that lanes and curves call for, whatever the goal is.
+
+    It is the lowest limit that is posted on the lanelet of the route. On lanelets without one it is the usual speed
+    of their type, or the ego's speed at the start if that is higher: then the traffic there is faster. Curves lower
+    it to the speed at which they ask for a comfortable lateral acceleration, reached by comfortable braking.
+    """
+
+    def __init__(self, network: "LaneletNetwork", reference: ReferencePath, start_mps: float) -> None:
+        self._stations = arc_length(reference.points)
+        posted = posted_speeds(network)
+        route = [network.find_lanelet_by_id(key) for key in reference.lanelets]
+        limits = np.array(
+            [posted.get(int(lanelet.lanelet_id)) or max(_usual_mps(lanelet), start_mps) for lanelet in route]
+        )
+        lanelet_at = np.searchsorted(reference.lanelet_ends_m(network), self._stations, side="right")
+        self._limits = limits[np.minimum(lanelet_at, len(limits) - 1)]
+        turned = np.concatenate([along := headings(reference.points), along[-1:]])
+        self._curves = curve_speeds_mps(self._stations, turned, COMFORTABLE_MPS2, COMFORTABLE_MPS2)
+
+    def at(self, station_m: float) -> tuple[float, SpeedReason]:
+        """The speed in m/s at a station, and whether the limit or the curve ahead decides."""
+        place = min(max(int(np.searchsorted(self._stations, station_m, side="right")) - 1, 0), len(self._limits) - 1)
+        limit, curve = float(self._limits[place]), float(np.interp(station_m, self._stations, self._curves))
+        return (limit, "speed_limit") if limit <= curve else (curve, "curve")
+
+
+def _usual_mps(lanelet: "Lanelet") -> float:
+    """The highest of the usual speeds of a lanelet's types."""
+    kinds = (kind.value for kind in lanelet.lanelet_type or ())
+    return max((_USUAL_OF_TYPE_MPS.get(kind, USUAL_SPEED_MPS) for kind in kinds), default=USUAL_SPEED_MPS)
+
+
+class DesiredSpeed:
+    """How fast to drive to a goal: by its time while there is some, and by the lane and its curves otherwise.
+
+    With a place, and while its time is not over, it is the mean speed to the middle of the goal: by the middle of the
+    goal's time at first, and by its end once the middle has passed. The latter is no more than the cruising speed, or
+    than the present speed if that is higher: who is late does not race. Inside a goal with a speed interval it is the
+    middle of that, and so it is for a goal without a place. In all other cases it is the cruising speed. It is within
+    5 m/s of the present speed.
+
+    An ego inside a goal without a speed interval goes on aiming at the goal's middle and waits there for its time.
+
+    The goal is to be one goal state, see :func:`~..goal.select_goal_state`. The speeds are those of one run: egos are
+    given in the order of driving, since the reference path may pass a place twice.
+    """
+
+    def __init__(self, goal: Goal, reference: ReferencePath, step_s: float, cruising: CruisingSpeed) -> None:
+        self._goal, self._step_s, self._cruising = goal, step_s, cruising
+        self._follower = reference.follower()
+        stations = goal.stations_on(reference.points, reference.start_m) if goal.has_position else None
+        self._goal_station_m = None if stations is None else (stations[0] + stations[1]) / 2
+        self._middle_step = (goal.states[0].first + goal.states[0].last) // 2
+
+    @classmethod
+    def of(cls, task: PlanningTask) -> "DesiredSpeed":
+        """The desired speed for a planning task."""
+        start_mps = EgoState.of(task.problem.initial_state).speed_mps
+        cruising = CruisingSpeed(task.network, task.reference, start_mps)
+        return cls(Goal(task.goal_ahead), task.reference, task.step_s, cruising)
+
+    def at(self, ego: EgoState) -> float:
+        """The desired speed in m/s."""
+        return self.explained_at(ego)[0]
+
+    def explained_at(self, ego: EgoState) -> tuple[float, SpeedReason]:
+        """The desired speed in m/s, and why it is desired."""
+        low, high = max(ego.speed_mps - SPEED_BAND_MPS, 0.0), min(ego.speed_mps + SPEED_BAND_MPS, _MAXIMUM_SPEED_MPS)
+        wanted, reason = self._wanted(ego, self._follower.place(ego.position)[0])
+        return min(max(wanted, min(low, high)), high), reason
+
+    def average_to_goal(self, ego: EgoState) -> float | None:
+        """Mean speed that brings the ego to the goal's middle in the time left; None without a place or time."""
+        if self._goal_station_m is None:
+            return None
+        if self._goal.holds(ego.position):
+            return self._goal.speed_mps
+        here_m = self._follower.place(ego.position)[0]
+        mean_mps = self._mean_to(self._goal_station_m - here_m, self._goal.last_step, ego)
+        return None if mean_mps is None else max(mean_mps, 0.0)
+
+    def _wanted(self, ego: EgoState, here_m: float) -> tuple[float, SpeedReason]:
+        goal, cruising = self._goal, self._cruising.at(here_m)
+        if ego.step > goal.last_step:
+            return cruising
+        inside = not goal.has_position or goal.holds(ego.position)
+        if inside and goal.speed_mps is not None:
+            return goal.speed_mps, "goal_interval"
+        if self._goal_station_m is None:
+            return cruising
+        left_m = self._goal_station_m - here_m
+        if left_m <= 0.0 and not inside:
+            return cruising
+        by_middle = self._mean_to(left_m, self._middle_step, ego)
+        if by_middle is not None:
+            return max(by_middle, 0.0), "goal_mean"
+        by_end = self._mean_to(left_m, goal.last_step, ego)
+        if by_end is None:
+            return cruising
+        return min(max(by_end, 0.0), max(cruising[0], ego.speed_mps)), "goal_end"
+
+    def _mean_to(self, left_m: float, step: int, ego: EgoState) -> float | None:
+        """The mean speed in m/s over a distance until a step; None if the step has come."""
+        left_s = (step - ego.step) * self._step_s
+        return left_m / left_s if left_s > 0 else None
+
+
+class ReferenceDesiredSpeed(DesiredSpeed):
+    """The rule of the Frenetix reference loop, for comparisons.
+
+    It knows the mean speed to the middle of the goal by the middle of its time and the goal's speed interval, and the
+    present speed otherwise: inside a goal without a speed interval, which the ego so drives out of before its time,
+    and everywhere once the middle of the time has passed. An ego that stands then never starts again.
+    """
+
+    def _wanted(self, ego: EgoState, here_m: float) -> tuple[float, SpeedReason]:
+        goal = self._goal
+        if not goal.has_position:
+            return ego.speed_mps, "present"
+        if self._goal_station_m is not None and not goal.holds(ego.position):
+            mean_mps = self._mean_to(self._goal_station_m - here_m, self._middle_step, ego)
+            if mean_mps is not None:
+                return mean_mps, "goal_mean"
+        return (ego.speed_mps, "present") if goal.speed_mps is None else (goal.speed_mps, "goal_interval")

@@ -1,0 +1,107 @@
+"""What the version of a planner is called: as its author declares it, as git describes its source, or by a digest.
+
+The digest of the source stands behind either, because an edit changes it before anybody declares or commits anything.
+Git is asked for names and object ids alone: no hook, filter, monitor or remote of a repository is run or reached.
+"""
+
+import hashlib
+import os
+import subprocess
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+from ....schemas.text import one_line
+from .found import Found
+
+SHORT_DIGEST = 7
+"""Characters of a digest that are shown, as git abbreviates object ids."""
+GIT_LIMIT_S = 5.0
+"""The longest that git may take for one answer; chosen: it takes milliseconds on a local disk."""
+_LONGEST = 40
+"""Characters of a version that are shown; chosen: tags and version numbers are shorter."""
+_QUIET = {"LC_ALL": "C", "GIT_OPTIONAL_LOCKS": "0", "GIT_TERMINAL_PROMPT": "0", "GIT_NO_LAZY_FETCH": "1"}
+"""Git takes no lock, asks nobody and fetches nothing."""
+_SETTINGS = ("-c", "core.hooksPath=/dev/null", "-c", "core.fsmonitor=false")
+
+
+def version_in_words(found: Found) -> str:
+    """``v1.2 (a1b2c3d)``: the declared version, what git calls the source, or the package's, with the digest.
+
+    The class of the planner is imported for what it declares: for workers.
+    """
+    digest = found.version[:SHORT_DIGEST]
+    named = _declared(found) or described_by_git(found.sources) or found.package_version
+    return f"{one_line(named, _LONGEST)} ({digest})" if named else digest
+
+
+def _declared(found: Found) -> str:
+    declaration = found.command if found.command is not None else found.own().declaration
+    return declaration.version
+
+
+def described_by_git(sources: Sequence[Path]) -> str:
+    """What ``git describe`` calls the commit that holds the first source file, with ``-dirty`` where a file differs.
+
+    Empty where that file is in no commit of a repository, git is not installed, or it takes too long.
+    """
+    files = [path.resolve() for path in sources if path.is_file()]
+    return _described(tuple(files), tuple(_stamps(files))) if files else ""
+
+
+def _stamps(files: Sequence[Path]) -> list[int]:
+    """When the files and what git knows of them changed last: the key by which an answer is kept."""
+    repository = next((folder / ".git" for folder in files[0].parents if (folder / ".git").exists()), None)
+    names = ("HEAD", "logs/HEAD", "packed-refs", "refs/tags")
+    of_git = [] if repository is None else [repository / name for name in names]
+    return [path.stat().st_mtime_ns for path in (*files, *of_git) if path.exists()]
+
+
+@cache
+def _described(files: tuple[Path, ...], stamps: tuple[int, ...]) -> str:
+    del stamps  # part of the cache's key alone
+    folder = files[0].parent
+    try:
+        committed = _committed(folder)
+        if files[0] not in committed:
+            return ""
+        words = _git(folder, "describe", "--tags", "--always").strip()
+    except (OSError, subprocess.SubprocessError, ValueError):
+        return ""
+    is_edited = any(committed.get(path) != _blob_id(path, committed[files[0]]) for path in files)
+    return f"{words}-dirty" if is_edited else words
+
+
+def _committed(folder: Path) -> dict[Path, str]:
+    """The files in and below a folder that the present commit holds, each with its object id."""
+    top = Path(_git(folder, "rev-parse", "--show-toplevel").strip())
+    listed = _git(folder, "ls-tree", "-r", "-z", "--full-name", "HEAD", "--", ".")
+    entries = (line.partition("\t") for line in listed.split("\0") if line)
+    return {(top / name).resolve(): about.split()[2] for about, _, name in entries}
+
+
+def _blob_id(path: Path, like: str) -> str:
+    """The object id that git gives to the content of a file, by the algorithm of another id."""
+    content = path.read_bytes()
+    algorithm = "sha256" if len(like) == hashlib.sha256().digest_size * 2 else "sha1"
+    return hashlib.new(algorithm, b"blob %d\0" % len(content) + content, usedforsecurity=False).hexdigest()
+
+
+def _git(folder: Path, *arguments: str) -> str:
+    """What git answers.
+
+    Raises:
+        OSError: there is no git.
+        subprocess.SubprocessError: it refuses, or takes too long.
+        ValueError: it answers something that is no text.
+    """
+    environment = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ} | _QUIET
+    done = subprocess.run(
+        ["git", *_SETTINGS, "-C", str(folder), *arguments],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        timeout=GIT_LIMIT_S,
+        check=True,
+        env=environment,
+    )
+    return done.stdout.decode()

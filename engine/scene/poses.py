@@ -1,0 +1,71 @@
+"""Which lanelets a pose lies on: the one answer for starts of routes, edits, descriptions and checks.
+
+A vehicle drives on a lanelet that leads its way. One whose centre is a few centimetres over the centre line of a
+two-way road lies on the oncoming lanelet by its position alone, and on its own by position and heading.
+"""
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..geometry import Points, point_at, project, without_repeats, wrap_angle
+
+if TYPE_CHECKING:
+    from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
+
+REACH_M = 2.5
+"""A lanelet farther from a position is none that the vehicle may be on (chosen: a vehicle half beside its lane)."""
+COST_PER_M_OUTSIDE, COST_PER_M_BESIDE, COST_PER_RAD = 3.0, 0.6, 2.0
+"""What a pose costs on a lanelet: outside of it, beside its centre line, and turned from it. Weighed by hand on
+recorded traffic; the match of a whole track (``map_matching.py``) uses the same costs."""
+COST_OF_NO_DIFFERENCE = 0.5
+"""A pose that fits another lanelet worse by no more (0.8 m beside, or 14° across) lies on that one as well (chosen)."""
+_FARTHEST_CENTER_M = 3.0
+"""A pose that lies on no lanelet counts as on those whose centre line is nearer (chosen: nearly a lane's width)."""
+
+
+def lanelets_of_pose(network: "LaneletNetwork", position: Points, heading_rad: float) -> tuple[int, ...]:
+    """Return the lanelets that a pose lies on, the one that fits best first; empty if there are none.
+
+    They lie under the position and lead in the direction of the heading, within 90°. A lanelet beside the position is
+    among them if it fits better than each of those: the vehicle then hangs over its edge. If no lanelet within reach
+    leads in the direction of the heading, they are the lanelets under the position, or those whose centre line is near,
+    whatever their direction.
+
+    Args:
+        network: the lanelets.
+        position: the centre of the vehicle, shape (2,), in m.
+        heading_rad: its heading.
+    """
+    from commonroad.geometry.shape import Rectangle
+    from shapely import Point
+
+    point = Point(position)
+    around = Rectangle(2 * REACH_M, 2 * REACH_M, np.asarray(position, dtype=float))
+    fits: list[tuple[float, float, float, int]] = []
+    for lanelet in map(network.find_lanelet_by_id, network.find_lanelet_by_shape(around)):
+        turned, beside = _pose_on(lanelet, position, heading_rad)
+        outside = float(lanelet.polygon.shapely_object.distance(point))
+        if outside > REACH_M:
+            continue
+        cost = COST_PER_M_OUTSIDE * outside + COST_PER_M_BESIDE * beside + COST_PER_RAD * turned
+        fits.append((round(cost, 3), outside, turned, int(lanelet.lanelet_id)))
+    aligned = [fit for fit in sorted(fits) if fit[2] < math.pi / 2]
+    if aligned:
+        best_under = min((fit[0] for fit in aligned if fit[1] == 0.0), default=aligned[0][0] + COST_OF_NO_DIFFERENCE)
+        return tuple(fit[3] for fit in aligned if fit[1] == 0.0 or fit[0] < best_under)
+    under = [fit for fit in sorted(fits, key=lambda fit: (round(fit[2], 3), fit[3])) if fit[1] == 0.0]
+    if under:
+        return tuple(fit[3] for fit in under)
+    near = [(*_pose_on(lanelet, position, heading_rad), int(lanelet.lanelet_id)) for lanelet in network.lanelets]
+    return tuple(key for turned, beside, key in sorted(near) if beside < _FARTHEST_CENTER_M)
+
+
+def _pose_on(lanelet: "Lanelet", position: Points, heading_rad: float) -> tuple[float, float]:
+    """How far a pose is turned from a lanelet, in rad, and how far it is beside the lanelet's centre line, in m."""
+    line = without_repeats(np.asarray(lanelet.center_vertices, dtype=float))
+    if len(line) < 2:
+        return abs(wrap_angle(heading_rad)), float(np.linalg.norm(line[0] - position))
+    station, offset = project(line, np.asarray(position, dtype=float))
+    return abs(wrap_angle(point_at(line, station)[1] - heading_rad)), abs(offset)
