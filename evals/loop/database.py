@@ -1,19 +1,19 @@
-"""``make bench-database FOLDER=FOLDER``: every scenario of a folder under all planners, in the product's own workers.
+"""``make bench-database FOLDER=FOLDER``: every scenario of a folder under the planners, in the product's own workers.
 
 The folder is meant to be the public CommonRoad database, of over 2,000 scenarios, which whoever runs this fetches; any
 folder of CommonRoad files does. A run goes the way of the product's runs: one request to a warm worker process. Rows go
 to a journal (``--out``), one JSON line a run; a run whose row is there is not made again, so a bench that was stopped
 goes on. A file that is refused is named with the reason, and counts in no share.
 
-Success is a goal that was reached and that CommonRoad's benchmark accepts (``success_rule`` of the run). A table by kind
-of scenario goes to standard error: the first folder below the given one, or, for files directly in it, what their
+Success is a goal that was reached and that CommonRoad's benchmark accepts (``success_rule`` of the run). A table by
+kind of scenario goes to standard error: the first folder below the given one, or, for files directly in it, what their
 ``source`` says.
 
-If the folder holds scenarios that FISS's authors measured, these are run once more as its authors ran them: CommonRoad's
-vehicle 3 (VW Vanagon), a plan at every step, five end states a dimension, a horizon of 5 s, the recording as prediction.
-Their figures (fiss-planner 1.0.0, docs/benchmarks.md, on an Intel Core i9-12900K) are with a smoother that this project
-does not use: ``fop`` 70.7 % success, 2.1 % collisions, 8.7 ms a plan; ``fiss`` 69.3 %, 1.4 %, 0.6 ms; without it 61.8 %,
-2.1 % and 61.1 %, 2.1 %.
+If the folder holds scenarios that FISS's authors measured, these are run once more as its authors ran them:
+CommonRoad's vehicle 3 (VW Vanagon), a plan at every step, five end states a dimension, a horizon of 5 s, the recording
+as prediction. Their figures (fiss-planner 1.0.0, docs/benchmarks.md, on an Intel Core i9-12900K) are with a smoother
+that this project does not use: ``fop`` 70.7 % success, 2.1 % collisions, 8.7 ms a plan; ``fiss`` 69.3 %, 1.4 %, 0.6 ms;
+without it 61.8 %, 2.1 % and 61.1 %, 2.1 %.
 
 Keys: ``scenarios``, ``refused``; ``lost``: runs that ended by an error of ours; ``runs_per_second``: of Frenetix, as
 long as this took its runs (the journal counts the time of earlier parts); ``runs_per_second_PLANNER``;
@@ -61,6 +61,8 @@ _SOURCES = {
 }
 """Words of a file's ``source``, and the kinds that they mean; of several the first."""
 _TOLD_EVERY = 50
+DEFAULT_PLANNERS = ("frenetix", "mp_rbfn", "idm", "fiss")
+"""Those that plan; the reference drivers can be named."""
 AUTHORS = "280"
 """The turn of the scenarios of FISS's authors, in rows and tables."""
 _AUTHORS_SETTINGS = ("vehicle=3", "replan_steps=1", "horizon_s=5", "sampling_level=1")
@@ -90,7 +92,7 @@ class Turn:
 
 @dataclass
 class Journal:
-    """The rows of all runs, on disk as JSON lines; the last line of a bench that was killed may be half, and is none."""
+    """The rows of all runs, on disk as JSON lines; half a line at the end, of a bench that was killed, is left out."""
 
     path: Path
     rows: dict[tuple[str, str, str, str], dict[str, Any]] = field(default_factory=dict)
@@ -131,7 +133,7 @@ def scenarios_in(folder: Path, limit: int | None) -> list[Path]:
 def _is_commonroad(path: Path) -> bool:
     """Whether a file says that it is CommonRoad's, or says nothing: a broken one is to be refused, not overlooked."""
     head = _head(path)
-    root = re.search(r"<([A-Za-z][\w:.-]*)[\s>/]", re.sub(r"<!--.*?-->", "", head, flags=re.S))
+    root = re.search(r"<([A-Za-z][\w:.-]*)[\s>/]", re.sub(r"<!--.*?-->", "", head, flags=re.DOTALL))
     return root is None or root.group(1) == "commonRoad"
 
 
@@ -337,7 +339,7 @@ def _main() -> int:
     """Read the command line, measure, print; 1 where a run was lost."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--folder", type=Path, required=True, help="folder of CommonRoad files, searched through")
-    parser.add_argument("--planners", nargs="+", choices=list(PLANNERS), default=list(PLANNERS))
+    parser.add_argument("--planners", nargs="+", choices=list(PLANNERS), default=list(DEFAULT_PLANNERS))
     parser.add_argument("--prediction", choices=get_args(Prediction), default="constant_velocity")
     parser.add_argument("--traffic", choices=get_args(Traffic), default="recorded")
     parser.add_argument("--limit", type=int, help="only this many scenarios, always the same ones")

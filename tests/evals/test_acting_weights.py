@@ -52,5 +52,5 @@ def test_a_weight_of_a_term_that_is_not_computed_does_not_act(
     assert "path_length" not in acting_weights(configuration(), [aside])
 
 
-def test_the_weights_of_the_iterative_search_act(tmp_path: Path, aside: LoadedScenario, crowded: LoadedScenario) -> None:
+def test_the_weights_of_the_iterative_search_act(aside: LoadedScenario, crowded: LoadedScenario) -> None:
     assert acting_weights(configuration("fiss"), [aside, crowded]) == set(tuning_of("fiss").weights)

@@ -32,13 +32,8 @@ import fiss_planner
 import numpy as np
 
 from ....schemas.planning import PlannerSettings
-<<<<<<< HEAD
-from ...geometry import Points, Values, project, wrap_angle
-from ...vehicles import VehicleParameters
-=======
 from ...geometry import Points, Values, wrap_angle
-from ...vehicles import VehicleParameters, tractrix
->>>>>>> main
+from ...vehicles import VehicleParameters
 from ..driving.following import FOLLOWED_WITHIN_M, is_on_plan
 from ..interface import EgoState, PlannedTrajectory, PredictedObstacle
 from ..reference_path import ReferencePath

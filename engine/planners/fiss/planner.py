@@ -82,15 +82,9 @@ class Fiss:
         limits = vehicle_limits(task.vehicle)
         self._path = PathLine(task.reference, limits.max_lat_accel)
         self._bands = lane_bands(task.network, task.reference)
-<<<<<<< HEAD
         self._corridors: dict[tuple[float, float], fiss_planner.Corridor] = {}
-        self._desired_speed = DesiredSpeed(Goal(task.goal_ahead), task.reference, task.step_s)
-        self._cores: dict[tuple[bool, Care, bool], fiss_planner.Planner] = {}
-=======
-        self._corridor = self._bands.corridor()
         self._desired_speed = DesiredSpeed.of(task)
-        self._cores: dict[tuple[bool, bool], fiss_planner.Planner] = {}
->>>>>>> main
+        self._cores: dict[tuple[bool, Care, bool], fiss_planner.Planner] = {}
         self._station_m: float | None = None
         self._driven: DrivenPlan | None = None
         self._has_braked = False
