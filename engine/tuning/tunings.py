@@ -372,7 +372,6 @@ TUNINGS = {
         weights=_by_name(_FISS_WEIGHTS),
         external={},
         presets=_by_name(_FISS_PRESETS),
-        idle_settings=("switching_speed_mps", "maximum_steering_rate_radps"),
     ),
     "r157_careful": _reference(
         _CAREFUL,

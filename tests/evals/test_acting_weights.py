@@ -50,7 +50,3 @@ def test_a_weight_of_a_term_that_is_not_computed_does_not_act(
     remaining = {name: term for name, term in frenetix.OWN_TERMS.items() if name != "path_length"}
     monkeypatch.setattr(frenetix, "OWN_TERMS", remaining)
     assert "path_length" not in acting_weights(configuration(), [aside])
-
-
-def test_the_weights_of_the_iterative_search_act(aside: LoadedScenario, crowded: LoadedScenario) -> None:
-    assert acting_weights(configuration("fiss"), [aside, crowded]) == set(tuning_of("fiss").weights)

@@ -161,8 +161,8 @@ def _sections(lanelet: "Lanelet", points: Points, along: Points, place: int | No
             continue
         station = int(near[row])
         normal = np.array([-along[station, 1], along[station, 0]])
-        edges = (float((edge[index] - points[station]) @ normal) for edge in (right, left))
-        yield _Section(station, *edges, place, crossed_right, crossed_left)
+        right_m, left_m = (float((edge[index] - points[station]) @ normal) for edge in (right, left))
+        yield _Section(station, right_m, left_m, place, crossed_right, crossed_left)
 
 
 def _near(points: Points, center: Points) -> NDArray[np.intp]:

@@ -199,3 +199,27 @@ def test_the_setting_of_the_search_is_no_part_of_other_configurations() -> None:
     assert after.settings == configuration("fiss").settings
     assert settings_of("search=0").config_id != configuration("fiss").config_id
     assert "search" in tuning_of("frenetix").idle_settings
+
+
+SITUATIONS = (
+    (moving_car(7, (12.0, 0.0), (8.0, 0.0)), moving_car(8, (-2.0, 3.5), (11.0, 0.0))),
+    (moving_car(7, (30.0, 0.0), (6.0, 0.0)), moving_car(8, (2.0, 4.1), (10.5, 0.0))),
+    (moving_car(9, (40.0, -27.5), (0.0, 6.0)),),
+    (moving_car(9, (30.0, -22.0), (0.0, 6.0)),),
+    (moving_car(7, (7.5, 0.0), (9.0, 0.0)), moving_car(8, (0.0, 3.6), (10.0, 0.0))),
+    (moving_car(7, (22.0, 0.0), (8.5, 0.0)),),
+)
+
+
+@pytest.mark.parametrize("name", tuning_of("fiss").weights)
+def test_each_weight_changes_what_is_driven_in_some_situation(name: str) -> None:
+    lowest, highest = tuning_of("fiss").limits.get(name, (0.0, 1e3))
+
+    def driven(value: float, others: tuple[Any, ...]) -> Any:
+        chosen = settings_of(changes=(f"{name}={value:g}",))
+        run = driven_run(*others, lanes=2, settings=chosen, goal=goal_state((40, 45), rectangle_at(48.0, 0.0)))
+        return [tuple(state.position) for state in run.states]
+
+    default = tuning_of("fiss").presets["Default"].weights[name]
+    values = dict.fromkeys((lowest, default, highest))
+    assert any(any(driven(value, others) != driven(lowest, others) for value in values) for others in SITUATIONS)

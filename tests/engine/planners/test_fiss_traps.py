@@ -30,12 +30,17 @@ from plannerforge.engine.planners.fiss.core import (
 )
 from plannerforge.engine.planners.fiss.planner import Fiss
 from plannerforge.engine.planners.interface import EgoState, PredictedObstacle
+from plannerforge.engine.planners.reference_path import ReferencePath
 from plannerforge.engine.vehicles import VehicleParameters, tractrix
 from plannerforge.engine.vehicles.models import BMW_320I
 
 
+def line_of(points: Points) -> PathLine:
+    return PathLine(ReferencePath(points, (1,), None, float(len(points))), 8.0)
+
+
 def straight_line() -> PathLine:
-    return PathLine(np.stack([np.arange(0.0, 200.0), np.zeros(200)], axis=1), 8.0)
+    return line_of(np.stack([np.arange(0.0, 200.0), np.zeros(200)], axis=1))
 
 
 def circle(radius_m: float, laps: float) -> Points:
@@ -82,7 +87,7 @@ def test_obstacles_out_of_reach_are_left_out_and_predictions_can_be_cut() -> Non
 
 
 def test_the_ego_is_found_on_the_lap_that_it_drives() -> None:
-    line = PathLine(circle(20.0, 1.6), 8.0)
+    line = line_of(circle(20.0, 1.6))
     ego = EgoState(0, np.array([20.0 * math.sin(0.5), 20.0 - 20.0 * math.cos(0.5)]), 0.5, 8.0)
     first, second = (line.start(ego, BMW_320I, near) for near in (10.0, 10.0 + 40.0 * math.pi))
     assert first is not None
