@@ -32,16 +32,17 @@ class SafetyCheck:
         self._on_edge_now = self._road.touches_edge(rectangle(observation.ego, task.vehicle))
 
     def followed(
-        self, trajectory: PlannedTrajectory, most_m: float, counted: int | None = None
+        self, trajectory: PlannedTrajectory, most_m: float, counted: int | None = None, *, is_safe: bool = False
     ) -> "FollowedPlan | Objection":
         """The motion with which the vehicle follows a trajectory, or why it must not.
 
-        ``counted``: only so many of its first states have to be safe; None: all.
+        ``counted``: only so many of its first states have to be safe; None: all. ``is_safe``: the trajectory itself
+        has been checked by the planner's core, and only the motion that follows it is checked here.
 
         ``steering_rate``: its wheels turn too slowly to stay within ``most_m`` of it; ``friction``: tyres or engine do
         not allow its accelerations.
         """
-        refused = self.objection(trajectory if counted is None else trajectory.until(counted))
+        refused = None if is_safe else self.objection(trajectory if counted is None else trajectory.until(counted))
         if refused is not None:
             return refused
         followed = follow(trajectory, self._ego, self._vehicle, self._step_s)

@@ -267,6 +267,7 @@ _FISS_WEIGHTS = (
     Weight("jerk", "mean jerk², along and across", "smoother", "core"),
     Weight("lateral", "(final offset from the lane's centre)²", "ends at the lane's centre", "core"),
     Weight("lane_change", "lanes changed", "stays in its lane", "core"),
+    Weight("route", "1 in a lane that the route does not change to", "stays on its route", "ours"),
     Weight(
         "history", "squared distance to the last end state; in fiss's first guess", "searches near its last", "core"
     ),
@@ -287,7 +288,9 @@ _FISS_WEIGHTS = (
     Weight("crossing_gap_s", "smallest time to crossing traffic, s; hard", "waits for larger gaps", "core", 0.0, 5.0),
 )
 """The weights and distances of FISS's core that are set; meanings from its documentation, defaults of version 1.0.0."""
-_FISS_DEFAULT = (1.0, 1.0, 0.1, 0.1, 2.0, 5.0, 1.0, 10.0, 5.0, 5.0, 3.0, 1.5, 4.0, 1.0, 3.0, 2.0, 0.3, 1.5, 0.5, 0.75)
+_KEPT = (10.0, 5.0, 5.0, 3.0, 1.5, 4.0, 1.0, 3.0, 2.0, 0.3, 1.5, 0.5, 0.75)
+_NOT_KEPT = (0.0, 0.0, 0.0, 3.0, 1.5, 4.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0)
+_FISS_DEFAULT = (1.0, 1.0, 0.1, 0.1, 2.0, 5.0, 10.0, 1.0, *_KEPT)
 _FISS_PRESETS = (
     _preset(_FISS_WEIGHTS, "Default", "Default", "the defaults of its authors", _FISS_DEFAULT),
     _preset(
@@ -295,7 +298,7 @@ _FISS_PRESETS = (
         "Plain",
         "Plain",
         "without keeping distance, as in its papers; collisions alone count",
-        (1.0, 1.0, 0.1, 0.1, 2.0, 5.0, 1.0, 0.0, 0.0, 0.0, 3.0, 1.5, 4.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0),
+        (1.0, 1.0, 0.1, 0.1, 2.0, 5.0, 10.0, 1.0, *_NOT_KEPT),
     ),
 )
 """Plain: what its authors call "without the safety envelope and proximity cost" in their ablations."""

@@ -8,10 +8,11 @@ from ...engine.commonroad import LoadedScenario
 from ...engine.execution import silent
 from ...engine.geometry import Points
 from ...engine.planners import Observation, Plan, Planner, PlanningTask, make_planner, simulate
+from ...engine.tuning import tuning_of
 from ...schemas.planning import PlannerConfiguration
 
-_RAISED = 1e6
-"""A weight at which the term outweighs all others."""
+_BOUNDS = 0.0, 1e6
+"""Off, and a weight at which the term outweighs all others; for one with a range of its own its ends."""
 
 
 class _FirstPlan:
@@ -35,19 +36,18 @@ class _FirstPlan:
 
 
 def acting_weights(configuration: PlannerConfiguration, situations: Sequence[LoadedScenario]) -> frozenset[str]:
-    """The weights of a configuration that act: 0 and raised they choose differently, the others as they are.
+    """The weights of a configuration that act: lowest and highest they choose differently, the others as they are.
 
     The situations are the starts of scenarios; a weight acts if it changes the choice in any of them.
     """
+    limits = tuning_of(configuration.planner).limits
+
+    def differs(name: str, situation: LoadedScenario) -> bool:
+        lowest, highest = (_chosen(configuration, name, value, situation) for value in limits.get(name, _BOUNDS))
+        return not np.array_equal(lowest, highest)
+
     return frozenset(
-        name
-        for name in configuration.weights
-        if any(
-            not np.array_equal(
-                _chosen(configuration, name, 0.0, situation), _chosen(configuration, name, _RAISED, situation)
-            )
-            for situation in situations
-        )
+        name for name in configuration.weights if any(differs(name, situation) for situation in situations)
     )
 
 

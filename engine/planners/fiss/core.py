@@ -7,9 +7,9 @@ lane. Its coordinates are those of the world. Lengths in m, headings in rad.
 
 Traps (``tests/engine/planners/test_fiss_traps.py`` holds them):
 
-- It heads its vehicle where the centre moves. No vehicle does: the rear axle moves where it heads, and the centre swings
-  out. The headings of a plan are those of a rear axle that is dragged after the centre (``tractrix``), the speeds those
-  of the rear axle, and the centre begins in the direction in which a vehicle that turns moves.
+- It heads its vehicle where the centre moves. No vehicle does: the rear axle moves where it heads, and the centre
+  swings out. The headings of a plan are those of a rear axle that is dragged after the centre (a tractrix), the
+  speeds those of the rear axle, and the centre begins in the direction in which a vehicle that turns moves.
 - It normalises headings to ±π at every state. They are not taken from it.
 - It knows no limit of the steering rate, and neither friction nor steering at low speed. What a vehicle can drive is
   judged anew (``driving/drivability.py``).
@@ -26,13 +26,14 @@ Traps (``tests/engine/planners/test_fiss_traps.py`` holds them):
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import fiss_planner
 import numpy as np
 
 from ....schemas.planning import PlannerSettings
 from ...geometry import Points, Values, wrap_angle
-from ...vehicles import VehicleParameters, tractrix
+from ...vehicles import VehicleParameters
 from ..driving.following import FOLLOWED_WITHIN_M, is_on_plan
 from ..interface import EgoState, PlannedTrajectory, PredictedObstacle
 from ..reference_path import ReferencePath
@@ -43,7 +44,7 @@ LOW_SPEED_MPS = 2.0
 """Chosen: the same as in Frenetix; below it lateral motions by time are no motions of a vehicle."""
 _SHORTEST_SHARE, _DURATIONS = 0.6, 5
 """The core's default: durations from 3 s to 5 s, five of them."""
-_HARDEST_MPS2, _BRISKEST_MPS2 = 8.0, 4.0
+_HARDEST_MPS2, BRISKEST_MPS2 = 8.0, 4.0
 """Limits that the core's authors plan with: 8 m/s² of braking and across (0.8 g), 4 m/s² of accelerating; at most what
 the vehicle can."""
 _STANDING_MPS = 1e-3
@@ -87,6 +88,10 @@ _SAFETY_FIELDS = {
     "crossing_gap_s": "crossing_time_gap",
 }
 """Our weights by the core's names."""
+_HARD_DISTANCES = ("least_gap_m", "least_headway_s", "least_time_to_collision_s", "crossing_gap_s")
+Care = Literal["full", "margins", "bodies"]
+"""What a candidate must keep of others: the hard distances, the core's margins (0.5 m before and behind, 0.3 m beside),
+or only that bodies do not touch; ``margins`` and ``bodies`` leave out what stands before them."""
 
 
 def vehicle_limits(vehicle: VehicleParameters) -> "fiss_planner.VehicleParams":
@@ -95,7 +100,7 @@ def vehicle_limits(vehicle: VehicleParameters) -> "fiss_planner.VehicleParams":
     limits.length, limits.width = vehicle.length_m, vehicle.width_m
     limits.wheelbase, limits.rear_axle_to_center = vehicle.wheelbase_m, vehicle.rear_axle_behind_center_m
     limits.max_speed = vehicle.maximum_speed_mps
-    limits.max_accel = min(_BRISKEST_MPS2, vehicle.maximum_acceleration_mps2)
+    limits.max_accel = min(BRISKEST_MPS2, vehicle.maximum_acceleration_mps2)
     limits.max_decel = limits.max_lat_accel = min(_HARDEST_MPS2, vehicle.maximum_acceleration_mps2)
     limits.max_steer, limits.max_steer_rate = vehicle.maximum_steering_rad, vehicle.maximum_steering_rate_radps
     return limits
@@ -106,22 +111,23 @@ def core_configuration(
     settings: PlannerSettings,
     step_s: float,
     *,
-    search: str | None = None,
     offsets: int | None = None,
-    keeps_distance: bool = True,
+    care: "Care" = "full",
+    every_candidate: bool = False,
 ) -> "fiss_planner.PlannerConfig":
-    """The core's configuration; its margins to obstacles and the road's edge are those of the core.
+    """The core's configuration.
 
     Args:
         weights: those of the planner, by our names.
         settings: for the search, the horizon and the number of samples.
         step_s: time step of the plans.
-        search: another search than that of the settings.
         offsets: another number of lateral offsets a lane.
-        keeps_distance: whether the hard distances to those ahead hold.
+        care: which distances to others a candidate must keep.
+        every_candidate: make, check and return every candidate, whatever the search of the settings.
     """
     configuration = fiss_planner.PlannerConfig()
-    configuration.type = fiss_planner.planner_type_from_string(search or SEARCHES[settings.search])
+    search = "fop" if every_candidate else SEARCHES[settings.search]
+    configuration.type = fiss_planner.planner_type_from_string(search)
     sampling = configuration.sampling
     sampling.dt, sampling.max_t = step_s, settings.horizon_s
     sampling.min_t, sampling.num_t = _SHORTEST_SHARE * settings.horizon_s, _DURATIONS
@@ -131,8 +137,10 @@ def core_configuration(
         setattr(configuration.cost, field, weights[name])
     for name, field in _SAFETY_FIELDS.items():
         setattr(configuration.safety, field, weights[name])
-    configuration.safety.enabled = keeps_distance
-    configuration.keep_candidates = True
+    configuration.safety.enabled = care == "full" and any(weights[name] > 0 for name in _HARD_DISTANCES)
+    if care == "bodies":
+        configuration.collision.margin_lon = configuration.collision.margin_lat = 0.0
+    configuration.keep_candidates = every_candidate
     return configuration
 
 
@@ -157,7 +165,7 @@ class PathLine:
         return float(self._curve_mps[first : last + 1].min(initial=math.inf))
 
     def start(self, ego: EgoState, vehicle: VehicleParameters, near_m: float) -> "fiss_planner.FrenetState | None":
-        """The ego's centre in the frame of the line; None if it heads against the path, or lies inside a curve's centre.
+        """The ego's centre in the frame of the line; None if it heads against the path or lies beyond a curve's centre.
 
         ``near_m``: about where on the path it is.
         """
@@ -204,6 +212,23 @@ def core_obstacles(
     return made
 
 
+def dragged_headings(center: Points, first_rad: float, drag_m: float) -> Values:
+    """Heading of a rod of length ``drag_m`` whose front end goes along the chords between points (n, 2), unwrapped.
+
+    While the front end goes a way s straight on, the tangent of half the angle between way and rod falls by
+    exp(−s / drag), which is the tractrix of a straight line.
+    """
+    ways = np.diff(center, axis=0)
+    directions, lengths = np.arctan2(ways[:, 1], ways[:, 0]), np.hypot(ways[:, 0], ways[:, 1])
+    kept, heading = np.exp(-lengths / drag_m).tolist(), first_rad
+    headings = [heading]
+    for direction, share in zip(directions.tolist(), kept, strict=True):
+        off = math.remainder(direction - heading, math.tau)
+        heading += off - 2.0 * math.atan(math.tan(off / 2.0) * share)
+        headings.append(heading)
+    return np.array(headings)
+
+
 def driven_by_rear_axle(
     center: Points, directions_rad: Values, center_mps: Values, ego: EgoState, vehicle: VehicleParameters, step_s: float
 ) -> PlannedTrajectory:
@@ -211,7 +236,7 @@ def driven_by_rear_axle(
 
     It begins in the ego's heading; the rear axle is dragged after the centre, as in the kinematic single-track model.
     """
-    heading = tractrix(center, ego.heading_rad, vehicle.rear_axle_behind_center_m)
+    heading = dragged_headings(center, ego.heading_rad, vehicle.rear_axle_behind_center_m)
     speed = np.maximum(center_mps * np.cos(directions_rad - heading), 0.0)
     speed[0] = max(ego.speed_mps, 0.0)
     return PlannedTrajectory(center, heading, speed, np.gradient(speed, step_s))

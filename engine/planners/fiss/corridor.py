@@ -37,10 +37,14 @@ _NOT_CROSSED = frozenset({"solid", "solid_solid", "broad_solid", "curb", "lowere
 
 @dataclass(frozen=True)
 class LaneBand:
-    """Edges of a lane as offsets from the path in m, left positive, one a station (n,)."""
+    """Edges of a lane as offsets from the path in m, left positive, one a station (n,).
+
+    ``is_next``: whether the route changes to this lane later.
+    """
 
     right_m: Values
     left_m: Values
+    is_next: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -52,12 +56,17 @@ class Bands:
     right: LaneBand
     left: LaneBand
 
-    def corridor(self) -> "fiss_planner.Corridor":
-        """The bands as the core takes them."""
+    def off_route(self, station_m: float) -> tuple[bool, bool]:
+        """Whether the lanes to the right and left of a station are none that the route changes to."""
+        index = min(int(np.searchsorted(self.stations_m, station_m)), len(self.stations_m) - 1)
+        return not self.right.is_next[index], not self.left.is_next[index]
+
+    def corridor(self, right_cost: float, left_cost: float) -> "fiss_planner.Corridor":
+        """The bands as the core takes them; it adds the costs to candidates that end in the lane on that side."""
         corridor = fiss_planner.Corridor(self.stations_m.tolist())
-        for offset, band in ((-1, self.right), (0, self.under), (1, self.left)):
+        for offset, band, cost in ((-1, self.right, right_cost), (0, self.under, 0.0), (1, self.left, left_cost)):
             lane = fiss_planner.LaneBand()
-            lane.offset = offset
+            lane.offset, lane.extra_cost = offset, cost
             lane.center = ((band.left_m + band.right_m) / 2).tolist()
             lane.left, lane.right = band.left_m.tolist(), band.right_m.tolist()
             corridor.add_lane(lane)
@@ -84,32 +93,38 @@ def lane_bands(network: "LaneletNetwork", reference: ReferencePath) -> Bands:
     sections = [
         section
         for key in sorted(graph.beside(route))
-        for section in _sections(network.find_lanelet_by_id(key), points, along, is_route=key in route)
+        for section in _sections(network.find_lanelet_by_id(key), points, along, route.get(key))
     ]
     return _bands(stations, sections)
 
 
-def _route_and_beyond(graph: LaneletGraph, lanelets: tuple[int, ...]) -> frozenset[int]:
-    """The lanelets of a route, those before its first, and those that follow its last as far as a path goes on."""
-    keys, ends = set(lanelets), {lanelets[-1]: 0.0}
-    keys.update(graph.predecessors[lanelets[0]])
+def _route_and_beyond(graph: LaneletGraph, lanelets: tuple[int, ...]) -> dict[int, int]:
+    """The lanelets of a route with their places in it, in the order of driving.
+
+    Those before its first have the place −1; those that follow its last, as far as a path goes on, that of the last.
+    """
+    places = dict.fromkeys(graph.predecessors[lanelets[0]], -1) | {key: at for at, key in enumerate(lanelets)}
+    ends = {lanelets[-1]: 0.0}
     while ends:
         key, driven_m = ends.popitem()
         for following in graph.successors[key] if driven_m < BEYOND_GOAL_M else ():
-            if following not in keys:
-                keys.add(following)
+            if following not in places:
+                places[following] = places[lanelets[-1]]
                 ends[following] = driven_m + graph.length_m[following]
-    return frozenset(keys)
+    return places
 
 
 @dataclass(frozen=True)
 class _Section:
-    """Where a lane crosses the normal of the path at one station: its edges as offsets in m."""
+    """Where a lane crosses the normal of the path at one station: its edges as offsets in m.
+
+    ``place``: of its lanelet in the route, None where it is no part of it.
+    """
 
     station: int
     right_m: float
     left_m: float
-    is_route: bool
+    place: int | None
     crossed_right: bool
     crossed_left: bool
 
@@ -117,8 +132,12 @@ class _Section:
     def center_m(self) -> float:
         return (self.right_m + self.left_m) / 2
 
+    def comes_after(self, other: "_Section") -> bool:
+        """Whether the route changes to this lane from the other."""
+        return self.place is not None and other.place is not None and self.place > other.place
 
-def _sections(lanelet: "Lanelet", points: Points, along: Points, *, is_route: bool) -> Iterator[_Section]:
+
+def _sections(lanelet: "Lanelet", points: Points, along: Points, place: int | None) -> Iterator[_Section]:
     """The sections of a lanelet, at most one a station: the nearest of its cross-sections, about 1 m apart."""
     left, right = np.asarray(lanelet.left_vertices, dtype=float), np.asarray(lanelet.right_vertices, dtype=float)
     center = np.asarray(lanelet.center_vertices, dtype=float)
@@ -142,8 +161,8 @@ def _sections(lanelet: "Lanelet", points: Points, along: Points, *, is_route: bo
             continue
         station = int(near[row])
         normal = np.array([-along[station, 1], along[station, 0]])
-        edges = (float((edge[index] - points[station]) @ normal) for edge in (right, left))
-        yield _Section(station, *edges, is_route, crossed_right, crossed_left)
+        right_m, left_m = (float((edge[index] - points[station]) @ normal) for edge in (right, left))
+        yield _Section(station, right_m, left_m, place, crossed_right, crossed_left)
 
 
 def _near(points: Points, center: Points) -> NDArray[np.intp]:
@@ -161,26 +180,30 @@ def _bands(stations: Values, sections: Collection[_Section]) -> Bands:
     for section in sections:
         by_station.setdefault(section.station, []).append(section)
     count = len(stations)
-    half, right, left = np.full(count, np.nan), np.full((count, 2), np.nan), np.full((count, 2), np.nan)
+    half = np.full(count, np.nan)
+    beside: dict[bool, list[_Section | None]] = {side: [None] * count for side in (False, True)}
+    is_next = {side: [False] * count for side in (False, True)}
     for station, here in by_station.items():
         under = _under(here)
-        if under is None:
-            continue
-        half[station] = (under.left_m - under.right_m) / 2
-        for beside, is_left in ((right, False), (left, True)):
-            neighbour = _neighbour(under, here, is_left=is_left)
-            if neighbour is not None:
-                beside[station] = neighbour.right_m, neighbour.left_m
+        if under is not None:
+            half[station] = (under.left_m - under.right_m) / 2
+            for is_left, neighbours in beside.items():
+                neighbours[station] = _neighbour(under, here, is_left=is_left)
+                is_next[is_left][station] = _is_next(under, neighbours[station])
     known = np.isfinite(half)
     half = np.interp(stations, stations[known], half[known]) if known.any() else np.full(count, _USUAL_HALF_WIDTH_M)
-    under_band = LaneBand(-half, half)
-    return Bands(stations, under_band, _beside(right, -half), _beside(left, half))
+    return Bands(
+        stations,
+        under=LaneBand(-half, half, np.ones(count, dtype=np.bool_)),
+        right=_beside(beside[False], is_next[False], -half),
+        left=_beside(beside[True], is_next[True], half),
+    )
 
 
 def _under(here: list[_Section]) -> _Section | None:
     """The lane under the path: one of the route before others, then the one whose centre is nearest."""
     holding = [section for section in here if section.right_m <= 0.0 <= section.left_m]
-    return min(holding, key=lambda section: (not section.is_route, abs(section.center_m)), default=None)
+    return min(holding, key=lambda section: (section.place is None, abs(section.center_m)), default=None)
 
 
 def _neighbour(under: _Section, here: list[_Section], *, is_left: bool) -> _Section | None:
@@ -193,13 +216,19 @@ def _neighbour(under: _Section, here: list[_Section], *, is_left: bool) -> _Sect
         if section is not under
         and (section.center_m > edge if is_left else section.center_m < edge)
         and abs((section.right_m if is_left else section.left_m) - edge) < _TOUCHING_M
-        and (crossed or section.is_route)
+        and (crossed or section.place is not None)
     ]
     return min(candidates, key=lambda section: abs(section.center_m - edge), default=None)
 
 
-def _beside(edges: Points, inner_m: Values) -> LaneBand:
+def _is_next(under: _Section, neighbour: _Section | None) -> bool:
+    return neighbour is not None and neighbour.comes_after(under)
+
+
+def _beside(neighbours: list[_Section | None], is_next: list[bool], inner_m: Values) -> LaneBand:
     """A band that has no width where there is no lane, along the edge of the lane under the path."""
-    missing = ~np.isfinite(edges[:, 0])
-    right, left = np.where(missing, inner_m, edges[:, 0]), np.where(missing, inner_m, edges[:, 1])
-    return LaneBand(np.minimum(right, left), np.maximum(right, left))
+    right, left = inner_m.copy(), inner_m.copy()
+    for index, section in enumerate(neighbours):
+        if section is not None:
+            right[index], left[index] = section.right_m, section.left_m
+    return LaneBand(right, left, np.array(is_next, dtype=np.bool_))

@@ -3,19 +3,22 @@
 The core samples end states in the lanes along the reference path and searches them for the cheapest trajectory that it
 finds valid; it makes and checks only the candidates that its search comes to. Four searches can be chosen (setting
 ``search``). What it chooses is checked once more, for the limits of the vehicle and against the exact bodies and the
-edge of the road; where that fails, the cheapest other candidate that passes is driven.
+edge of the road; where that fails, all candidates are made, and the cheapest one that passes is driven.
 
 Where none passes, the planner goes on as its authors' does: the rest of its last plan, a plan without the hard
-distances to those ahead, one that looks at collisions for 2.5 s alone, and then it brakes.
+distances to others, one that looks at collisions for 2.5 s alone, and then it brakes. Two more searches, before it
+brakes, are ours: one without the core's margins, since an ego that is closer to another already, as in a queue, would
+never get a plan; and one that may drive faster than it wishes, since to brake before a follower is no way out.
 
 Sources: Sun, Liu, Yin, Ang: FISS: A Trajectory Planning Framework Using Fast Iterative Search and Sampling Strategy for
-Autonomous Driving, RA-L 2022 (10.1109/LRA.2022.3191940); Sun et al.: FISS+, IROS 2023 (10.1109/IROS55552.2023.10341498).
+Autonomous Driving, RA-L 2022 (10.1109/LRA.2022.3191940); Sun et al.: FISS+: Efficient and Focused Trajectory Generation
+and Refinement Using Fast Iterative Search and Sampling Strategy, IROS 2023 (10.1109/IROS55552.2023.10341498).
 """
 
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 
 import fiss_planner
@@ -29,8 +32,10 @@ from ..driving.following import FOLLOWED_WITHIN_M, follow
 from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, evenly_chosen
 from ..safety import SafetyCheck
 from .core import (
+    BRISKEST_MPS2,
     LOW_SPEED_MPS,
     REJECTIONS,
+    Care,
     DrivenPlan,
     PathLine,
     braking_trajectory,
@@ -50,6 +55,8 @@ _BRAKING_SHARES = (1.0, 0.75, 0.5, 0.35, 0.2)
 """Shares of the vehicle's braking that are tried in turn: in a curve its tyres hold the ego on its path too."""
 _REST_S = 1.0
 """The least that a plan lasts, by the contract of planners."""
+_RECOVERY_MPS2 = 2.0
+"""The core's default: after the ego has braked at its limit, a plan goes on from at most this deceleration."""
 
 
 @dataclass
@@ -61,7 +68,6 @@ class _Step:
     target_mps: float
     reach_m: float
     safety: SafetyCheck
-    found: list["fiss_planner.Trajectory"] = field(default_factory=list)
     rejected: Counter[str] = field(default_factory=Counter)
     candidates: int = 0
     core_s: float = 0.0
@@ -76,11 +82,12 @@ class Fiss:
         limits = vehicle_limits(task.vehicle)
         self._path = PathLine(task.reference, limits.max_lat_accel)
         self._bands = lane_bands(task.network, task.reference)
-        self._corridor = self._bands.corridor()
+        self._corridors: dict[tuple[float, float], fiss_planner.Corridor] = {}
         self._desired_speed = DesiredSpeed.of(task)
-        self._cores: dict[tuple[bool, bool], fiss_planner.Planner] = {}
+        self._cores: dict[tuple[bool, Care, bool], fiss_planner.Planner] = {}
         self._station_m: float | None = None
         self._driven: DrivenPlan | None = None
+        self._has_braked = False
         self._step: _Step | None = None
 
     def plan(self, observation: Observation) -> Plan:
@@ -100,64 +107,105 @@ class Fiss:
         return (
             self._searched(step)
             or self._rest(step, index)
-            or self._searched(step, keeps_distance=False)
-            or self._searched(step, keeps_distance=False, until_s=_SHORT_HORIZON_S)
+            or self._searched(step, "margins")
+            or self._searched(step, "margins", until_s=_SHORT_HORIZON_S)
+            or self._searched(step, "bodies", until_s=_SHORT_HORIZON_S)
+            or self._searched(step, "bodies", until_s=_SHORT_HORIZON_S, target_mps=self._hurrying_mps(step))
             or self._braking(step)
         )
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
-        """Of the candidates of the last planning step that the core made, by cost."""
-        if self._step is None:
-            return []
-        chosen = evenly_chosen(len(self._step.found), most)
-        return [self._trajectory(self._step.found[i], self._step).positions for i in chosen]
+        """Of all candidates of the last planning step that the core finds valid, by cost."""
+        step = self._step
+        found = [] if step is None else self._valid(step, "full", math.inf, step.target_mps)
+        return [self._trajectory(found[i], step).positions for i in evenly_chosen(len(found), most) if step]
 
     def _start(self, observation: Observation, index: int | None) -> "fiss_planner.FrenetState | None":
         """Where the ego's centre is in the frame of the path: on the plan that it follows, or as observed."""
         ego = observation.ego
         if index is not None and self._driven is not None and index < len(self._driven.candidate.t):
             return self._driven.candidate.frenet_state_at(index)
+        if self._has_braked:
+            ego = replace(ego, acceleration_mps2=max(ego.acceleration_mps2, -_RECOVERY_MPS2))
         near_m = self._station_m
         if near_m is None:
             near_m = self._path.first_station(rear_axle(ego.position, ego.heading_rad, self._task.vehicle))
         return self._path.start(ego, self._task.vehicle, near_m)
 
-    def _core(self, *, slow: bool, keeps_distance: bool) -> "fiss_planner.Planner":
-        """The core for an ego at low speed or not, with the hard distances or without; each remembers its last plan."""
-        key = slow, keeps_distance
+    def _core(self, care: Care, *, slow: bool, every_candidate: bool = False) -> "fiss_planner.Planner":
+        """The core for an ego at low speed or not; each remembers its last plan."""
+        key = slow, care, every_candidate
         if key not in self._cores:
             configuration = core_configuration(
                 self._task.configuration.weights,
                 self._task.configuration.settings,
                 self._task.step_s,
                 offsets=1 if slow else None,
-                keeps_distance=keeps_distance,
+                care=care,
+                every_candidate=every_candidate,
             )
             self._cores[key] = fiss_planner.make_planner(configuration, vehicle_limits(self._task.vehicle))
         return self._cores[key]
 
-    def _searched(self, step: _Step, *, keeps_distance: bool = True, until_s: float = math.inf) -> Plan | None:
-        """The plan of one search; None where nothing that it came to can be driven and is safe."""
-        task, ego = self._task, step.observation.ego
-        slow = ego.speed_mps < LOW_SPEED_MPS
-        corridor = self._kept_offset(step) if slow else self._corridor
-        obstacles = core_obstacles(step.observation.obstacles, ego, step.reach_m, task.step_s, until_s)
-        core = self._core(slow=slow, keeps_distance=keeps_distance)
-        began = perf_counter()
-        result = core.plan(step.start, self._path.line, corridor, obstacles, target_speed=step.target_mps)
-        step.core_s += perf_counter() - began
+    def _searched(
+        self, step: _Step, care: Care = "full", *, until_s: float = math.inf, target_mps: float | None = None
+    ) -> Plan | None:
+        """The plan of one search; None where nothing that it came to can be driven and is safe.
+
+        ``until_s``: how long collisions count; ``target_mps``: another speed to end at than the desired one.
+        """
+        target = step.target_mps if target_mps is None else target_mps
+        result = self._result(step, care, until_s, target)
         step.candidates += result.stats.num_generated
         for name, count in result.stats.rejections.items():
             if count:
                 step.rejected[REJECTIONS[name]] += count
-        step.found = sorted(result.candidates, key=_total_cost)
-        first = [result.trajectory] if result.success else []
-        valid = (one for one in step.found if one.is_cartesian and one.rejection == fiss_planner.Rejection.OK)
-        for candidate in (*first, *valid):
-            plan = self._driven_if_safe(candidate, step, until_s)
-            if plan is not None:
-                return plan
-        return None
+        if not result.success:
+            return None
+        plan = self._driven_if_safe(result.trajectory, step, until_s)
+        if plan is not None:
+            return plan
+        others = self._valid(step, care, until_s, target)
+        step.candidates += len(others)
+        return next(filter(None, (self._driven_if_safe(other, step, until_s) for other in others)), None)
+
+    def _valid(self, step: _Step, care: Care, until_s: float, target_mps: float) -> list["fiss_planner.Trajectory"]:
+        """All candidates that the core finds valid, by cost; not only those that its search comes to."""
+        every = self._result(step, care, until_s, target_mps, every_candidate=True).candidates
+        return sorted((one for one in every if one.rejection == fiss_planner.Rejection.OK), key=_total_cost)
+
+    def _result(
+        self, step: _Step, care: Care, until_s: float, target_mps: float, *, every_candidate: bool = False
+    ) -> "fiss_planner.PlanResult":
+        ego = step.observation.ego
+        slow = ego.speed_mps < LOW_SPEED_MPS
+        corridor = self._kept_offset(step) if slow else self._lanes(step)
+        obstacles = core_obstacles(step.observation.obstacles, ego, step.reach_m, self._task.step_s, until_s)
+        core = self._core(care, slow=slow, every_candidate=every_candidate)
+        began = perf_counter()
+        result = core.plan(step.start, self._path.line, corridor, obstacles, target_speed=target_mps)
+        step.core_s += perf_counter() - began
+        return result
+
+    def _hurrying_mps(self, step: _Step) -> float:
+        """The speed that the ego reaches within half of the horizon, as far as curves allow it.
+
+        The core samples no speeds above its target, so without this an ego that is slower than those behind it could
+        only brake.
+        """
+        gained_mps = BRISKEST_MPS2 * self._task.configuration.settings.horizon_s / 2
+        fastest_mps = min(step.observation.ego.speed_mps + gained_mps, self._task.vehicle.maximum_speed_mps)
+        within_curves = min(fastest_mps, self._path.curve_speed_mps(step.start.s, step.reach_m))
+        return max(step.target_mps, within_curves)
+
+    def _lanes(self, step: _Step) -> "fiss_planner.Corridor":
+        """The lanes along the path; one beside it costs more if the route does not change to it."""
+        weight = self._task.configuration.weights["route"]
+        right, left = self._bands.off_route(step.start.s)
+        costs = weight * right, weight * left
+        if costs not in self._corridors:
+            self._corridors = {costs: self._bands.corridor(*costs)}
+        return self._corridors[costs]
 
     def _kept_offset(self, step: _Step) -> "fiss_planner.Corridor":
         """A corridor about the offset that a slow ego has, or drifts to."""
@@ -172,8 +220,9 @@ class Fiss:
         reason: str | None = violated_limit(trajectory, self._task.vehicle, self._task.step_s)
         if reason is None:
             counted = None if until_s == math.inf else 1 + round(until_s / self._task.step_s)
-            followed = step.safety.followed(trajectory, FOLLOWED_WITHIN_M, counted)
+            followed = step.safety.followed(trajectory, FOLLOWED_WITHIN_M, counted, is_safe=True)
             if not isinstance(followed, str):
+                self._has_braked = False
                 self._driven = DrivenPlan(step.observation.ego.step, candidate, trajectory)
                 return self._plan_of(followed.trajectory, step, costs_of(candidate))
             reason = followed
@@ -211,7 +260,7 @@ class Fiss:
     def _braking(self, step: _Step) -> Plan:
         """Stand still, or brake as hard as the tyres allow on the path; no plan if no braking can be driven."""
         ego, task = step.observation.ego, self._task
-        self._driven = None
+        self._driven, self._has_braked = None, True
         horizon_s = task.configuration.settings.horizon_s
         if ego.speed_mps <= _STANDSTILL_MPS:
             count = round(horizon_s / task.step_s) + 1

@@ -53,7 +53,7 @@ def carried_out(builder: ScenarioBuilder, folder: Path, problem_id: int | None =
     return run_planner(request(builder, folder, problem_id), silent)
 
 
-@pytest.mark.parametrize("name", ["frenetix:Default", "mp_rbfn:Default", "idm"])
+@pytest.mark.parametrize("name", ["frenetix:Default", "mp_rbfn:Default", "idm", "fiss"])
 def test_runs_need_neither_polygon3_nor_pytorch(name: str, tmp_path: Path) -> None:
     without = 'import sys; sys.modules |= dict.fromkeys(("Polygon", "torch", "sentence_transformers"))'
     asked = request(town_road(), tmp_path, name=name).model_dump_json()

@@ -1,0 +1,225 @@
+"""FISS: it keeps the contract, drives what a vehicle can, searches as it is asked to, and does what its weights ask."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from support.planning import (
+    configuration,
+    drive,
+    goal_state,
+    lanelet_along,
+    moving_car,
+    network_of,
+    parked_car,
+    problem_for,
+    rectangle_at,
+    scenario_on,
+    straight_road,
+)
+
+from plannerforge.engine.planners.driving.drivability import violated_limit
+from plannerforge.engine.planners.external.conformance import check_planner
+from plannerforge.engine.planners.fiss.core import SEARCHES
+from plannerforge.engine.planners.fiss.corridor import lane_bands
+from plannerforge.engine.planners.fiss.planner import Fiss
+from plannerforge.engine.planners.interface import EgoState, Observation, Plan, PlanningTask
+from plannerforge.engine.planners.lanes import build_road
+from plannerforge.engine.planners.prediction import constant_velocity, observe
+from plannerforge.engine.planners.reference_path import build_reference_path
+from plannerforge.engine.planners.registry import make_planner
+from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
+from plannerforge.engine.scene.routing import find_route
+from plannerforge.engine.tuning.configurations import changed_configuration, named_configuration
+from plannerforge.engine.tuning.tunings import tuning_of
+from plannerforge.engine.vehicles.models import BMW_320I
+from plannerforge.schemas.planning import PlannerConfiguration
+
+ORIGIN = np.zeros(2)
+FAR = goal_state((90, 100), rectangle_at(100.0, 0.0))
+
+
+def settings_of(*settings: str, preset: str = "fiss:Default", changes: tuple[str, ...] = ()) -> PlannerConfiguration:
+    base = named_configuration(preset)
+    assert base is not None
+    return changed_configuration(base, None, changes, settings)[0]
+
+
+def task_for(
+    speed: float, *obstacles: Any, goal: Any = FAR, settings: PlannerConfiguration | None = None, lanes: int = 2
+) -> Any:
+    scenario = scenario_on(straight_road(300.0, lanes=lanes), *obstacles)
+    problem, network = problem_for(goal, speed_mps=speed), scenario.lanelet_network
+    route = find_route(network, problem.goal, ORIGIN, 0.0, ahead_m=120.0)
+    reference = build_reference_path(network, route, ORIGIN, speed)
+    chosen = settings or configuration("fiss")
+    task = PlanningTask(network, problem, chosen, reference, build_road(network, reference), BMW_320I, 0.1)
+    ego = EgoState(0, ORIGIN, 0.0, speed)
+    return task, Observation(ego, observe(RecordedTraffic(scenario), ego, constant_velocity, 30, 0.1))
+
+
+def planned(task: PlanningTask, observation: Observation) -> Plan:
+    planner = Fiss()
+    planner.reset(task)
+    return planner.plan(observation)
+
+
+def driven_run(*obstacles: Any, goal: Any = FAR, lanes: int = 1, settings: Any = None, **problem: Any) -> Any:
+    scenario = scenario_on(straight_road(300.0, lanes=lanes), *obstacles)
+    return drive(scenario, problem_for(goal, **problem), settings or configuration("fiss"), planner=Fiss())
+
+
+@pytest.mark.parametrize("search", range(len(SEARCHES)))
+@pytest.mark.parametrize("speed", [0.0, 0.2, 10.0])
+def test_it_keeps_the_contract(speed: float, search: int) -> None:
+    chosen = settings_of(f"search={search}")
+    for goal in (FAR, goal_state((40, 60), rectangle_at(60.0, 3.5))):
+        task, observation = task_for(speed, parked_car(7, (40.0, 0.0)), goal=goal, settings=chosen)
+        assert check_planner(lambda: make_planner("fiss"), task, observation) == ()
+
+
+def test_what_it_plans_the_vehicle_can_drive() -> None:
+    task, observation = task_for(12.0, parked_car(7, (45.0, 0.0)))
+    trajectory = planned(task, observation).trajectory
+    assert trajectory is not None
+    assert violated_limit(trajectory, BMW_320I, 0.1) is None
+    assert trajectory.steering_rad is not None
+    rates = np.abs(np.diff(trajectory.steering_rad)) / 0.1
+    assert rates.max() <= BMW_320I.maximum_steering_rate_radps + 1e-9
+
+
+def test_it_goes_around_a_parked_car() -> None:
+    run = driven_run(parked_car(7, (60.0, 0.0)), lanes=2, goal=goal_state((70, 130), rectangle_at(110.0, 0.0)))
+    assert run.final.outcome == "goal_reached"
+    assert max(float(state.position[1]) for state in run.states) > 1.7
+
+
+def test_it_stays_behind_a_slower_car_on_a_single_lane() -> None:
+    run = driven_run(moving_car(7, (30.0, 0.0), (6.0, 0.0)), goal=goal_state((90, 100), rectangle_at(100.0, 0.0)))
+    assert run.final.outcome != "collision"
+    gaps = [30.0 + 0.6 * state.step - float(state.position[0]) for state in run.states]
+    assert min(gaps) > 4.5
+
+
+def test_it_starts_from_a_standstill_and_reaches_the_goal() -> None:
+    run = driven_run(speed_mps=0.0, goal=goal_state((60, 120), rectangle_at(40.0, 0.0)))
+    assert run.final.outcome == "goal_reached"
+
+
+def test_a_standing_ego_that_nothing_is_free_for_stands_still() -> None:
+    task, observation = task_for(0.0, parked_car(7, (5.0, 0.0)), lanes=1)
+    plan = planned(task, observation)
+    assert plan.trajectory is not None
+    moved = np.linalg.norm(plan.trajectory.positions - plan.trajectory.positions[0], axis=1)
+    assert moved.max() < 0.3
+
+
+def test_the_searches_come_to_different_numbers_of_candidates() -> None:
+    made = {}
+    for number, name in enumerate(SEARCHES):
+        task, observation = task_for(10.0, settings=settings_of(f"search={number}"))
+        made[name] = planned(task, observation).candidates
+    assert made["fop"] == made["fop_plus"] > made["fiss_plus"]
+    assert made["fiss"] < made["fop"] / 10
+
+
+def test_the_sampling_level_sets_how_many_candidates_there_are() -> None:
+    counts = []
+    for level in range(4):
+        task, observation = task_for(10.0, settings=settings_of("search=0", f"sampling_level={level}"), lanes=1)
+        counts.append(planned(task, observation).candidates)
+    assert counts == [5 * (2 ** (level + 1) + 1) ** 2 for level in range(4)]
+
+
+def test_costs_are_told_by_the_terms_of_the_core() -> None:
+    task, observation = task_for(10.0, moving_car(7, (25.0, 0.0), (7.0, 0.0)))
+    costs = planned(task, observation).costs
+    assert sorted(costs) == ["acceleration", "jerk", "lane_change", "lateral", "proximity", "speed", "time"]
+    assert costs["proximity"] > 0
+
+
+def test_candidates_that_are_shown_can_be_driven_and_differ() -> None:
+    task, observation = task_for(10.0)
+    planner = Fiss()
+    planner.reset(task)
+    assert list(planner.shown_candidates(5)) == []
+    planner.plan(observation)
+    shown = planner.shown_candidates(5)
+    assert len(shown) == 5
+    assert len({round(float(line[-1][0]), 3) for line in shown}) > 1
+
+
+def test_rejected_candidates_are_counted_by_what_rejects_them() -> None:
+    task, observation = task_for(12.0, parked_car(7, (30.0, 0.0)), lanes=1)
+    rejected = planned(task, observation).rejected
+    assert rejected.get("collision", 0) + rejected.get("safety_distance", 0) > 0
+
+
+def test_more_weight_on_keeping_distance_keeps_more_of_it() -> None:
+    ahead = moving_car(7, (40.0, 0.0), (7.0, 0.0))
+    plain, careful = (
+        driven_run(ahead, settings=settings_of(preset=name), goal=FAR) for name in ("fiss:Plain", "fiss:Default")
+    )
+    nearest = [
+        min(40.0 + 0.7 * state.step - float(state.position[0]) for state in run.states) for run in (plain, careful)
+    ]
+    assert nearest[0] < nearest[1]
+
+
+def test_the_lanes_beside_a_path_are_those_of_its_direction() -> None:
+    task, _ = task_for(10.0, lanes=2)
+    bands = lane_bands(task.network, task.reference)
+    index = len(bands.stations_m) // 3
+    assert bands.left.right_m[index] == pytest.approx(1.75, abs=0.01)
+    assert bands.left.left_m[index] == pytest.approx(5.25, abs=0.01)
+    assert bands.right.left_m[index] - bands.right.right_m[index] == 0.0
+
+
+def test_a_lane_of_the_other_direction_is_not_entered() -> None:
+    x = np.linspace(-20.0, 280.0, 61)
+    mine, theirs = np.stack([x, np.zeros(61)], axis=1), np.stack([x[::-1], np.full(61, 3.5)], axis=1)
+    network = network_of(lanelet_along(mine, 1), lanelet_along(theirs, 2))
+    problem = problem_for(FAR)
+    route = find_route(network, problem.goal, ORIGIN, 0.0, ahead_m=120.0)
+    bands = lane_bands(network, build_reference_path(network, route, ORIGIN, 10.0))
+    assert (bands.left.left_m - bands.left.right_m).max() == 0.0
+
+
+def test_a_lane_that_the_route_changes_to_costs_nothing_and_one_that_leaves_it_does() -> None:
+    task, _ = task_for(10.0, goal=goal_state((80, 100), rectangle_at(160.0, 3.5)))
+    bands = lane_bands(task.network, task.reference)
+    assert bands.off_route(35.0) == (True, False)
+    stays, _ = task_for(10.0)
+    assert lane_bands(stays.network, stays.reference).off_route(35.0) == (True, True)
+
+
+def test_the_setting_of_the_search_is_no_part_of_other_configurations() -> None:
+    before, after = configuration("frenetix:Default"), settings_of("search=2")
+    assert "search" not in before.settings.model_dump()
+    assert after.settings == configuration("fiss").settings
+    assert settings_of("search=0").config_id != configuration("fiss").config_id
+    assert "search" in tuning_of("frenetix").idle_settings
+
+
+SITUATIONS = (
+    (moving_car(7, (12.0, 0.0), (8.0, 0.0)), moving_car(8, (-2.0, 3.5), (11.0, 0.0))),
+    (moving_car(7, (30.0, 0.0), (6.0, 0.0)), moving_car(8, (2.0, 4.1), (10.5, 0.0))),
+    (moving_car(9, (40.0, -27.5), (0.0, 6.0)),),
+    (moving_car(9, (30.0, -22.0), (0.0, 6.0)),),
+    (moving_car(7, (7.5, 0.0), (9.0, 0.0)), moving_car(8, (0.0, 3.6), (10.0, 0.0))),
+    (moving_car(7, (22.0, 0.0), (8.5, 0.0)),),
+)
+
+
+@pytest.mark.parametrize("name", tuning_of("fiss").weights)
+def test_each_weight_changes_what_is_driven_in_some_situation(name: str) -> None:
+    lowest, highest = tuning_of("fiss").limits.get(name, (0.0, 1e3))
+
+    def driven(value: float, others: tuple[Any, ...]) -> Any:
+        chosen = settings_of(changes=(f"{name}={value:g}",))
+        run = driven_run(*others, lanes=2, settings=chosen, goal=goal_state((40, 45), rectangle_at(48.0, 0.0)))
+        return [tuple(state.position) for state in run.states]
+
+    default = tuning_of("fiss").presets["Default"].weights[name]
+    values = dict.fromkeys((lowest, default, highest))
+    assert any(any(driven(value, others) != driven(lowest, others) for value in values) for others in SITUATIONS)
