@@ -19,7 +19,17 @@ from ...schemas.errors import UnknownName
 from ...schemas.runs import PaceCode, PaceMoment, RunRecord, RunSteps
 from ..commonroad import Track, kept_recording, signs_of
 from ..criticality import SAME_DIRECTION_RAD
-from ..geometry import Points, Values, arc_length, curvatures, headings, project_all, project_along, wrap_angle, wrap_angles
+from ..geometry import (
+    Points,
+    Values,
+    arc_length,
+    curvatures,
+    headings,
+    project_all,
+    project_along,
+    wrap_angle,
+    wrap_angles,
+)
 from ..planners import Goal, ReferencePath, goal_with_path
 from .ruled_drive import Ahead, RuledDrive, meeting_m
 from .run_set import RunSet, ego_track, tracks_in
@@ -76,11 +86,14 @@ def pace_of(runs: RunSet, record: RunRecord) -> tuple[PaceMoment, ...]:
 
 
 def own_doing(runs: RunSet, record: RunRecord, time_s: float) -> PaceMoment | None:
-    """What nothing on the road asked of the ego, up to three seconds before a moment: the last one; None without it."""
+    """What nothing on the road asked of the ego, up to three seconds before a moment; None without it.
+
+    Of several, a stand, or else the braking that took most of the speed.
+    """
     moments = (moment for moment in pace_of(runs, record) if moment.is_the_egos)
     return max(
         (moment for moment in moments if moment.since_s <= time_s <= moment.until_s + CLOSE_S),
-        key=lambda moment: moment.until_s,
+        key=lambda moment: (moment.largest_mps2 is None, moment.duration_s * (moment.largest_mps2 or 1.0)),
         default=None,
     )
 

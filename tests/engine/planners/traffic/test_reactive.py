@@ -262,7 +262,9 @@ def test_a_road_user_that_sumo_cannot_place_stays_on_its_recording(
         return replace(
             kept,
             driven=tuple(
-                one if one.key != "33" else replace(one, track=replace(one.track, positions=one.track.positions + aside))
+                one
+                if one.key != "33"
+                else replace(one, track=replace(one.track, positions=one.track.positions + aside))
                 for one in kept.driven
             ),
         )
