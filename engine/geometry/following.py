@@ -45,7 +45,7 @@ class PathFollower:
         self._squared = np.maximum(step[:, 0] ** 2 + step[:, 1] ** 2, _LEAST_SQUARED_M2)
         self._lengths = np.sqrt(self._squared)
         self._stations = arc_length(points)
-        self._last_m, self._last_at = begin_m, (math.nan, math.nan)
+        self._last_m, self._last_at, self._last_offset_m = begin_m, (math.nan, math.nan), math.nan
 
     def beginning_at(self, begin_m: float | None) -> "PathFollower":
         """Return a follower of another track on the same line."""
@@ -56,6 +56,8 @@ class PathFollower:
     def place(self, position: Points) -> tuple[float, float]:
         """Return the station in m of the track's next position (2,) and its signed offset in m from the line there."""
         x, y = position.tolist()
+        if self._last_m is not None and (x, y) == self._last_at:
+            return self._last_m, self._last_offset_m
         moved = math.hypot(x - self._last_at[0], y - self._last_at[1])
         reach_m = _SLACK_M + (_PACE * moved if math.isfinite(moved) else 0.0)
         found = None if self._last_m is None else self._near_the_last(x, y, self._last_m, reach_m)
@@ -67,7 +69,8 @@ class PathFollower:
         segment, self._last_m, distance = found
         self._last_at = (x, y)
         (start_x, start_y), (step_x, step_y) = self._start[:, segment], self._step[:, segment]
-        return self._last_m, math.copysign(distance, step_x * (y - start_y) - step_y * (x - start_x))
+        self._last_offset_m = math.copysign(distance, step_x * (y - start_y) - step_y * (x - start_x))
+        return self._last_m, self._last_offset_m
 
     def beginnings(self, position: Points) -> Values:
         """Return the stations in m of the nearest places of all laps that pass a position (2,), the nearest first."""

@@ -32,6 +32,8 @@ _TRAFFIC = ("recorded", "reactive")
 _KEY = ("scenario", "configuration", "prediction", "traffic")
 Row = dict[str, Any]
 Key = tuple[str, ...]
+_AT_GOAL = ("goal_reached", "goal_refused")
+"""Outcomes of egos that reached the goal; older checkouts do not ask whether the benchmark accepts the motion."""
 _FAILED = "no run"
 """Stands for the outcome of a run that could not be made."""
 
@@ -132,6 +134,8 @@ def _compare(given: argparse.Namespace) -> None:
         table = Table("outcome", "before", "after", title=f"{', '.join(group)} (n {len(keys)})")
         for outcome in sorted(counts[0] | counts[1]):
             table.add_row(outcome, str(counts[0][outcome]), str(counts[1][outcome]))
+        at_goal = [sum(counted[outcome] for outcome in _AT_GOAL) for counted in counts]
+        table.add_row("at the goal, by the paper's rule", *map(str, at_goal))
         beyond = [sum(bool(rows[key].get("beyond_vehicle")) for key in keys) for rows in (before, after)]
         table.add_row("beyond the vehicle's limits", *map(str, beyond))
         console.print(table)
