@@ -142,7 +142,7 @@ class _Maker:
         self, kind: str, before: str, after: str, *, noise: float = 0.0, shift: float = 0.0, below: bool = False
     ) -> _Case:
         first = self._figures(len(before), noise)
-        shifts = {name: shift for name in self.draw.sample(sorted(_TYPICAL), 3)} if shift else {}
+        shifts = dict.fromkeys(self.draw.sample(sorted(_TYPICAL), 3), shift) if shift else {}
         second = self._figures(len(after), noise, **shifts)
         if below:
             second = tuple({name: value + 0.0009 for name, value in one.items()} for one in first)
@@ -418,7 +418,7 @@ def _code(pairs: Pairs, test: Mapping[str, float], adjusted: float | None) -> st
         return "better" if gained > lost else "worse"
     if gained + lost == 0:
         return "tie"
-    if -_MARGIN <= test["low"] and test["high"] <= _MARGIN:
+    if test["low"] >= -_MARGIN and test["high"] <= _MARGIN:
         return "alike"
     return "flips_too_few" if test["differing"] < _LEAST else "no_difference_shown"
 
