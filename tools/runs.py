@@ -14,6 +14,7 @@ import anyio
 
 from ..engine.execution import JobProgress
 from ..engine.planners import PLANNERS, planner_version
+from ..engine.vehicles import MODEL_WORDS, ego_class
 from ..engine.workspace import Recipe, versions_of, write_text
 from ..schemas.errors import NotPossible, PlannerForgeError, UnexpectedFailure
 from ..schemas.jobs import JobState
@@ -389,6 +390,15 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
         span = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
         where = counted(len(lengths_m), "run")
         yield f"the ego's start allows no way along the lane's centre in {where}: joined within {span}"
+    for name in sorted({record.ego_class for record in records} - {"car"}):
+        count = sum(record.ego_class == name for record in records)
+        known, where = ego_class(name), "" if count == len(records) else f" in {counted(count, 'run')}"
+        sizes = {(record.ego_length_m, record.ego_width_m) for record in records if record.ego_class == name}
+        if sizes == {known.vehicle.size_m}:
+            model = MODEL_WORDS[known.motion_model]
+            yield f"the ego is a {known.in_words}{where} ({model} model); limits: {known.source}"
+        else:
+            yield f"the ego is a {name}{where}, with size or limits that the configuration states"
     versions = {record.planner: record.planner_version for record in records if record.planner not in PLANNERS}
     for planner, version in versions.items():
         yield f"{planner} drove in version {version}"

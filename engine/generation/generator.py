@@ -268,6 +268,8 @@ def _write(
         missed.append("the goal takes less than half of the duration: cars leave the cut before")
     if not task.followable:
         missed.append("the ego's lanes bend more sharply than a planner steers at the mean speed that the goal needs")
+        if spec.ego_class != "car":
+            missed[-1] += ", or leave no room for its body"
     notes = missed if spec.goal.through_s is None else []  # otherwise other traffic may do better
     if task.stands_in:
         notes.append(f"{request.ego} has no goal {spec.goal} on its way; a car after it, which has, is the ego")

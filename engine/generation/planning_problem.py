@@ -20,7 +20,18 @@ import numpy as np
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 from ...schemas.generation import TURNS_AT, GenerationRequest, SiteType, Turn
 from ...schemas.vocabulary import EGO_CLASSES
-from ..geometry import Points, Values, arc_length, gaussian, point_at, project, resample, without_repeats, wrap_angle
+from ..geometry import (
+    Points,
+    Values,
+    arc_length,
+    gaussian,
+    oriented_rectangle,
+    point_at,
+    project,
+    resample,
+    without_repeats,
+    wrap_angle,
+)
 from ..network import WIDEST_TURN_RAD, LaneletLookup, RoadLanelet, RoadNetwork, station_m
 from ..traffic import GeneratedVehicle
 from ..vehicles import ego_class
@@ -164,8 +175,8 @@ class PlanningTask:
     the steps of ``time_steps``. ``focus_passed``: how many areas of the site's focus the recorded path to it passes;
     ``focus_left``: whether the goal lies behind them; ``takes_most``: whether a goal that should lie behind the site
     takes half of the duration at least; ``followable``: whether a planner that drives there evenly can follow the
-    lanes, looked at for such goals. ``stands_in``: the ego is not the car that was asked for by its number, because
-    that one has no such goal.
+    lanes, and whether a body other than a car's has room there, looked at for such goals. ``stands_in``: the ego is not
+    the car that was asked for by its number, because that one has no such goal.
     """
 
     ego: GeneratedVehicle
@@ -247,6 +258,7 @@ def _best_task(
         # Where a planner has most of the duration, it does not drive as the car did: slowly where that was held up.
         evenly_mps = task.goal_distance_m / (task.goal_step * step_s) if goal.through_s is not None else 0.0
         smooth = car.feasible and follows_smooth_lanes(car, task.goal_step, network, lookup, evenly_mps)
+        smooth = smooth and _has_room(car, task.goal_step, network)
         if best is None or (*merit, smooth) > best[0]:
             best = (*merit, smooth), replace(task, followable=smooth or goal.through_s is None)
         if best[0] == (True, focus.parts, True, True, True):
@@ -415,6 +427,8 @@ SMOOTHING_M = 2.0
 """Standard deviation of the smoothing before curvature is measured: corners of a polyline have none (chosen)."""
 BEFORE_M, BEYOND_M = 2.0, 20.0
 """Lanes are looked at from before the start to beyond the goal, where a planner's horizon ends (chosen)."""
+OVERHANG_M = 0.3
+"""By how much a corner of a long body may reach over the edge of the road where it turns (chosen)."""
 SAMPLED_EVERY = 5
 """Steps (0.5 s) between two looks at the lanelet under a car and at its speed."""
 
@@ -429,6 +443,21 @@ def follows_smooth_lanes(
     under = [_under(lookup, car, step) for step in range(0, last_step + 1, SAMPLED_EVERY)]
     route = [lanelet for lanelet, _ in itertools.groupby(lanelet for lanelet in under if lanelet is not None)]
     return all(_is_smooth(line, car, last_step, least_mps) for line in _lines(route, network))
+
+
+def _has_room(car: GeneratedVehicle, last_step: int, network: RoadNetwork) -> bool:
+    """Whether the recorded body stays on the road up to a step: a long one sweeps over corners. A car is not asked."""
+    if car.vehicle_class.name == "car":
+        return True
+    from shapely import contains_xy
+
+    motion = car.motion
+    corners = [
+        oriented_rectangle(motion.positions[step], float(motion.headings_rad[step]), car.size_m)
+        for step in range(0, last_step + 1, SAMPLED_EVERY)
+    ]
+    x, y = np.concatenate(corners).T
+    return bool(contains_xy(network.surface.buffer(OVERHANG_M), x, y).all())
 
 
 def _lines(route: Sequence[RoadLanelet], network: RoadNetwork) -> list[Points]:

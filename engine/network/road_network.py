@@ -5,11 +5,18 @@ It is made from a SUMO net (``lanelet_builder``), written as CommonRoad XML, and
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..geometry import Points, length_m, wrap_angle
 from .lanelet_graph import LaneletGraph
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+_SEAM_M = 0.02
+"""By how much lanelets are widened for their union: neighbours share their bound only up to rounding."""
 
 
 @dataclass(frozen=True)
@@ -145,6 +152,13 @@ class RoadNetwork:
             predecessors={key: lanelet.predecessors for key, lanelet in lanelets},
             neighbours={key: tuple(sorted(lanelet.neighbours())) for key, lanelet in lanelets},
         )
+
+    @cached_property
+    def surface(self) -> "BaseGeometry":
+        """What is road for vehicles: all lanelets, with the seams between neighbours closed."""
+        from shapely import Polygon, union_all
+
+        return union_all([Polygon(lanelet.polygon).buffer(_SEAM_M) for lanelet in self.lanelets.values()])
 
     def by_lane(self) -> dict[str, RoadLanelet]:
         """Lanelets by the SUMO lane that they were made from."""

@@ -328,6 +328,18 @@ class ScenarioView:
         """Colour of the ego of the n-th run: its path's where several are to be told apart."""
         return EGO_COLOUR if len(self.paths) == 1 else series_style(self.paths[number].series)[0]
 
+    @property
+    def ego_name(self) -> str:
+        """What the ego is called: ``ego``, with its class where that is no car."""
+        driven = {path.record.ego_class for path in self.paths} or {self.content.ego_class}
+        return "ego" if driven == {"car"} or len(driven) > 1 else f"ego ({driven.pop()})"
+
+    @property
+    def ego_size_m(self) -> tuple[float, float]:
+        """Length and width of the ego, of the first run where it drove."""
+        records = [path.record for path in self.paths[:1]]
+        return (records[0].ego_length_m, records[0].ego_width_m) if records else self.content.ego_size_m
+
     def focus(self) -> Points:
         """The point of interest: the first run's ego, else the ego's start, else the middle of the map."""
         if self.paths:

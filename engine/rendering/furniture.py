@@ -40,6 +40,7 @@ class Inventory:
     signals: tuple[str, ...]
     runs: tuple[tuple[str, int], ...]
     has_ego: bool
+    ego_name: str
     has_goal: bool
     has_stop_lines: bool
     has_collision: bool
@@ -67,6 +68,7 @@ class Inventory:
             kinds=tuple(sorted(kinds)),
             signals=tuple(sorted(signals)),
             runs=tuple((label, series) for series, label in sorted(runs.items())),
+            ego_name=names.pop() if len(names := {view.ego_name for view in views}) == 1 else "ego",
             has_ego=any(view.content.ego_position is not None and len(view.paths) < 2 for view in views),
             has_goal=any(view.content.goals for view in views),
             has_stop_lines=stop_lines,
@@ -107,7 +109,7 @@ def draw_legend(figure: "Figure", shown: Inventory) -> None:
     if shown.has_collision:
         handles.append(mark("X", "white", 10, "collision"))
     if shown.has_ego:
-        handles.append(Patch(facecolor=EGO_COLOUR, edgecolor=INK, label="ego"))
+        handles.append(Patch(facecolor=EGO_COLOUR, edgecolor=INK, label=shown.ego_name))
     if shown.has_goal:
         handles.append(Patch(facecolor="none", edgecolor=EGO_COLOUR, hatch="////", label="goal"))
     handles += [

@@ -118,6 +118,9 @@ def _alt_text(view: ScenarioView, counts: VehicleCounts) -> str:
         parts.append(f"labelled {', '.join(map(str, counts.labelled))}")
     if view.paths:
         parts.append("driven paths of " + "; ".join(path.label for path in view.paths))
+    if view.ego_name != "ego":
+        length_m, width_m = view.ego_size_m
+        parts.append(f"{view.ego_name} of {length_m:g} × {width_m:g} m")
     return ", ".join(parts) + "."
 
 
@@ -126,9 +129,9 @@ def _subtitle(view: ScenarioView, counts: VehicleCounts, *, alone: bool) -> str:
     speed = ""
     if len(view.paths) == 1:
         path = view.paths[0]
-        speed = f"ego {path.speeds_mps[path.index_at(view.step)]:.1f} m/s · "
+        speed = f"{view.ego_name} {path.speeds_mps[path.index_at(view.step)]:.1f} m/s · "
     elif view.content.ego_position is not None and not view.paths:
-        speed = f"ego starts at {view.content.ego_speed_mps:.1f} m/s · "
+        speed = f"{view.ego_name} starts at {view.content.ego_speed_mps:.1f} m/s · "
     outcomes = " · ".join(path.label for path in view.paths)
     second = f"\n{outcomes}" if outcomes and not alone else ""
     return f"t = {view.time_s:.1f} s · {speed}{counts.in_words()}{second}"

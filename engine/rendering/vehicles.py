@@ -51,7 +51,7 @@ def draw_egos(axes: "Axes", view: ScenarioView, *, start: bool = True) -> list[t
     egos = [path.corners_at(view.step) for path in view.paths]
     for number in reversed(range(len(egos))):
         _draw_ego(axes, egos[number], colour=view.ego_colour(number))
-    alone = "ego's start" if later and not egos else "ego"
+    alone = f"{view.ego_name}'s start" if later and not egos else view.ego_name
     names = [path.name for path in view.paths] if len(view.paths) > 1 else [alone]
     drawn = egos or ([begin] if begin is not None else [])
     return list(zip(names, drawn, strict=False))

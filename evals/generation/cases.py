@@ -12,6 +12,7 @@ from ...engine.generation import convert_map, generate_scenario
 from ...engine.maps import MapEntry, MapMatch, is_net
 from ...engine.network import build_road_network, read_net
 from ...engine.planners import make_planner, simulate
+from ...engine.vehicles import vehicle_of
 from ...schemas.errors import NotPossible, PlannerForgeError
 from ...schemas.generation import GeneratedScenario, GenerateScenariosArguments, GenerationRequest
 from ...schemas.runs import NO_TRAJECTORY
@@ -181,8 +182,12 @@ def _required_vehicles(request: GenerationRequest) -> dict[str, tuple[int, int |
 
 def _drive(loaded: LoadedScenario) -> tuple[bool, str]:
     """Whether Frenetix with its default weights finishes a trajectory, and the outcome."""
-    default, planner = built_in("frenetix:Default"), make_planner("frenetix")
-    run = simulate(loaded.scenario, loaded.problem(), default, planner, "constant_velocity", silent)
+    default, planner, problem = built_in("frenetix:Default"), make_planner("frenetix"), loaded.problem()
+    try:
+        vehicle = vehicle_of(default.settings, loaded.ego_class(int(problem.planning_problem_id)))
+    except NotPossible:  # a vehicle with a trailer
+        return False, "refused"
+    run = simulate(loaded.scenario, problem, default, planner, "constant_velocity", silent, vehicle=vehicle)
     return run.final.outcome not in NO_TRAJECTORY, run.final.outcome
 
 

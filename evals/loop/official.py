@@ -34,11 +34,10 @@ from commonroad_dc.feasibility.vehicle_dynamics import VehicleDynamics
 
 from ...engine.execution import silent
 from ...engine.planners import run_planner, write_solution
-from ...engine.tuning import named_configuration
 from ...schemas.artifacts import SolutionRequest
 from ...schemas.planning import PlannerConfiguration, RunRequest, RunResponse
 from ...schemas.runs import Prediction
-from ..harness import Figures
+from ..harness import Figures, built_in
 from .bench import LoopBench
 
 _JUDGED = "frenetix:Default"
@@ -92,8 +91,7 @@ def scenario_files(bench: LoopBench) -> list[Path]:
 
 def runs(bench: LoopBench, name: str, prediction: Prediction) -> "Iterator[JudgedRun]":
     """A run on each scenario, but for invalid problems."""
-    named = named_configuration(name)
-    configuration = named[0] if isinstance(named, tuple) else named
+    configuration = built_in(name)
     for path in scenario_files(bench):
         request = RunRequest(
             run_id="run_0",

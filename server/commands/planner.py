@@ -185,9 +185,7 @@ def _check_all(found: "Found", paths: Sequence[Path], *, empty_road: bool) -> bo
         typer.echo(f"  Note: {note}")
     broken = sum(bool(each.breaches) for each in checks)
     where = counted(len(checks), "scenario")
-    verdict = (
-        f"{found.name} keeps its contract on {where}" if not broken else f"{found.name}: broken on {broken} of {where}"
-    )
+    verdict = f" keeps its contract on {where}" if not broken else f": broken on {broken} of {where}"
     typer.echo(f"{found.name}{verdict}{_endings(checks)}.")
     return not broken
 

@@ -342,13 +342,16 @@ def _solved(matrix: Points, right: Values) -> Values:
 
 
 def _within_tyres(speeds: Values, steering: Values, vehicle: VehicleParameters, step_s: float) -> Values:
-    """The speeds themselves if tyres and engine allow them, else the nearest that they allow, step by step."""
-    largest = vehicle.maximum_acceleration_mps2
+    """The speeds themselves if tyres and engine allow them, else the nearest that they allow, step by step.
+
+    A vehicle that is faster than its top speed already does not become faster still.
+    """
+    largest, top = vehicle.maximum_acceleration_mps2, max(vehicle.maximum_speed_mps, float(speeds[0]))
     bend = np.tan(steering[:-1]) / vehicle.wheelbase_m
     along, across = np.diff(speeds) / step_s, speeds[:-1] ** 2 * bend
     power = largest * vehicle.switching_speed_mps
     powered = power / np.maximum(0.5 * (speeds[1:] + speeds[:-1]), vehicle.switching_speed_mps)
-    if (along**2 + across**2 <= largest**2).all() and (along <= powered).all():
+    if (along**2 + across**2 <= largest**2).all() and (along <= powered).all() and (speeds <= top).all():
         return speeds
     allowed = speeds.tolist()
     for index, turn in enumerate(bend.tolist()):
@@ -357,5 +360,5 @@ def _within_tyres(speeds: Values, steering: Values, vehicle: VehicleParameters, 
         at_end = (math.sqrt(speed * speed + 4.0 * power * step_s) - speed) / (2.0 * step_s)  # a · (v + a · t) = power
         fastest = min(room, max(at_end, min((vehicle.switching_speed_mps - speed) / step_s, largest)))
         wanted = (allowed[index + 1] - speed) / step_s
-        allowed[index + 1] = max(speed + min(max(wanted, -room), fastest) * step_s, 0.0)
+        allowed[index + 1] = min(max(speed + min(max(wanted, -room), fastest) * step_s, 0.0), top)
     return np.array(allowed)

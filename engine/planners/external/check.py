@@ -5,6 +5,7 @@ It is driven in the loop among the recorded traffic, as a run is, and asked agai
 
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
@@ -165,10 +166,12 @@ def _defaults(name: str, declaration: PlannerDeclaration) -> PlannerConfiguratio
 
 
 def _asked_again(make: Callable[[], Planner], task: PlanningTask, observation: Observation) -> list[str]:
-    try:
-        return [f"at step {observation.ego.step} it {breach}" for breach in check_planner(make, task, observation)]
-    except PlannerFailure as failure:
-        return [failure.message]
+    with ExitStack() as ended:
+        try:
+            found = check_planner(lambda: ended.enter_context(ended_after(make())), task, observation)
+        except PlannerFailure as failure:
+            return [failure.message]
+    return [f"at step {observation.ego.step} it {breach}" for breach in found]
 
 
 def _unmoved(

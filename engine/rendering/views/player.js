@@ -13,6 +13,7 @@ function element(tag, properties = {}, ...children) {
 }
 
 const words = name => String(name).replaceAll("_", " ");
+const egoWords = track => track.kind === "car" ? "ego" : `ego (${words(track.kind)})`;
 const figure = (value, digits, unit) => value === null || value === undefined || Number.isNaN(value) ? "–" : `${(Math.round(value * 10 ** digits) / 10 ** digits + 0).toFixed(digits)} ${unit}`;
 
 function outcomeMark(outcome) {
@@ -256,7 +257,7 @@ class Player {
     const under = this.userAt(pane, px, py);
     pane.canvas.classList.toggle("over", under !== null);
     let text;
-    if (under) text = `${under.track === pane.ego ? "ego" : `${words(under.track.kind)} ${under.track.id}`}  ${under.speed.toFixed(1)} m/s`;
+    if (under) text = `${under.track === pane.ego ? egoWords(under.track) : `${words(under.track.kind)} ${under.track.id}`}  ${under.speed.toFixed(1)} m/s`;
     else {
       const [x, y] = pane.camera.toWorld(px, py, pane.canvas.clientWidth, pane.canvas.clientHeight), lanelets = pane.scene.laneletsAt(x, y);
       if (lanelets.length) text = `lanelet ${lanelets.slice(0, 4).join(", ")}`;
@@ -489,7 +490,7 @@ class Player {
       const track = one.selected === 0 ? one.ego : one.tracks.find(other => other.id === one.selected), state = {}, egoState = {};
       if (!track) continue;
       if (one.letter) rows.push([`in ${one.letter}`, ""]);
-      rows.push([track === one.ego ? "ego" : words(track.kind), track === one.ego ? "" : String(track.id)]);
+      rows.push([track === one.ego ? egoWords(track) : words(track.kind), track === one.ego ? "" : String(track.id)]);
       rows.push(["length × width", `${track.length.toFixed(2)} × ${track.width.toFixed(2)} m`]);
       if (track.at(this.moment(one, track), state)) {
         rows.push(["speed", `${state.speed.toFixed(1)} m/s (${(3.6 * state.speed).toFixed(0)} km/h)`]);

@@ -463,7 +463,7 @@ function drawEgo(context, pane, step, px, colours) {
   ego.at(at, state);
   const length = least(ego.length, px, 1.4), width = least(ego.width, px, 0.8);
   context.beginPath();
-  body(context, "car", state.x, state.y, state.heading, length, width);
+  body(context, ego.kind === "moped" ? "motorcycle" : ego.kind, state.x, state.y, state.heading, length, width);
   context.globalAlpha = drive || step <= ego.first ? 1 : 0.45;
   context.fillStyle = colours.ego;
   context.fill();

@@ -24,7 +24,6 @@ from ...analysis import METRICS, Course, RunSet, course_of, read_series, read_st
 from ...commonroad import Track, kept_recording
 from ...execution import silent
 from ...geometry import Points, Values, length_m, point_at
-from ...vehicles import vehicle_classes
 from ..content import DrivenPath, LaneletShape, ScenarioContent, Viewport, content_of, driven_path
 from ..road import dividers, outer_edges
 from .data import (
@@ -180,7 +179,7 @@ def _start(content: ScenarioContent, origin: Points) -> TrackView | None:
         return None
     start = Track(
         obstacle_id=_EGO_ID,
-        kind=vehicle_classes()[content.ego_class].commonroad_type,
+        kind=content.ego_class,
         length_m=content.ego_size_m[0],
         width_m=content.ego_size_m[1],
         first_step=content.ego_step,
@@ -269,7 +268,7 @@ def drive_view(source: RunSource, path: DrivenPath, scenario: ScenarioSource, or
     review = review_runs(ReviewRequest(runs=(source,), scenarios=(scenario,)), silent).reviews[0]
     ego = Track(
         obstacle_id=_EGO_ID,
-        kind=vehicle_classes()[record.ego_class].commonroad_type,
+        kind=record.ego_class,
         length_m=record.ego_length_m,
         width_m=record.ego_width_m,
         first_step=path.first_step,

@@ -12,6 +12,8 @@ from typing import Any
 from ....engine.commonroad import read_scenario
 from ....engine.execution import silent
 from ....engine.planners import make_planner, simulate
+from ....engine.vehicles import vehicle_of
+from ....schemas.errors import NotPossible
 from ....schemas.runs import NO_TRAJECTORY
 from ...answers.files import World
 from ...generation.judges import MadeFiles, holds_vehicles
@@ -82,8 +84,10 @@ def _bounds(count: int | str) -> tuple[int, int | None]:
 def _runs(folder: Path) -> bool:
     """Whether Frenetix with its default weights finishes a trajectory."""
     loaded = read_scenario(folder / "scenario.xml")
-    planner = make_planner("frenetix")
-    run = simulate(
-        loaded.scenario, loaded.problem(), built_in("frenetix:Default"), planner, "constant_velocity", silent
-    )
+    planner, default, problem = make_planner("frenetix"), built_in("frenetix:Default"), loaded.problem()
+    try:
+        vehicle = vehicle_of(default.settings, loaded.ego_class(int(problem.planning_problem_id)))
+    except NotPossible:  # a vehicle with a trailer
+        return False
+    run = simulate(loaded.scenario, problem, default, planner, "constant_velocity", silent, vehicle=vehicle)
     return run.final.outcome not in NO_TRAJECTORY
