@@ -47,6 +47,9 @@
 ``run_steps``: The driven states of a run, with costs and rejections of its plans.
 ``DrivenRun``: States, plans and verdict of a run.
 ``simulate``: The run of a planner on a planning problem, until the judge ends it.
+``DrivenStates``: A driven motion as CommonRoad's benchmark sees it, with its steering angles.
+``Refused``: Why CommonRoad's benchmark refuses a motion, and from which state on.
+``refusal``: Why it refuses a motion that hit no road user; None if it accepts it.
 ``steering_of``: The steering angle in rad at every state that the turns before and after it need on average.
 ``write_solution``: An operation: writes a run's trajectory as a CommonRoad solution file.
 ``Predictor``: A function that predicts one track.
@@ -74,6 +77,7 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
+    from .driving.acceptance import DrivenStates, Refused, refusal
     from .driving.desired_speed import DesiredSpeed, ReferenceDesiredSpeed
     from .driving.solution import steering_of, write_solution
     from .external.check import PlannerCheck, check_on

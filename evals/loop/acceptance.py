@@ -3,23 +3,20 @@
 ``acceptance_agree``: the share of at least 2,000 motions on which they agree (with a limit: six a scenario). The
 motions are those that built-in planners drive on the public scenarios, and changed ones of each, so that the criteria
 are met narrowly and missed narrowly: the way bulges to the side, the headings or speeds waver, the steering angles are
-off, the end is missing. The size of a change is drawn, evenly in its logarithm. The start stays the problem's.
-The judge is that of the part ``official``.
+off, the end is missing. The size of a change is drawn, evenly in its logarithm. The start stays the problem's. Other
+road users are left out: a collision ends a run, whoever judges the rest. The judge is that of the part ``official``.
 """
 
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
-from commonroad.common.solution import CommonRoadSolutionReader
 from numpy.typing import NDArray
 
 from ...engine.commonroad import read_scenario
-from ...engine.planners.driving.acceptance import DrivenStates, refusal
-from ...engine.planners.driving.solution import mean_steering_angles, solution_xml
-from ...engine.planners.interface import EgoState
-from ...engine.planners.traffic.recorded import RecordedTraffic
+from ...engine.planners import DrivenStates, refusal
 from ...engine.vehicles import vehicle_of
 from ...schemas.runs import RunSteps
 from ..harness import Figures
@@ -90,7 +87,7 @@ def _wavering_places(run: JudgedRun, generator: np.random.Generator) -> RunSteps
 def _other_steering(run: JudgedRun, generator: np.random.Generator) -> RunSteps:
     """Steering angles that are off by 0.01 to 1 rad at some moments."""
     vehicle = vehicle_of(run.configuration.settings)
-    angles = mean_steering_angles(run.response.steps, 0.1, vehicle.wheelbase_m, vehicle.maximum_steering_rad)
+    angles = np.array(run.response.steps.steering_rad)
     off = _size(generator, 1e-2, 1.0) * _hump(len(angles), generator)
     return _with(run, steering_rad=np.clip(angles + off, -vehicle.maximum_steering_rad, vehicle.maximum_steering_rad))
 
@@ -135,30 +132,19 @@ def _with(run: JudgedRun, kept: int | None = None, **columns: Column) -> RunStep
 
 
 def _ours(run: JudgedRun, steps: RunSteps) -> str:
-    """What the product says: its judge of collisions and its closed form."""
+    """What the product's closed form says."""
     loaded = read_scenario(run.path)
     problem = loaded.problem(run.response.record.problem_id)
     vehicle = vehicle_of(run.configuration.settings)
-    traffic = RecordedTraffic.of(loaded)
-    for index in range(len(steps.x_m)):
-        place = np.array([steps.x_m[index], steps.y_m[index]])
-        ego = EgoState(steps.first_step + index, place, steps.heading_rad[index], steps.speed_mps[index])
-        if traffic.hit_by(ego, vehicle) is not None:
-            return "collision"
     driven = DrivenStates.of(steps, vehicle, loaded.step_s)
     refused = refusal(driven, problem.goal, loaded.scenario.lanelet_network, vehicle, loaded.step_s)
     return "valid" if refused is None else refused.code
 
 
 def _theirs(run: JudgedRun, steps: RunSteps) -> str:
-    """What ``valid_solution`` says."""
+    """What ``valid_solution`` says of it on an empty road."""
     scenario, problems = run.opened
-    text = solution_xml(
-        steps,
-        float(scenario.dt),
-        scenario_id=scenario.scenario_id,
-        problem_id=run.response.record.problem_id,
-        vehicle_id=run.configuration.settings.vehicle,
-        cost_function="SM1",
-    )
-    return official_verdict(scenario, problems, CommonRoadSolutionReader.fromstring(text))
+    for obstacle in list(scenario.obstacles):
+        scenario.remove_obstacle(obstacle)
+    changed = replace(run, response=run.response.model_copy(update={"steps": steps}))
+    return official_verdict(scenario, problems, changed.solution)

@@ -33,8 +33,7 @@ from commonroad_dc.feasibility import solution_checker
 from commonroad_dc.feasibility.vehicle_dynamics import VehicleDynamics
 
 from ...engine.execution import silent
-from ...engine.planners.driving.solution import write_solution
-from ...engine.planners.runs import run_planner
+from ...engine.planners import run_planner, write_solution
 from ...schemas.artifacts import SolutionRequest
 from ...schemas.planning import PlannerConfiguration, RunRequest, RunResponse
 from ...schemas.runs import Prediction

@@ -4,7 +4,7 @@
 each step: it searches the acceleration and steering rate that lead nearest to the next state, and asks whether they
 lead within 2 cm and 0.03 rad of it. In a step of 0.1 s the motion is so nearly linear in both that the search has a
 closed form, which is computed here for all steps at once. Steps that are near a tolerance or near a limit of the
-vehicle are left to the checker's own search; a motion that a vehicle drives has none.
+vehicle are left to the checker's own search; a motion that a vehicle drives has hardly any.
 
 The other criteria: a state meets the goal (CommonRoad's ``GoalRegion``), the body touches no road user, and no part of
 it is ever outside the lanelets, neither in a gap between them nor beyond the end of the map. The start is the planning

@@ -9,6 +9,7 @@ import pytest
 from commonroad.common.solution import VehicleType
 from commonroad.scenario.state import KSState
 from commonroad.scenario.trajectory import Trajectory
+from commonroad_dc.feasibility import feasibility_checker
 from commonroad_dc.feasibility.feasibility_checker import trajectory_feasibility
 from commonroad_dc.feasibility.vehicle_dynamics import VehicleDynamics
 from support.builders import Problem, town_road
@@ -18,7 +19,6 @@ from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.geometry import Values
 from plannerforge.engine.planners import runs
-from plannerforge.engine.planners.driving import acceptance
 from plannerforge.engine.planners.driving.acceptance import DrivenStates, first_undrivable_step, refusal
 from plannerforge.engine.planners.interface import Observation, Plan, PlannedTrajectory, PlanningTask
 from plannerforge.engine.planners.runs import run_planner, run_steps
@@ -65,7 +65,7 @@ def test_what_the_vehicle_drives_is_accepted_without_a_search(monkeypatch: pytes
     def search(*_: object) -> bool:
         raise AssertionError("no step is doubtful")
 
-    monkeypatch.setattr(acceptance, "_can_be_searched", search)
+    monkeypatch.setattr(feasibility_checker, "state_transition_feasibility", search)
     assert refused(DRIVEN) is None
 
 
