@@ -487,6 +487,7 @@ def _one_run(result: AnalyzeResultsResult) -> Answer:
     if result.detail == "summary" and row.outcome != "invalid":
         told, above = _moments(review)
         figures += told + _rest_of_metrics(result, above | {"mean_total_cost", "duration_s"})
+        figures += [review.pace_in_words()] if review is not None and review.pace_in_words() else []
         figures += _main_cost(result)
     if result.detail == "summary" and row.outcome == "goal_reached" and review is not None and review.uncomfortable:
         excesses = [excess.in_words() for excess in review.uncomfortable[:_SHOWN_EXCESSES]]
@@ -587,7 +588,12 @@ def _several_runs(result: AnalyzeResultsResult) -> Answer:
     return Answer(head, figures=figures, listed=[*listed, *_noted(result)], next_step=main)
 
 
-_SAID_ABOVE = frozenset(["main_failure", "dominating_cost", "near_misses", "uncomfortable_turns", "idle_weights"])
+_SAID_ABOVE = frozenset(
+    [
+        *("main_failure", "dominating_cost", "near_misses", "uncomfortable_turns", "idle_weights"),
+        *("stood_without_cause", "braked_without_cause"),
+    ]
+)
 """Findings that repeat, of a single run, what its moments and its cost say."""
 
 

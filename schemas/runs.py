@@ -1,6 +1,7 @@
 """What one planner run on one scenario gives: the record that analysis, comparison and pictures read."""
 
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Iterable, Sequence
 from typing import ClassVar, Literal
 
 from pydantic import Field
@@ -498,8 +499,9 @@ class PaceMoment(Model):
 
 LaidTo = Literal["ego", "recording", "prediction", "planning", "neither"]
 """What a collision is laid to: what the ego did before it without a reason; another that follows a recording and would
-have braked; a prediction that had the other elsewhere; a plan that had it there, although the collision is attributable; nothing, since it is not attributable
-(neither UN R157's careful nor its fuzzy driver prevents it from both starts)."""
+have braked; a prediction that had the other elsewhere; a plan that had it there, although the collision is
+attributable; nothing, since it is not attributable (neither UN R157's careful nor its fuzzy driver prevents it from
+both starts)."""
 OwnFault = Literal["slowed", "cut_in", "wrong_side", "red_light", "right_of_way"]
 """How an ego makes a collision that no reference driver on its path prevents: it stood or braked without a reason, cut
 in, was on the lane of oncoming traffic, passed a red light, or took the right of way."""
@@ -812,6 +814,35 @@ class RunSource(Model):
     record: RunRecord
     steps_path: str | None = None
     look: RunLook | None = None
+
+
+def drawn(records: Iterable[RunRecord]) -> list[RunRecord]:
+    """The runs in a random order that depends on nothing but their ids: the first n are a random sample of them all."""
+    return sorted(records, key=lambda record: drawn_place(record.run_id))
+
+
+def drawn_place(name: str) -> bytes:
+    """Where a name stands in a random order that depends on nothing but the names."""
+    return hashlib.sha256(name.encode()).digest()
+
+
+CRITICAL_GAP_M = 0.5
+"""Gap between rectangles below which a run was close (chosen)."""
+CRITICAL_TIME_TO_COLLISION_S = 1.5
+"""Encounters below it are critical (van der Horst and Hogema 1993, "Time-to-collision and collision avoidance")."""
+
+
+def is_close(record: RunRecord) -> bool:
+    """Whether another came critically near in a run, in space or in time."""
+    if record.metrics is None:
+        return False
+    gap, time = record.metrics.minimum_distance_m, record.metrics.minimum_time_to_collision_s
+    return (gap is not None and gap < CRITICAL_GAP_M) or (time is not None and time < CRITICAL_TIME_TO_COLLISION_S)
+
+
+def is_worth_a_look(record: RunRecord) -> bool:
+    """Whether an analysis asks for the moments of a run: of those that failed on their way, and of close successes."""
+    return record.outcome != "invalid" and (record.outcome != "goal_reached" or is_close(record))
 
 
 class ReviewRequest(Model):

@@ -133,7 +133,8 @@ class EgoMessage(Model):
 class PredictedMessage(Model):
     """Where another is expected: one entry for each step, the present first.
 
-    ``covariance_m2``: xx, xy and yy of the position; a single entry holds for all steps. ``length_m`` and ``width_m``
+    ``heading_rad`` and ``covariance_m2`` (xx, xy and yy of the position) have a single entry if it holds for all steps,
+    which is most of what a message for many road users would hold otherwise. ``length_m`` and ``width_m``
     contain the safety margin of the prediction.
     """
 
@@ -180,6 +181,7 @@ class RouteMessage(Model):
     heading_error_rad: float
     to_goal_m: float | None
     desired_speed_mps: float = Field(description="what the built-in planners aim at")
+    desired_speed_reason: str = Field(description="why: goal_mean, goal_end, goal_interval, speed_limit or curve")
 
 
 class StepMessage(Model):

@@ -51,7 +51,7 @@ from ..schemas.modification import ModificationOutcome, ModificationRequest
 from ..schemas.planning import Replayed, ReplayRequest, RunRequest, RunResponse
 from ..schemas.rendering import Rendered, RenderRequest, ReportRequest, ReportWritten, ViewRequest, ViewWritten
 from ..schemas.results import AnalyseRequest, AnalyzeResultsResult
-from ..schemas.runs import ReviewRequest, ReviewResponse
+from ..schemas.runs import LooksResponse, ReviewRequest, ReviewResponse
 from ..schemas.scenarios import DescribeRequest, Description, ReadFactsRequest, ScenarioFacts
 
 # Scenarios
@@ -102,6 +102,7 @@ WRITE_STEP_TABLE = Operation("plannerforge.engine.analysis:write_step_table", St
 ANALYSE = Operation("plannerforge.engine.analysis:analyse", AnalyseRequest, AnalyzeResultsResult, timeout_s=50.0)
 SUCCESS_RATES = Operation("plannerforge.engine.analysis:success_rates", SuccessRequest, SuccessRates, timeout_s=50.0)
 REVIEW_RUNS = Operation("plannerforge.engine.analysis:review_runs", ReviewRequest, ReviewResponse, timeout_s=50.0)
+LOOK_AT_RUNS = Operation("plannerforge.engine.analysis:look_at_runs", ReviewRequest, LooksResponse, timeout_s=50.0)
 COMPARE = Operation("plannerforge.engine.analysis:compare", CompareRequest, CompareResultsResult, timeout_s=50.0)
 
 # Searches for configurations

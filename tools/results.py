@@ -4,7 +4,9 @@ Results are named by run and batch ids and by words for the newest ones (``WORDS
 """
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 from ..engine.planners import PLANNERS, built_in_version
@@ -19,6 +21,7 @@ from ..schemas.runs import (
     BatchRecord,
     Lineage,
     LostCell,
+    RunLook,
     RunRecord,
     RunSource,
     ScenarioSource,
@@ -112,7 +115,8 @@ def run_sources(run_ids: Iterable[str], call: ToolCall) -> tuple[RunSource, ...]
     sources = []
     for record in records:
         steps = call.workspace.folder("run", record.run_id) / "steps.json"
-        sources.append(RunSource(record=record, steps_path=str(steps) if steps.is_file() else None))
+        path = str(steps) if steps.is_file() else None
+        sources.append(RunSource(record=record, steps_path=path, look=_kept_look(record.run_id, call)))
     return tuple(sources)
 
 
@@ -159,6 +163,28 @@ def _versioned(record: RunRecord) -> RunRecord:
             "config_name": f"{record.config_name} {version}",
         }
     )
+
+
+def _look_path(run_id: str, call: ToolCall) -> Path:
+    return call.workspace.root / "looks" / str(RunLook.VERSION) / f"{run_id}.json"
+
+
+def _kept_look(run_id: str, call: ToolCall) -> RunLook | None:
+    """The look that was kept of a run; None without one, or of one that cannot be read."""
+    try:
+        return RunLook.model_validate_json(_look_path(run_id, call).read_bytes())
+    except (OSError, ValueError):
+        return None
+
+
+def keep_look(run_id: str, look: RunLook, call: ToolCall) -> None:
+    """Keep a look at a run for later analyses; without room on the disk it is made again."""
+    path = _look_path(run_id, call)
+    with call.workspace.scratch() as folder, suppress(OSError):
+        made = folder / path.name
+        made.write_text(look.model_dump_json(), encoding="utf-8")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        made.replace(path)
 
 
 def config_weights(runs: Iterable[RunSource], call: ToolCall) -> tuple[ConfigWeights, ...]:

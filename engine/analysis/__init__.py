@@ -9,6 +9,7 @@
 ``write_run_table``: an operation: writes the table of a batch, a row a run.
 ``Course``: a run over time: motions, gap to the nearest other, time to collision.
 ``course_of``: a run over time, or None without its steps.
+``look_at_runs``: an operation: a look at each run, for what is kept beside it.
 ``known_contacts``: who hit whom in the collisions of runs.
 ``METRICS``: the metrics of a run with unit, direction and the runs in which they may be compared.
 ``MetricSpec``: one of these metrics.
@@ -36,7 +37,7 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .causes import known_contacts
+    from .causes import known_contacts, look_at_runs
     from .comparison import compare
     from .limits import Judged, Limit, parse_limit
     from .moments import Course, course_of, review_runs

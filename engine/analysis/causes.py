@@ -8,12 +8,12 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
 from ...schemas.results import BeyondVehicle, CauseMoment, CollisionCauses, Rate, TrivialGoals, TrivialKind
-from ...schemas.runs import Contact, LooksResponse, ReviewRequest, RunLook, RunRecord
+from ...schemas.runs import Contact, LooksResponse, ReviewRequest, RunLook, RunRecord, drawn
 from ..commonroad import kept_recording
 from ..execution import ProgressReporter
 from .moments import FROM_BEHIND, contact_of, review
 from .reach import cannot_be_reached
-from .run_set import RunSet, drawn, hit_another, most_frequent_first, reached_goal
+from .run_set import RunSet, hit_another, most_frequent_first, reached_goal
 from .statistics import rate
 
 MOST_COLLISIONS, MOST_GOALS = 60, 200
@@ -40,15 +40,14 @@ def look_at_runs(request: ReviewRequest, report: ProgressReporter) -> LooksRespo
 
 
 def sample_of(runs: RunSet, records: Iterable[RunRecord], most: int) -> list[RunRecord]:
-    """All of some runs of which a look is kept; else a random sample of them, with at most so many to be looked at now.
+    """All of some runs if a look at each is kept, or if they are few; else a random sample, of at least so many.
 
-    In the order that the runs have.
+    Beyond so many, only those of which a look is kept are in it. In the order that the runs have.
     """
     chosen: set[str] = set()
     wanted = list(records)
     for record in drawn(wanted):
-        most -= runs.look(record) is None
-        if most < 0:
+        if len(chosen) >= most and runs.look(record) is None:
             break
         chosen.add(record.run_id)
     return [record for record in wanted if record.run_id in chosen]

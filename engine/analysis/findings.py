@@ -13,7 +13,17 @@ from statistics import median
 import numpy as np
 
 from ...schemas.results import Finding, FindingMoment, Suggestion
-from ...schemas.runs import Contact, Encounter, PaceCode, PaceMoment, RunRecord, RunReview
+from ...schemas.runs import (
+    CRITICAL_GAP_M,
+    CRITICAL_TIME_TO_COLLISION_S,
+    Contact,
+    Encounter,
+    PaceCode,
+    PaceMoment,
+    RunRecord,
+    RunReview,
+    is_close,
+)
 from ...schemas.text import p_figure
 from ..geometry import wrap_angles
 from .causes import sample_of
@@ -67,6 +77,10 @@ class Evidence:
     def _sampled_hits(self) -> frozenset[str]:
         return frozenset(one.run_id for one in self.sample(filter(hit_another, self.runs.failures)))
 
+    def is_known(self, record: RunRecord) -> bool:
+        """Whether a collision is in the sample that is looked at."""
+        return record.run_id in self._sampled_hits
+
     @cached_property
     def among_hits(self) -> str:
         """What is to be said of collisions if a sample of them was looked at; empty if all were."""
@@ -85,9 +99,23 @@ class Evidence:
 
 
 def find_all(runs: RunSet) -> tuple[Finding, ...]:
-    """What every finding states of these runs, in the order of the registry."""
+    """What every finding states of these runs, in the order of the registry.
+
+    One that is about no moment of its own has the ends of its runs.
+    """
     evidence = Evidence(runs)
-    return tuple(finding for find in FINDINGS for finding in find(evidence))
+    ends = {
+        record.run_id: FindingMoment(run_id=record.run_id, time_s=record.metrics.duration_s, code=record.outcome)
+        for record in runs.valid
+        if record.metrics is not None
+    }
+    return tuple(
+        finding
+        if finding.moments
+        else finding.model_copy(update={"moments": tuple(ends[key] for key in finding.run_ids if key in ends)})
+        for find in FINDINGS
+        for finding in find(evidence)
+    )
 
 
 def _main_failure(evidence: Evidence) -> Iterator[Finding]:
@@ -160,6 +188,7 @@ def _weight_off(evidence: Evidence) -> Iterator[Finding]:
         for name, default in off.items():
             outcomes = [outcome for outcome, guards in _GUARDS.items() if name in guards]
             failed = [one for one in records if one.outcome in outcomes and not evidence.is_the_others(one)]
+            failed = [one for one in failed if not hit_another(one) or evidence.is_known(one)]
             if len(failed) < _FEW or len(failed) * 10 < len(records):
                 continue
             words = " or ".join(outcome.replace("_", " ") for outcome in outcomes)
@@ -167,7 +196,7 @@ def _weight_off(evidence: Evidence) -> Iterator[Finding]:
                 name="weight_off",
                 statement=(
                     f"{name} is {weights.get(name, 0.0):g} under {records[0].config_name}, {default:g} by default, and "
-                    f"{len(failed)} of {len(records)} runs end as it works against ({words})."
+                    f"{len(failed)} of {len(records)} runs end as it works against ({words}){evidence.among_hits}."
                 ),
                 run_ids=_ids(failed),
                 alternatives="these scenarios are hard under the default too: run it beside",
@@ -417,10 +446,6 @@ def _most(counts: Mapping[str, int]) -> str:
     return min(counts, key=lambda name: (-counts[name], name))
 
 
-_CRITICAL_GAP_M = 0.5
-"""Gap between rectangles below which a run was close (chosen)."""
-CRITICAL_TIME_TO_COLLISION_S = 1.5
-"""Encounters below it are critical (van der Horst and Hogema 1993, "Time-to-collision and collision avoidance")."""
 _ROLLING_MPS = 2.0
 """A slower ego queues or creeps (chosen): what it comes near to then is no near miss."""
 
@@ -432,7 +457,7 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
     """
     runs = evidence.runs
     for config_id, records in runs.by_config(runs.successes).items():
-        near = [record for record in records if _is_close(record)]
+        near = [record for record in records if is_close(record)]
         close = evidence.sample(near)
         own = [record for record in close if _came_near(evidence.review(record))]
         if not own:
@@ -445,7 +470,7 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
             name="near_misses",
             statement=(
                 f"In {len(own)} of {of} of {records[0].config_name} the ego came within "
-                f"{_CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s of another ahead or crossing{others}."
+                f"{CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s of another ahead or crossing{others}."
             ),
             run_ids=_ids(own),
             moments=tuple(
@@ -458,13 +483,6 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
         )
 
 
-def _is_close(record: RunRecord) -> bool:
-    if record.metrics is None:
-        return False
-    gap, time = record.metrics.minimum_distance_m, record.metrics.minimum_time_to_collision_s
-    return (gap is not None and gap < _CRITICAL_GAP_M) or (time is not None and time < CRITICAL_TIME_TO_COLLISION_S)
-
-
 def _came_near(looked_at: RunReview) -> bool:
     """Whether the ego itself brought about one of the moments that make a run close."""
     return bool(_own_near(looked_at))
@@ -473,7 +491,7 @@ def _came_near(looked_at: RunReview) -> bool:
 def _own_near(looked_at: RunReview) -> list[Encounter]:
     """The moments that make a run close and that the ego itself brought about."""
     closest, urgent = looked_at.closest, looked_at.most_urgent
-    near = closest is not None and closest.gap_m < _CRITICAL_GAP_M and _is_the_egos(closest)
+    near = closest is not None and closest.gap_m < CRITICAL_GAP_M and _is_the_egos(closest)
     time = None if urgent is None else urgent.time_to_collision_s
     soon = time is not None and time < CRITICAL_TIME_TO_COLLISION_S
     found = [closest] if near else []
@@ -586,7 +604,7 @@ def _harder_group(evidence: Evidence) -> Iterator[Finding]:
     reached: dict[str, list[bool]] = {}
     groups: dict[str, set[str]] = {}
     for record in runs.valid:
-        if record.collision is not None and evidence.is_the_others(record):
+        if hit_another(record) and (not evidence.is_known(record) or evidence.is_the_others(record)):
             continue
         root, known = runs.root(record), runs.scenario(record)
         reached.setdefault(root, []).append(reached_goal(record))

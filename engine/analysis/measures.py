@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...schemas.errors import UnknownName
 from ...schemas.measures import MEASURES, Measure, MeasuredValue, MeasureSpread, Relation
-from ...schemas.runs import RunRecord, RunSteps
+from ...schemas.runs import RunRecord, RunSteps, drawn
 from ..commonroad import Track, kept_recording
 from ..criticality import (
     MovingRectangles,
@@ -47,7 +47,7 @@ _MASSES_KG = {"pedestrian": 75.0, "bicycle": 90.0, "motorcycle": 250.0, "truck":
 _CAR_KG = 1500.0
 """Chosen, with driver: files hold no masses. All other classes count as cars."""
 MOST_MEASURED = 60
-"""Runs of a set that are measured (chosen): each reads its scenario, and an answer has 50 s."""
+"""Runs of a set that are measured (chosen): each reads its scenario, and an answer has 50 s. Drawn at random."""
 
 
 def measures_of(runs: RunSet, record: RunRecord) -> tuple[MeasuredValue, ...]:
@@ -67,8 +67,8 @@ def measures_of(runs: RunSet, record: RunRecord) -> tuple[MeasuredValue, ...]:
 
 
 def measure_spreads(runs: RunSet, report: ProgressReporter) -> tuple[MeasureSpread, ...]:
-    """Every measure over the first valid runs of a set, with the run in which it is worst."""
-    records = runs.valid[:MOST_MEASURED]
+    """Every measure over the valid runs of a set, or a random sample of them, with the run in which it is worst."""
+    records = drawn(runs.valid)[:MOST_MEASURED] if len(runs.valid) > MOST_MEASURED else runs.valid
     measured: dict[str, list[tuple[str, MeasuredValue]]] = {measure.name: [] for measure in MEASURES}
     for number, record in enumerate(records):
         for one in measures_of(runs, record):

@@ -107,7 +107,9 @@ def contact_of(runs: RunSet, record: RunRecord) -> Contact | None:
     steps = runs.steps.get(record.run_id)
     if record.collision is None or steps is None or not steps.x_m:
         return None
-    return _blamed(runs, record, _drive(runs, record, steps).contact())
+    if record.run_id not in runs.contacts:
+        runs.contacts[record.run_id] = _blamed(runs, record, _drive(runs, record, steps).contact())
+    return runs.contacts[record.run_id]
 
 
 def _blamed(runs: RunSet, record: RunRecord, contact: Contact | None) -> Contact | None:

@@ -19,7 +19,17 @@ from ...schemas.errors import UnknownName
 from ...schemas.runs import PaceCode, PaceMoment, RunRecord, RunSteps
 from ..commonroad import Track, kept_recording, signs_of
 from ..criticality import SAME_DIRECTION_RAD
-from ..geometry import Points, Values, arc_length, curvatures, headings, project_all, wrap_angle, wrap_angles
+from ..geometry import (
+    Points,
+    Values,
+    arc_length,
+    curvatures,
+    headings,
+    project_all,
+    project_along,
+    wrap_angle,
+    wrap_angles,
+)
 from ..planners import Goal, ReferencePath, goal_with_path
 from .ruled_drive import Ahead, RuledDrive, meeting_m
 from .run_set import RunSet, ego_track, tracks_in
@@ -76,11 +86,14 @@ def pace_of(runs: RunSet, record: RunRecord) -> tuple[PaceMoment, ...]:
 
 
 def own_doing(runs: RunSet, record: RunRecord, time_s: float) -> PaceMoment | None:
-    """What nothing on the road asked of the ego, up to three seconds before a moment: the last one; None without it."""
+    """What nothing on the road asked of the ego, up to three seconds before a moment; None without it.
+
+    Of several, a stand, or else the braking that took most of the speed.
+    """
     moments = (moment for moment in pace_of(runs, record) if moment.is_the_egos)
     return max(
         (moment for moment in moments if moment.since_s <= time_s <= moment.until_s + CLOSE_S),
-        key=lambda moment: moment.until_s,
+        key=lambda moment: (moment.largest_mps2 is None, moment.duration_s * (moment.largest_mps2 or 1.0)),
         default=None,
     )
 
@@ -110,7 +123,7 @@ def _pace(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Pace":
         found = None
     goal, reference = found if found is not None else (None, None)
     ego = ego_track(record, steps)
-    onward = None if reference is None else _onward(reference.points, ego)
+    onward = None if reference is None else _onward(reference, ego)
     drive = RuledDrive(
         ego,
         np.asarray(steps.acceleration_mps2, dtype=float),
@@ -122,18 +135,13 @@ def _pace(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Pace":
     return _Pace(drive, goal, None if onward is None else reference)
 
 
-def _onward(path: Points, ego: Track) -> Points | None:
+def _onward(reference: ReferencePath, ego: Track) -> Points | None:
     """The path behind the driven end; None if the ego ended beside it. The driven stations are followed in order."""
-    stations, offsets = arc_length(path), np.full(1, np.inf)
-    here = float(project_all(path, ego.positions[:1])[0][0])
-    for before, position in zip(ego.positions, ego.positions[1:], strict=False):
-        reach = float(np.linalg.norm(position - before)) + 2.0
-        near = np.flatnonzero((stations >= here - reach) & (stations <= here + reach))
-        part = path[max(near[0] - 1, 0) : near[-1] + 2]
-        found, offsets = project_all(part, position[None])
-        here = float(stations[max(near[0] - 1, 0)] + found[0])
-    if abs(float(offsets[0])) > _ONTO_M:
+    path = reference.points
+    driven, offsets = project_along(path, ego.positions, reference.start_m)
+    if abs(float(offsets[-1])) > _ONTO_M:
         return None
+    stations, here = arc_length(path), float(driven[-1])
     return path[(stations > here + 2.0) & (stations < here + 2.0 + _AHEAD_M)]
 
 
@@ -594,11 +602,11 @@ class _Pace:
         began = float(self._speeds[0])
         if self._goal is None or self._reference is None or not self._goal.has_position:
             return began
-        span = self._goal.stations_on(self._reference.points)
+        start = self._reference.follower().place(self._ego.positions[0])[0]
+        span = self._goal.stations_on(self._reference.points, start)
         time_s = (self._goal.last_step - self._ego.first_step) * self._step_s
         if span is None or time_s <= 0:
             return began
-        start = float(project_all(self._reference.points, self._ego.positions[:1])[0][0])
         return max(began, (span[0] - start) / time_s)
 
 

@@ -27,8 +27,8 @@ from ..commonroad import Track
 from ..geometry import Points, Values
 from ..planners import (
     CarefulDriver,
+    DriverPath,
     DriverScene,
-    DriverWay,
     FullBraking,
     FuzzyDriver,
     KeepLane,
@@ -129,7 +129,7 @@ class _Encounters:
     @cached_property
     def _on_lane(self) -> DriverScene:
         lane = self.around.lane
-        way = DriverWay.driven(self.ego) if lane is None else DriverWay.along(lane)
+        way = DriverPath.driven(self.ego) if lane is None else DriverPath.along(lane)
         return self._scene(NominalMotion.along_lane(way, self.ego, self._count, self.step_s))
 
     @property

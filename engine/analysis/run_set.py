@@ -3,7 +3,6 @@
 Step files are read when they are first asked for. ``METRICS`` lists the metrics of a run with unit and direction.
 """
 
-import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +16,7 @@ from ...schemas.errors import ResourceFailure
 from ...schemas.measures import MEASURES, Basis
 from ...schemas.planning import PlannerSettings
 from ...schemas.results import ConfigWeights, CostShare, MetricName, Rate
-from ...schemas.runs import Lineage, RunLook, RunRecord, RunSeries, RunSource, RunSteps, ScenarioSource
+from ...schemas.runs import Contact, Lineage, RunLook, RunRecord, RunSeries, RunSource, RunSteps, ScenarioSource
 from ..commonroad import Track, kept_recording, static_tracks
 from ..vehicles import VehicleParameters, vehicle_classes, vehicle_of
 from .statistics import rate_by_scenario
@@ -33,11 +32,6 @@ def reached_goal(record: RunRecord) -> bool:
 def hit_another(record: RunRecord) -> bool:
     """Whether a run ended in a collision with another; leaving the road is none."""
     return record.collision is not None and record.collision.obstacle_id is not None
-
-
-def drawn(records: Iterable[RunRecord]) -> list[RunRecord]:
-    """The runs in a random order that depends on nothing but their ids: the first n are a random sample of them all."""
-    return sorted(records, key=lambda record: hashlib.sha256(record.run_id.encode()).digest())
 
 
 @dataclass(frozen=True)
@@ -78,6 +72,11 @@ class RunSet:
     @cached_property
     def _looks(self) -> dict[str, RunLook]:
         return {source.record.run_id: source.look for source in self.sources if source.look is not None}
+
+    @cached_property
+    def contacts(self) -> dict[str, Contact | None]:
+        """Who hit whom by run id, as far as it was computed: a collision is looked at once, whoever asks."""
+        return {}
 
     def look(self, record: RunRecord) -> RunLook | None:
         """What was kept of an earlier look at a run; None without it."""

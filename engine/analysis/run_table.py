@@ -152,7 +152,7 @@ def _flat(record: Mapping[str, Any]) -> dict[str, Value]:
 
 
 def _cell(value: Any) -> Value:
-    return json.dumps(value, sort_keys=True) if isinstance(value, dict | list) else value
+    return json.dumps(value, sort_keys=True) if isinstance(value, dict | list | bool) else value
 
 
 def _tuning(configuration: PlannerConfiguration) -> dict[str, Value]:

@@ -24,13 +24,13 @@ from ...schemas.results import (
     RunRow,
     UndefinedMetric,
 )
-from ...schemas.runs import AT_GOAL, Encounter, Outcome, RunRecord, RunReview
+from ...schemas.runs import AT_GOAL, CRITICAL_TIME_TO_COLLISION_S, Encounter, Outcome, RunRecord, RunReview
 from ..commonroad import parse_benchmark_id
 from ..execution import ProgressReporter, silent
 from .causes import beyond_vehicle, collision_causes, trivial_goals
 from .correlations import correlations
 from .filters import matching, window_of
-from .findings import CRITICAL_TIME_TO_COLLISION_S, find_all
+from .findings import find_all
 from .measures import MOST_MEASURED, measure_spreads, measures_of
 from .moments import contact_of, review, timeline
 from .run_set import METRICS, RunSet, cost_shares, most_frequent_first
@@ -184,7 +184,8 @@ def _notes(
         )
     if request.where:
         notes.append(f"{len(runs.sources)} of {len(request.runs)} runs meet {' and '.join(request.where)}")
-    if older := sum(record.success_rule == "driven@1" for record in runs.valid):
+    older = sum(record.success_rule == "driven@1" for record in runs.valid) if request.detail == "summary" else 0
+    if older and len(runs.sources) > 1:
         notes.append(f"{older} of {len(runs.valid)} valid runs are judged by {_OLD_RULE}")
     if correlation and request.detail == "findings" and len(runs.sources) > 1:
         notes.append(correlation)
@@ -194,10 +195,10 @@ def _notes(
         notes.append(f"{_MOST_ROWS} of {len(runs.sources)} runs shown, failures first; narrow with where")
     if request.detail == "rules" and len(runs.valid) > MOST_RUNS:
         notes.append(
-            f"traffic rules of {MOST_RUNS} of {len(runs.valid)} valid runs, the first scenarios; narrow with where"
+            f"traffic rules of a random {MOST_RUNS} of {len(runs.valid)} valid runs, by scenario; narrow with where"
         )
     if request.detail == "measures" and len(runs.valid) > MOST_MEASURED:
-        notes.append(f"the first {MOST_MEASURED} of {len(runs.valid)} valid runs are measured; narrow with where")
+        notes.append(f"a random {MOST_MEASURED} of {len(runs.valid)} valid runs are measured; narrow with where")
     if group_count > _MOST_GROUPS:
         notes.append(f"{_MOST_GROUPS} of {group_count} groups shown; narrow with where")
     gone = sorted({config.planner for config in runs.configs if config.default_weights is None})

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...schemas.results import RuleShare
-from ...schemas.runs import RuleVerdict, RunRecord
+from ...schemas.runs import RuleVerdict, RunRecord, drawn_place
 from ..commonroad import kept_recording, signs_of
 from ..geometry import Points, Values, arc_length, project_all
 from .ruled_drive import Ahead, RuledDrive, YieldsBy
@@ -89,10 +89,12 @@ def judged_by_rules(drive: RuledDrive) -> tuple[RuleVerdict, ...]:
 def rule_shares(runs: RunSet) -> tuple[RuleShare, ...]:
     """By configuration and rule: how many runs broke it, of those of which it asked something.
 
-    Of more than 200 runs the first ones are looked at, scenario by scenario, so that all configurations drive the same.
+    Of more than 200 runs those of scenarios that are drawn at random are looked at, so that configurations drive the
+    same.
     """
-    seen = {name: place for place, name in enumerate(dict.fromkeys(record.scenario_id for record in runs.valid))}
-    by_scenario = sorted(runs.valid, key=lambda record: seen[record.scenario_id])
+    by_scenario = list(runs.valid)
+    if len(by_scenario) > MOST_RUNS:
+        by_scenario.sort(key=lambda record: drawn_place(record.scenario_id))
     judged = [(record, rule_verdicts(runs, record)) for record in by_scenario[:MOST_RUNS]]
     shares: list[RuleShare] = []
     for config_id in dict.fromkeys(record.config_id for record, _ in judged):

@@ -62,7 +62,7 @@
 ``ReferenceDriver``: The protocol of these drivers.
 ``brakes_of``: How hard a class of vehicle brakes, and how fast that builds up.
 ``DriverScene``: A reference driver in the ego's place, among others that move as they did.
-``DriverWay``: A way along which a reference driver drives.
+``DriverPath``: A way along which a reference driver drives.
 ``NominalMotion``: How the ego moves until its reference driver reacts.
 ``lane_line``: The line that keeps to the ego's lane and route, from where a planning problem begins.
 ``going_on``: A track up to a later step: straight on, and braking on if it braked.
@@ -106,7 +106,7 @@ if TYPE_CHECKING:
         RssDriver,
         brakes_of,
     )
-    from .reference_drivers.ways import DriverWay
+    from .reference_drivers.paths import DriverPath
     from .reference_path import BEYOND_GOAL_M, ReferencePath, build_reference_path
     from .registry import (
         PLANNERS,

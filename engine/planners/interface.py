@@ -135,7 +135,14 @@ class PlannedTrajectory:
         return self._part(slice(index, None))
 
     def _part(self, part: slice) -> "PlannedTrajectory":
-        return PlannedTrajectory(*(None if array is None else array[part] for array in vars(self).values()))
+        steering_rad = None if self.steering_rad is None else self.steering_rad[part]
+        return PlannedTrajectory(
+            self.positions[part],
+            self.headings_rad[part],
+            self.speeds_mps[part],
+            self.accelerations_mps2[part],
+            steering_rad,
+        )
 
     def state_at(self, index: int, step: int, step_s: float) -> EgoState:
         """The state ``index`` steps ahead, as the ego state of time step ``step``."""

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...schemas.errors import NotPossible
-from ...schemas.runs import Contact, ReviewRequest, RunRecord, RunReview, RunSteps, ending
+from ...schemas.runs import Contact, ReviewRequest, RunRecord, RunReview, RunSeries, RunSteps, ending
 from ...schemas.text import measured
-from ..analysis import Course, RunSet, course_of, review_runs
+from ..analysis import Course, RunSet, course_of, read_series, review_runs
 from ..execution import silent
 from ..geometry import Values
 from .canvas import HATCHES, INK, MUTED, PICTURE_WIDTH_PX, SMALL_PT, Drawing, new_figure, series_style
@@ -157,9 +157,9 @@ def _term_hatch(number: int) -> str:
 
 
 def timeline(runs: RunSet) -> Drawing:
-    """One run over time: speed, accelerations, gap and time to collision, with its decisive moments marked.
+    """One run over time: speed, accelerations, gap and time to collision, and its place on the route if it has series.
 
-    Of several runs the first that failed.
+    Its decisive moments are marked. Of several runs the first that failed is drawn.
 
     Raises:
         NotPossible: no run has recorded steps.
@@ -168,18 +168,24 @@ def timeline(runs: RunSet) -> Drawing:
     record, course = next(courses, (None, None))
     if record is None or course is None:
         raise NotPossible("these runs have no recorded steps", next_step="run them again with run_planner")
-    review = _review_of(runs, record)
+    source = next(source for source in runs.sources if source.record.run_id == record.run_id)
+    review, series = _review_of(runs, record), read_series(source)
+    on_route = series if series is not None and len(series.lateral_offset_m) == len(course.time_s) else None
     marks = _marks(record, review)
-    height = 78 + 3 * 172 + 2 * 16 + 62 + 22 * len(marks) + 8
+    count = 3 if on_route is None else 4
+    height = 78 + count * 172 + (count - 1) * 16 + 62 + 22 * len(marks) + 8
     figure = new_figure(PICTURE_WIDTH_PX, height)
     panels: list[Axes] = []
-    for number in range(3):
+    for number in range(count):
         bottom = height - 78 - (number + 1) * 172 - number * 16
         first = panels[0] if panels else None
         panels.append(figure.add_axes((0.08, bottom / height, 0.84, 172 / height), sharex=first))
-    speed, motion, near = panels
+    speed, motion, near, *place = panels
     blue, red, green, purple = (series_style(number) for number in range(4))
-    speed.plot(course.time_s, course.speed_mps, color=blue[0], linewidth=2.2)
+    speed.plot(course.time_s, course.speed_mps, color=blue[0], linewidth=2.2, label="driven")
+    if on_route is not None:
+        _draw_desired_speed(speed, runs.steps[record.run_id], on_route, record.step_s, green)
+        _draw_place(place[0], course, on_route, (blue, red))
     speed.set_ylabel("speed [m/s]")
     speed.set_ylim(bottom=min(0.0, speed.get_ylim()[0]))
     motion.plot(course.time_s, course.acceleration_mps2, color=blue[0], linewidth=2.2, label="longitudinal")
@@ -191,9 +197,9 @@ def timeline(runs: RunSet) -> Drawing:
     for axes in panels:
         axes.grid(color="#E2E2E2", linewidth=0.8)
         axes.set_axisbelow(True)
-        axes.tick_params(labelbottom=axes is near)
+        axes.tick_params(labelbottom=axes is panels[-1])
     near.set_xlim(0, _MARGIN * max(float(course.time_s[-1]), record.step_s))
-    near.set_xlabel("time since the start [s]")
+    panels[-1].set_xlabel("time since the start [s]")
     figure.align_ylabels(panels)
     _draw_marks(figure, panels, marks, first_px=8)
     end = ending(record.outcome, record.reason, review)
@@ -229,6 +235,35 @@ def _draw_nearness(axes: "Axes", course: Course, styles: Sequence[tuple[str, obj
     other.tick_params(labelbottom=False)
     if bool(np.isnan(course.gap_m).all()):
         axes.text(0.5, 0.5, "no other within 60 m", transform=axes.transAxes, ha="center", color=MUTED)
+
+
+def _draw_desired_speed(
+    axes: "Axes", steps: RunSteps, series: RunSeries, step_s: float, style: tuple[str, object]
+) -> None:
+    """The speed that the built-in planners would aim at, which holds from one planning step to the next."""
+    count = min(len(steps.plan_steps), len(series.desired_speed_mps))
+    times = (np.array(steps.plan_steps[:count]) - steps.first_step) * step_s
+    axes.step(
+        times, series.desired_speed_mps[:count], where="post", color=style[0], linestyle=style[1],
+        linewidth=1.8, label="desired",
+    )  # fmt: skip
+    axes.legend(loc="upper left", ncols=2, frameon=False, fontsize=SMALL_PT)
+
+
+def _draw_place(axes: "Axes", course: Course, series: RunSeries, styles: Sequence[tuple[str, object]]) -> None:
+    """The offset from the reference path on the left axis; heading error and steering on the right one."""
+    (offset_colour, _), (angle_colour, dashes) = styles
+    axes.plot(course.time_s, series.lateral_offset_m, color=offset_colour, linewidth=2.2)
+    axes.axhline(0, color="#9A9A9A", linewidth=0.9)
+    axes.set_ylabel("offset from the\nroute [m]", color=offset_colour)
+    other = axes.twinx()
+    degrees = {"heading error": (series.heading_error_rad, "-"), "steering": (series.steering_rad, dashes)}
+    for name, (values, line) in degrees.items():
+        if len(values) == len(course.time_s):
+            other.plot(course.time_s, np.degrees(values), color=angle_colour, linestyle=line, linewidth=1.6, label=name)
+    other.set_ylabel("heading error,\nsteering [°]", color=angle_colour)
+    other.spines["right"].set_visible(True)
+    other.legend(loc="upper left", ncols=2, frameon=False, fontsize=SMALL_PT)
 
 
 @dataclass(frozen=True)

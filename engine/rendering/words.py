@@ -51,8 +51,9 @@ _TERMS: dict[str, str] = {
     "lanelet": "a piece of a lane, driven in one direction",
     "reference driver": "a driver with stated reactions, put in the ego's place after the fact: full braking, the "
     "careful and the fuzzy driver of UN Regulation 157, and one that keeps the safe distances of RSS",
-    "laid to": "what decides a collision: another that follows a recording and cannot brake, a prediction that had the "
-    "other elsewhere, a plan that had it there, or neither, where no reference driver prevents it",
+    "laid to": "what decides a collision: the ego, which stood or braked without a reason or made it otherwise; "
+    "another that follows a recording and cannot brake; a prediction that had the other elsewhere; a plan that had "
+    "it there; or neither, if it is not attributable",
     "traffic rule": "a rule of the road as a formula over the run; by how much it is broken is in its own unit "
     "(docs/traffic_rules.md)",
     "beyond the vehicle": "the driven motion exceeds a limit of the ego's vehicle, such as how fast its wheels turn",

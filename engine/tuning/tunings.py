@@ -338,7 +338,7 @@ def _reference(weights: tuple[Weight, ...], values: tuple[float, ...], summary: 
     return PlannerTuning(summary, _by_name(weights), {}, _by_name(presets), idle_settings=_PATH_FOLLOWERS_IGNORE)
 
 
-_PATH_FOLLOWERS_IGNORE = ("sampling_level", "switching_speed_mps", "maximum_steering_rate_radps", "search")
+_PATH_FOLLOWERS_IGNORE = ("sampling_level", "search")
 """Settings that do nothing in planners that follow the reference path."""
 _NO_PARAMETERS = {"Default": Preset("Default", "Default", "it has no parameters", {})}
 
@@ -355,7 +355,7 @@ TUNINGS = {
         weights=_by_name(_CHANNELS),
         external={},
         presets=_by_name(_CHANNEL_PRESETS),
-        idle_settings=("switching_speed_mps", "search"),
+        idle_settings=("search",),
     ),
     "idm": PlannerTuning(
         summary="lane-following Intelligent Driver Model, a baseline; no cost terms",
@@ -369,7 +369,6 @@ TUNINGS = {
         weights=_by_name(_FISS_WEIGHTS),
         external={},
         presets=_by_name(_FISS_PRESETS),
-        idle_settings=("switching_speed_mps", "maximum_steering_rate_radps"),
     ),
     "r157_careful": _reference(
         _CAREFUL,

@@ -45,7 +45,7 @@ _MAKERS: dict[ArtifactKind, str] = {
 """What makes an artifact of each kind, for the next step of a refusal."""
 _OWN_FOLDERS = frozenset(
     {
-        *("scratch", "index", "logs", "recordings", "journal", "pictures", "views", "answers", "extracts"),
+        *("scratch", "index", "logs", "recordings", "journal", "pictures", "views", "answers", "extracts", "looks"),
         *(f"{kind}s" for kind in get_args(ArtifactKind)),
     }
 )

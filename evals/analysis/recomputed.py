@@ -8,15 +8,14 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations_with_replacement
 from statistics import fmean, median
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from commonroad.common.file_reader import CommonRoadFileReader
-from commonroad.scenario.scenario import Scenario
 from scipy.stats import binomtest, norm, rankdata, spearmanr, t
-from shapely import LineString, Point
+from shapely import Point
 
-from ...schemas.runs import RunRecord, RunSteps
+from ...schemas.runs import RunRecord
 from .public_runs import RawRuns
 
 METRICS = {
@@ -310,22 +309,33 @@ def _partial(one: Sequence[float], other: Sequence[float], held: Sequence[Sequen
     return [left, float(2 * t.sf(abs(left) * math.sqrt(degrees / (1 - left**2)), degrees))]
 
 
-def late_because(raw: RawRuns, record: RunRecord) -> Literal["goal_out_of_reach", "held_up", ""]:
-    """Why a run came late: no ego is at the goal in time, a slower vehicle was ahead, or neither.
+_LATE_BY: Mapping[str, tuple[str, ...]] = {
+    "stood_late": ("stood_at_green", "stood_without_cause"),
+    "waited_late": ("stood_at_red", "stood_before_red", "stood_at_light", "stood_at_stop_sign", "stood_to_give_way"),
+    "held_up": ("held_up", "stood_in_queue", "stood_behind_vehicle"),
+}
+
+
+def late_because(raw: RawRuns, record: RunRecord, pace: Sequence[Mapping[str, Any]]) -> str:
+    """Why a run came late: no ego is at the goal in time, or what took most of the drive; empty if that is neither.
 
     Out of reach is a place farther than an ego comes straight on that accelerates by 4 m/s² to 1.1 times the limit;
-    held up is one with a vehicle within 3 s of its first speed ahead, slower than nine tenths of it, in 40 % of its
-    states.
+    most of the drive is the largest sum of the stretches of one group, if it is 40 % of it. The stretches are those
+    that the answer on the run alone has; ``evals.loop.standing`` judges these.
     """
     if record.scenario_id not in raw.files:
         return ""
-    scenario, problems = CommonRoadFileReader(str(raw.files[record.scenario_id])).open()
+    _, problems = CommonRoadFileReader(str(raw.files[record.scenario_id])).open()
     problem = problems.planning_problem_dict[record.problem_id]
     if all(_too_far(raw, record, problem.initial_state, state) for state in problem.goal.state_list):
         return "goal_out_of_reach"
-    steps = raw.steps[record.run_id]
-    slow = sum(_behind_slower(scenario, record, steps, index) for index in range(len(steps.x_m)))
-    return "held_up" if slow >= 0.4 * len(steps.x_m) else ""
+    lasted_s = (len(raw.steps[record.run_id].x_m) - 1) * record.step_s
+    spent = {
+        name: sum(one["until_s"] - one["since_s"] for one in pace if one["code"] in codes)
+        for name, codes in _LATE_BY.items()
+    }
+    most = max(spent, key=lambda name: spent[name])
+    return most if lasted_s > 0 and spent[most] >= 0.4 * lasted_s - 1e-6 else ""
 
 
 def _too_far(raw: RawRuns, record: RunRecord, start: Any, state: Any) -> bool:
@@ -340,25 +350,3 @@ def _too_far(raw: RawRuns, record: RunRecord, start: Any, state: Any) -> bool:
     shapes = getattr(place, "shapes", [place])
     away = min(shape.shapely_object.distance(Point(start.position)) for shape in shapes)
     return bool(away - record.ego_length_m > reach)
-
-
-def _behind_slower(scenario: Scenario, record: RunRecord, steps: RunSteps, index: int) -> bool:
-    """Whether a vehicle on the rest of the ego's way, or straight on behind its end, is near and slow."""
-    first, heading = steps.speed_mps[0], steps.heading_rad[-1]
-    far = (steps.x_m[-1] + 100 * math.cos(heading), steps.y_m[-1] + 100 * math.sin(heading))
-    way = LineString([*zip(steps.x_m[index:], steps.y_m[index:], strict=True), far])
-    for other in scenario.obstacles:
-        state = other.state_at_time(steps.first_step + index)
-        if state is None or float(getattr(state, "velocity", 0.0)) >= 0.9 * first:
-            continue
-        shape, place = other.obstacle_shape, Point(state.position)
-        length, width = getattr(shape, "length", 1.0), getattr(shape, "width", 1.0)
-        ahead = float(way.project(place))
-        beside = float(way.distance(place))
-        gap = ahead - (length + record.ego_length_m) / 2
-        on, after = way.interpolate(ahead), way.interpolate(ahead + 0.1)
-        turned = math.remainder(float(state.orientation) - math.atan2(after.y - on.y, after.x - on.x), math.tau)
-        near = ahead > 0 and gap < 3.0 * first and beside < (width + record.ego_width_m) / 2
-        if near and abs(turned) < math.pi / 4:
-            return True
-    return False

@@ -85,6 +85,10 @@ _COUNTED = (
     "unforeseen",
     "goal_out_of_reach",
     "held_up",
+    "waited_late",
+    "stood_late",
+    "stood_without_cause",
+    "braked_without_cause",
     "held_back",
     "weak_obstacle_cost",
     "near_misses",
@@ -92,6 +96,15 @@ _COUNTED = (
 )
 """Findings whose first figure is the number of their runs."""
 _FROM_BEHIND = ("rear_end_by_other", "onto_standing_ego")
+_LATE_WORDS = {
+    "held_up": "were behind a slower vehicle",
+    "waited_late": "waited at lights or for others that had the right of way",
+    "stood_late": "stood at a green light or with nothing to wait for",
+}
+_OWN_WORDS = {
+    "stood with nothing to wait for": ("stood_at_green", "stood_without_cause"),
+    "braked without a reason on the road": ("braked_without_cause", "braked_too_hard"),
+}
 LATE = ("timeout", "goal_late")
 """Outcomes of runs that came too late, or not at all in time."""
 
@@ -127,7 +140,8 @@ class Judge:
     @cached_property
     def contacts(self) -> dict[str, Any]:
         """Who hit whom, of the runs that ended in a collision."""
-        found = {one.run_id: self.reviews[one.run_id]["contact"] for one in self.raw.valid if one.collision}
+        hits = [one for one in self.raw.valid if one.outcome == "collision"]
+        found = {one.run_id: self.reviews[one.run_id]["contact"] for one in hits}
         return {run_id: contact for run_id, contact in found.items() if contact is not None}
 
     @cached_property
@@ -138,6 +152,7 @@ class Judge:
         return {
             run_id
             for run_id, by in judged.items()
+            if self.contacts[run_id].get("laid_to") != "ego"
             if by is not None and by["by_braking_until_s"] is None and not any(by[key] for key in keys)
             if not any(one["prevents"] and one["driver"] != "evading" for one in by.get("drivers", ()))
         }
@@ -161,7 +176,8 @@ class Judge:
     @cached_property
     def the_others(self) -> set[str]:
         """Collisions by others: from behind, or that nobody in the ego's place prevents."""
-        return self.unprevented | {key for key, contact in self.contacts.items() if contact["kind"] in _FROM_BEHIND}
+        behind = {key for key, contact in self.contacts.items() if contact["kind"] in _FROM_BEHIND}
+        return self.unprevented | {key for key in behind if self.contacts[key].get("laid_to") != "ego"}
 
     @cached_property
     def trivial(self) -> dict[str, str]:
@@ -176,7 +192,39 @@ class Judge:
     @cached_property
     def late(self) -> dict[str, str]:
         """Why runs came late, by run id."""
-        return {one.run_id: late_because(self.raw, one) for one in self.raw.valid if one.outcome in LATE}
+        return {
+            one.run_id: late_because(self.raw, one, self.pace(one.run_id))
+            for one in self.raw.valid
+            if one.outcome in LATE
+        }
+
+    def pace(self, run_id: str) -> list[dict[str, Any]]:
+        """The stretches of a run, as the answer on it alone has them."""
+        review = self.reviews.get(run_id)
+        return [] if review is None else list(review.get("pace", ()))
+
+    def _did(self, codes: Sequence[str], config: str) -> list[float]:
+        """How many of the failed runs of a configuration have such a stretch, of how many."""
+        failed = [
+            one
+            for one in self.raw.valid
+            if one.config_name == config
+            and (one.outcome in (*LATE, "goal_missed", "infeasible") or one.outcome == "collision")
+        ]
+        having = [one for one in failed if any(moment["code"] in codes for moment in self.pace(one.run_id))]
+        return [len(having), len(failed)]
+
+    def _stretch(self, match: re.Match[str]) -> list[float | None]:
+        """The figures of a stretch that is told of a run: the one that begins as told."""
+        begins = float(match["since"])
+        found = [one for one in self.pace(match["run"]) if abs(one["since_s"] - begins) < 0.051]
+        if not found:
+            return [None] * 3
+        one = found[0]
+        hardest = [one["largest_mps2"]] if match["hardest"] else []
+        before = [one["distance_m"]] if match["before"] else []
+        whom = [one["obstacle_id"]] if match["whom"] else []
+        return [*hardest, one["since_s"], one["until_s"], *before, *whom]
 
     def goals_without(self, left_out: Sequence[str] | set[str] | dict[str, str]) -> list[float]:
         """The rate without some runs."""
@@ -191,7 +239,9 @@ class Judge:
             if contact is None:
                 continue
             gap = contact["predicted_gap_m"]
-            if contact["kind"] in _FROM_BEHIND and one.traffic == "recorded":
+            if contact.get("laid_to") == "ego":
+                found["ego"] += contact["fault"] is not None
+            elif contact["kind"] in _FROM_BEHIND and one.traffic == "recorded":
                 found["recording"] += 1
             elif contact["prevention"] is None:
                 continue
@@ -237,7 +287,7 @@ class Judge:
         outcomes, contacts = Counter(str(one.outcome) for one in valid), self.contacts
         kinds = Counter(contact["kind"].replace("_", " ") for contact in contacts.values())
         trivial = ("at the start", "standing", "by time alone")
-        hits = sum(one.collision is not None for one in valid)
+        hits = sum(one.outcome == "collision" for one in valid)
         known = [one.beyond_vehicle is not None for one in valid]
         beyond = [{excess.name for excess in one.beyond_vehicle} for one in valid if one.beyond_vehicle]
 
@@ -298,7 +348,7 @@ class Judge:
         """The rows "In short" of a report, and its table of configurations."""
         records, valid, contacts = self.raw.records, self.raw.valid, self.contacts
         judged = sum(contact["prevention"] is not None for contact in contacts.values())
-        hits = sum(one.collision is not None for one in valid)
+        hits = sum(one.outcome == "collision" for one in valid)
         behind = [key for key in self.unprevented if contacts[key]["kind"] in _FROM_BEHIND]
         outcomes = Counter(one.outcome.replace("_", " ") for one in valid if not goal(one))
         kinds = Counter(contact["kind"].replace("_", " ") for contact in contacts.values())
@@ -426,9 +476,26 @@ class Judge:
                 rf"{N} of {N} late runs could not be on time",
                 lambda _: [list(self.late.values()).count("goal_out_of_reach"), len(self.late)],
             ),
+            *(
+                (
+                    rf"{N} of {N} late runs {words} for {N} %",
+                    lambda _, name=name: [list(self.late.values()).count(name), len(self.late), 40],
+                )
+                for name, words in _LATE_WORDS.items()
+            ),
+            *(
+                (
+                    rf"In {N} of {N} late or collided runs of (\S+) the ego {words}",
+                    lambda match, codes=codes: self._did(codes, match[3]),
+                )
+                for words, codes in _OWN_WORDS.items()
+            ),
             (
-                rf"{N} of {N} late runs were behind a slower vehicle for {N} %",
-                lambda _: [list(self.late.values()).count("held_up"), len(self.late), 40],
+                (
+                    rf"in (?P<run>run_[\w-]+) it [a-z ]+?(?P<hardest> by up to {N} m/s²)? from (?P<since>[\d.]+) s"
+                    rf" to {N} s(?P<before>, {N} m before)?(?:, much harder than [a-z_A-Z]+ (?P<whom>\d+) asked)?"
+                ),
+                self._stretch,
             ),
             (rf"{N} of {N} successes of (\S+) exceeded {N} m/s² of lateral acceleration \(largest {N}\)", harsh),
             (
@@ -743,8 +810,10 @@ class Judge:
             (rf"(?<=[:,] )(\w+) {N} → {N}", lambda match: [before.get(match[1]), after.get(match[1])]),
             (rf"left out: {N} runs .* {N} pairs", lambda _: [pairs.unpaired, pairs.invalid]),
             (
-                rf"^({words})(?: \([^|]*\))? \| {N} \| {N} \| {N} \| {N} \[{N}, {N}\]"
-                rf" \| (?:{N}|–|<0.001) \| (?:{N}|–|<0.001)",
+                (
+                    rf"^({words})(?: \([^|]*\))? \| {N} \| {N} \| {N} \| {N} \[{N}, {N}\]"
+                    rf" \| (?:{N}|–|<0.001) \| (?:{N}|–|<0.001)"
+                ),
                 report_row,
             ),
             (rf"^(\w+) \| {N} \| {N}$", lambda match: [before.get(match[1]), after.get(match[1])]),

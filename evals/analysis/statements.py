@@ -113,8 +113,8 @@ def _weights(bench: AnalysisBench, raw: RawRuns) -> dict[str, dict[str, float]]:
 
 
 async def _reviews(client: Client, raw: RawRuns) -> dict[str, Any]:
-    """The moments of the runs that collided or came near, each as the answer on that run alone has them."""
-    near = [one for one in raw.valid if one.collision is not None or (goal(one) and is_close(one))]
+    """The moments of the runs that failed or came near, each as the answer on that run alone has them."""
+    near = [one for one in raw.valid if not goal(one) or is_close(one)]
     return {one.run_id: (await ask(client, "analyze_results", results=[one.run_id]))["review"] for one in near}
 
 

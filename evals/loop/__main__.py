@@ -27,6 +27,7 @@ PARTS: Parts[LoopBench] = Parts(
         "versions": ("versions_told",),
         "protocol": ("protocol_named", "protocol_step_ms"),
         "official": ("official_goals_gt", "official_goals_cv", "beyond_limits"),
+        "acceptance": ("acceptance_agree",),
         "fiss": ("fiss_plan_ratio",),
         "headlines": ("headlines_right",),
     },

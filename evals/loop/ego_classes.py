@@ -24,6 +24,7 @@ Keys: ``ego_classes_right``: share of the requests that are right; ``ego_request
 
 import base64
 import io
+import itertools
 import json
 import math
 import random
@@ -412,7 +413,7 @@ _WIDTH_M = 7.0
 
 
 def _line(made: _Made) -> list[tuple[float, float, float]]:
-    """Points and headings of the middle of the ego's lane: straight, or straight, a quarter of a circle and straight."""
+    """Points and headings of the middle of the ego's lane: straight, or with a quarter of a circle in it."""
     straight = [(float(x), 0.0, 0.0) for x in range(0, 401, 5)]
     radius = made.bend_radius_m
     if not radius:
@@ -430,7 +431,7 @@ def _goal_at(made: _Made) -> tuple[float, float, float]:
     left = made.goal_m
     points = [point for point in _line(made) if made.bend_radius_m or point[0] >= made.ego_x]
     points = [point for point in points if point[0] >= made.ego_x or point[2] > 0]
-    for (x, y, _), after in zip(points, points[1:], strict=False):
+    for (x, y, _), after in itertools.pairwise(points):
         left -= math.hypot(after[0] - x, after[1] - y)
         if left <= 0:
             return after
@@ -441,8 +442,10 @@ def _xml(made: _Made) -> str:
     """The scenario as a CommonRoad file, with a second lane to the left where the road is straight."""
     lines = [
         "<?xml version='1.0' encoding='UTF-8'?>",
-        f'<commonRoad timeStepSize="0.1" commonRoadVersion="2020a" author="bench" affiliation="none" source="by hand" '
-        f'benchmarkID="{made.name}" date="2020-01-01">',
+        (
+            f'<commonRoad timeStepSize="0.1" commonRoadVersion="2020a" author="bench" affiliation="none" '
+            f'source="by hand" benchmarkID="{made.name}" date="2020-01-01">'
+        ),
         "<location><geoNameId>-999</geoNameId><gpsLatitude>999</gpsLatitude><gpsLongitude>999</gpsLongitude></location>",
         "<scenarioTags><urban/></scenarioTags>",
     ]

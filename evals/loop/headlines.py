@@ -284,7 +284,7 @@ async def _faults(client: Client, case: _Case, made: Sequence[Sequence[RunRecord
     told = _judged(case, made, number)
     if len(result["comparisons"]) != len(told):
         return [f"{len(result['comparisons'])} comparisons, not {len(told)}: {text}"]
-    faults = []
+    faults: list[str] = []
     for comparison, expected in zip(result["comparisons"], told, strict=True):
         faults += expected.faults(comparison, result["sides"], text)
     return [*faults, *([text] if faults else [])]

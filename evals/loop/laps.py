@@ -14,7 +14,6 @@ A wrong lap shows as an error of tens of metres. The rest comes from the smoothi
 import math
 import random
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -231,12 +230,10 @@ def errors_m(case: Case) -> tuple[float, float]:
 def measure(bench: LoopBench) -> Figures:
     """Compare the product's places with those of the closed form."""
     found = [(case, errors_m(case)) for case in cases(bench.seed, bench.limit or CASES)]
-    worst: dict[str, list[Sequence[float]]] = {}
-    for case, errors in found:
-        worst.setdefault(case.name, []).append(errors)
     figures: dict[str, float] = {"lap_error_m_max": round(max(max(errors) for _, errors in found), 3)}
-    for name, errors in sorted(worst.items()):
+    for name in sorted({case.name for case, _ in found}):
+        of_kind = [errors for case, errors in found if case.name == name]
         key = name.replace(" ", "_")
-        figures[f"{key}_progress_m_max"] = round(max(one for one, _ in errors), 3)
-        figures[f"{key}_distance_m_max"] = round(max(one for _, one in errors), 3)
+        figures[f"{key}_progress_m_max"] = round(max(progress for progress, _ in of_kind), 3)
+        figures[f"{key}_distance_m_max"] = round(max(distance for _, distance in of_kind), 3)
     return {**figures, "laps_cases": len(found)}

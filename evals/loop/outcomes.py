@@ -25,7 +25,7 @@ from rich.table import Table
 
 from ..harness import existing, scenario_files, shared_scenarios
 
-_CHECKOUT = Path(__file__).resolve().parents[2]
+CHECKOUT = Path(__file__).resolve().parents[2]
 _CONFIGURATIONS = ("frenetix:Default", "idm:Default", "mp_rbfn:Default")
 _PREDICTIONS = ("ground_truth", "constant_velocity")
 _TRAFFIC = ("recorded", "reactive")
@@ -36,26 +36,49 @@ _FAILED = "no run"
 """Stands for the outcome of a run that could not be made."""
 
 
-def measured(cells: Sequence[Row], checkout: Path) -> Iterator[Row]:
-    """Yield the row of each cell, run in a process of its own with the code of a checkout."""
-    driver = Path(__file__).with_name("outcomes_driver.py")
-    with subprocess.Popen(
-        [sys.executable, "-P", str(driver)],
+def measured(wanted: Sequence[Row], checkout: Path) -> Iterator[Row]:
+    """Yield the row of each cell, run with the code of a checkout in a process of its own.
+
+    A process that ends over a cell gives a row without an outcome, and the next cell gets a new process.
+    """
+    process: subprocess.Popen[str] | None = None
+    try:
+        for cell in wanted:
+            process = process or _driver(checkout)
+            row = _asked(process, cell)
+            if row is None:
+                error = f"the process ended with {process.wait()}"
+                key = {name: cell[name] for name in _KEY[1:]}
+                row, process = {"scenario": Path(cell["file"]).stem, **key, "outcome": None, "error": error}, None
+            yield row
+    finally:
+        if process is not None:
+            process.kill()
+            process.wait()
+
+
+def _driver(checkout: Path) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [sys.executable, "-P", str(Path(__file__).with_name("outcomes_driver.py"))],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
         text=True,
         env={**os.environ, "PYTHONPATH": str(checkout)},
-    ) as process:
-        if process.stdin is None or process.stdout is None:
-            raise RuntimeError("the driver has no pipes")
-        for cell in cells:
-            process.stdin.write(json.dumps(cell) + "\n")
-            process.stdin.flush()
-            line = process.stdout.readline()
-            if not line:
-                raise RuntimeError(f"the driver ended on {cell}")
-            yield json.loads(line)
-        process.stdin.close()
+    )
+
+
+def _asked(process: "subprocess.Popen[str]", cell: Row) -> Row | None:
+    """The driver's row for a cell; None if the driver has ended."""
+    if process.stdin is None or process.stdout is None:
+        return None
+    try:
+        process.stdin.write(json.dumps(cell) + "\n")
+        process.stdin.flush()
+    except BrokenPipeError:
+        return None
+    line = process.stdout.readline()
+    return json.loads(line) if line else None
 
 
 def cells(
@@ -122,7 +145,7 @@ def _main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(required=True)
     measure = commands.add_parser("measure", help="run planners and add the rows to a file")
-    measure.add_argument("--checkout", type=Path, default=_CHECKOUT, help="whose code runs (default: this one)")
+    measure.add_argument("--checkout", type=Path, default=CHECKOUT, help="whose code runs (default: this one)")
     measure.add_argument("--folder", type=Path, default=shared_scenarios())
     measure.add_argument("--out", type=Path, required=True)
     measure.add_argument("--limit", type=int, default=None, help="only a sample of this many files")

@@ -172,7 +172,8 @@ class _Straight:
         """Look for the smallest distance to others, and go straight on."""
         self.observations.append(observation)
         ego = observation.ego
-        x_m, y_m = straight_on(*ego.position.tolist(), ego.heading_rad, ego.speed_mps, self.task.step_s)
+        x, y = (float(one) for one in ego.position)
+        x_m, y_m = straight_on(x, y, ego.heading_rad, ego.speed_mps, self.task.step_s)
         others = [(one.positions[:, 0], one.positions[:, 1]) for one in observation.obstacles]
         count = len(x_m)
         trajectory = PlannedTrajectory(

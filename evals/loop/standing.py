@@ -92,6 +92,10 @@ class Told:
     other: int | None = None
 
 
+Lights = tuple[tuple[TrafficLightState, int], ...]
+"""Colours with their durations in steps."""
+
+
 @dataclass(frozen=True)
 class Made:
     """A run: the speed of the ego, what is around it, and what is true of it.
@@ -105,7 +109,7 @@ class Made:
     duration_s: float
     truth: tuple[Told, ...]
     others: tuple[Other, ...] = ()
-    lights: tuple[tuple[TrafficLightState, int], ...] = ()
+    lights: Lights = ()
     curve: tuple[float, float, float] = (0.0, BEGIN_M, ROAD_M)
     goal_m: tuple[float, float] = (ROAD_M - 40.0, ROAD_M - 20.0)
     goal_steps: tuple[int, int] = (100, 200)
@@ -233,13 +237,17 @@ def standing(choice: random.Random) -> Iterator[tuple[str, Made]]:
     # late, behind a slower vehicle and by itself
     slow, headway = choice.uniform(3.5, 6.0), choice.uniform(1.2, 2.4)
     start = headway * slow + (LENGTH_M - OTHER_M) / 2
-    wanted = {"late": True, "goal_m": (180.0, 200.0), "goal_steps": (100, 150)}
+
+    def late(profile: Speed, duration_s: float, truth: tuple[Told, ...], others: tuple[Other, ...], named: str) -> Made:
+        """A run that misses its goal's time, and the finding that is to say why."""
+        return Made(profile, duration_s, truth, others, (), way, (180.0, 200.0), (100, 150), late=True, finding=named)
+
     held = Told("held_up", 0.0, 7)
     leader = Other(7, max(start, OTHER_M + 2.0), steady(slow))
-    yield "late behind", Made(steady(slow), 22.0, (held,), (leader,), curve=way, finding="held_up", **wanted)  # type: ignore[arg-type]
+    yield "late behind", late(steady(slow), 22.0, (held,), (leader,), "held_up")
     ahead = Other(7, slow * choice.uniform(5.0, 8.0) + 2 * OTHER_M, steady(slow))
-    yield "late alone", Made(steady(slow), 22.0, (), (ahead,), curve=way, finding="", **wanted)  # type: ignore[arg-type]
-    yield "late standing", Made(stop, stands + 25.0, (alone,), curve=way, finding="stood_late", **wanted)  # type: ignore[arg-type]
+    yield "late alone", late(steady(slow), 22.0, (), (ahead,), "")
+    yield "late standing", late(stop, stands + 25.0, (alone,), (), "stood_late")
 
 
 def braking(choice: random.Random) -> Iterator[tuple[str, Made]]:
@@ -247,35 +255,44 @@ def braking(choice: random.Random) -> Iterator[tuple[str, Made]]:
     way = _curve(choice)
     speed, begins = choice.uniform(8, 13), choice.uniform(1.0, 2.5)
     hard, gentle = choice.uniform(6.0, 10.3), choice.uniform(2.4, 3.2)
-    soon = {"curve": way, "goal_m": (300.0, 320.0), "goal_steps": (80, 180)}
+
+    def soon(
+        profile: Speed,
+        duration_s: float,
+        truth: Told,
+        others: tuple[Other, ...] = (),
+        lights: Lights = (),
+        hit_by: tuple[int, str] | None = None,
+    ) -> Made:
+        """A run whose goal asks for no slower a speed than the first."""
+        goal: tuple[float, float] = (300.0, 320.0)
+        return Made(profile, duration_s, (truth,), others, lights, way, goal, (80, 180), hit_by=hit_by)
+
     none = Told("braked_without_cause", begins)
     quick = slowing(speed, begins, hard, choice.uniform(0.5, 3.0))
     mild = slowing(speed, begins, gentle, choice.uniform(3.0, 5.0))
-    yield "nothing, hard", Made(quick, begins + 5, (none,), **soon)  # type: ignore[arg-type]
-    yield "nothing, gently", Made(mild, begins + 5, (none,), **soon)  # type: ignore[arg-type]
+    yield "nothing, hard", soon(quick, begins + 5, none)
+    yield "nothing, gently", soon(mild, begins + 5, none)
     far = Other(7, choice.uniform(50, 58), steady(speed + choice.uniform(1, 4)))
-    yield "far ahead, hard", Made(quick, begins + 4, (none,), (far,), **soon)  # type: ignore[arg-type]
+    yield "far ahead, hard", soon(quick, begins + 4, none, (far,))
     # for a vehicle: one that brakes, and one that is much slower
     braked = Told("braked_for_vehicle", begins, 7)
     gap = speed * choice.uniform(1.0, 1.6)
     brakes = Other(7, gap + (LENGTH_M + OTHER_M) / 2, slowing(speed, begins - 0.6, hard, 1.0))
-    yield "leader brakes", Made(slowing(speed, begins, hard * 0.9, 1.0), begins + 4, (braked,), (brakes,), **soon)  # type: ignore[arg-type]
+    yield "leader brakes", soon(slowing(speed, begins, hard * 0.9, 1.0), begins + 4, braked, (brakes,))
     theirs = choice.uniform(1.0, 3.0)
     needs = (speed - theirs) ** 2 / (2 * 3.0)
     slower = Other(7, needs + 2 + (speed - theirs) * begins + (LENGTH_M + OTHER_M) / 2, steady(theirs))
-    yield "slower leader", Made(slowing(speed, begins, 3.0, theirs), begins + 5, (braked,), (slower,), **soon)  # type: ignore[arg-type]
+    yield "slower leader", soon(slowing(speed, begins, 3.0, theirs), begins + 5, braked, (slower,))
     # for a light
     stop_by = choice.uniform(2.3, 3.2)
     at = _front_at(LINE_M) - choice.uniform(0.5, 2.5)
     late = (at - speed**2 / (2 * stop_by)) / speed
     red = Told("braked_for_light", late)
     stop = stopping(speed, late, stop_by)
-    yield "light", Made(stop, late + speed / stop_by + 1, (red,), lights=((RED, 900), (GREEN, 10)), **soon)  # type: ignore[arg-type]
+    yield "light", soon(stop, late + speed / stop_by + 1, red, lights=((RED, 900), (GREEN, 10)))
     green = ((GREEN, 900), (RED, 10))
-    yield (
-        "green light",
-        Made(stop, late + speed / stop_by + 1, (Told("braked_without_cause", late),), lights=green, **soon),
-    )  # type: ignore[arg-type]
+    yield ("green light", soon(stop, late + speed / stop_by + 1, Told("braked_without_cause", late), lights=green))
     # for one that crosses
     passes = late + speed / stop_by
     across = choice.uniform(6, 12)
@@ -322,7 +339,7 @@ def braking(choice: random.Random) -> Iterator[tuple[str, Made]]:
         follower = Other(8, -speed * 0.9 - (LENGTH_M + OTHER_M) / 2, steady(speed))
         touch = _touch_s(profile, follower)
         if touch is not None:
-            yield name, Made(profile, touch, (truth,), (*around, follower), hit_by=(8, laid), **soon)  # type: ignore[arg-type]
+            yield name, soon(profile, touch, truth, (*around, follower), hit_by=(8, laid))
 
 
 def _touch_s(ego: Speed, follower: Other) -> float | None:

@@ -48,7 +48,7 @@ def answer(step: dict[str, Any], step_s: float) -> dict[str, Any]:
 def main() -> None:
     """Speak the protocol."""
     step_s = 0.1
-    for line in sys.stdin:
+    for line in sys.stdin.buffer:
         message = json.loads(line)
         if message["type"] == "start":
             step_s = message["step_s"]

@@ -2,7 +2,8 @@
 
 Made: of six weights one decides from some value on whether a made scenario is mastered, four matter little, one does
 nothing; which is which, and the values, are drawn. Real: IDM on public scenarios, where the desired acceleration
-matters to the time and ``sampling_level`` acts on nothing. Both by Morris, each seed its own design.
+matters to the comfort of nearly all of them and ``sampling_level`` acts on nothing. (To the time it does not: on 38 of
+47 scenarios it changes nothing, on six the one way and on three the other.) Both by Morris, each seed its own design.
 
 Keys: ``sensitivity_planted``: share of the made and real cases in which the one is told to matter and the other to have
 done nothing; ``sensitivity_made``, ``sensitivity_real``: of either; ``sensitivity_cases``: of how many.
@@ -22,8 +23,8 @@ from ...server.assembly import create_server
 from ..analysis.bench import AnalysisBench
 from ..harness import Figures, ask, ask_to_the_end, import_scenarios, scenario_files, settings_for, share
 
-CASES, MADE_SCENARIOS, REAL_SCENARIOS = 10, 40, 8
-"""Seeds, and scenarios of a made and of a real case (chosen)."""
+CASES, REAL_CASES, MADE_SCENARIOS, REAL_SCENARIOS = 10, 3, 40, 24
+"""Seeds of made and of real cases, and scenarios of either (chosen: a real case takes minutes)."""
 _NAMES = ("prediction", "velocity_offset", "distance_to_obstacles", "jerk", "responsibility", "path_length")
 
 
@@ -31,7 +32,7 @@ def measure(bench: AnalysisBench) -> Figures:
     """The keys above; with a limit, of so many seeds."""
     seeds = range(bench.seed, bench.seed + (bench.limit or CASES))
     made = [_made(seed) for seed in seeds]
-    real = anyio.run(_real, bench, list(seeds))
+    real = anyio.run(_real, bench, list(seeds[:REAL_CASES]))
     return {
         "sensitivity_planted": share([*made, *real]),
         "sensitivity_made": share(made),
@@ -83,7 +84,7 @@ async def _effects(client: Client, seed: int) -> Any:
         "base": "idm:Default",
         "method": "morris",
         "vary": ["acceleration_mps2", "sampling_level"],
-        "objective": ["time"],
+        "objective": ["comfort"],
         "max_trials": 30,
         "seed": seed,
     }

@@ -423,7 +423,7 @@ def _tested(metrics: tuple[MetricTest, ...]) -> list[str]:
     shown = sorted(differing, key=lambda metric: (metric.p_holm or 0.0, metric.name))
     lines = [_metric(metric) for metric in shown]
     others = [metric for metric in metrics if metric not in differing]
-    for title, tested in (("no difference shown (medians)", True), ("too few pairs for a test (medians)", False)):
+    for title, tested in (("not shown to differ (medians)", True), ("too few pairs for a test (medians)", False)):
         medians = [
             f"{metric_words(metric.name)} {_medians(metric)}"
             for metric in others

@@ -181,13 +181,11 @@ def _check_all(found: "Found", paths: Sequence[Path], *, empty_road: bool) -> bo
         checks.append(checked)
         typer.echo(f"  {checked.scenario_id}: {_in_words(checked, told)}")
         told.update(checked.breaches)
-    for note in _unmoved(found, checks):
+    for note in (*_beyond(checks), *_unmoved(found, checks)):
         typer.echo(f"  Note: {note}")
     broken = sum(bool(each.breaches) for each in checks)
     where = counted(len(checks), "scenario")
-    verdict = (
-        f"{found.name} keeps its contract on {where}" if not broken else f"{found.name}: broken on {broken} of {where}"
-    )
+    verdict = f" keeps its contract on {where}" if not broken else f": broken on {broken} of {where}"
     typer.echo(f"{found.name}{verdict}{_endings(checks)}.")
     return not broken
 
@@ -196,6 +194,17 @@ def _endings(checks: Sequence["PlannerCheck"]) -> str:
     """How many drives ended in which way, the most frequent first."""
     ended = Counter(each.outcome.replace("_", " ") for each in checks if each.outcome is not None)
     return f"; its drives: {', '.join(f'{outcome} {count}' for outcome, count in ended.most_common())}" if ended else ""
+
+
+def _beyond(checks: Sequence["PlannerCheck"]) -> Iterator[str]:
+    """The limits of the vehicle that drives exceed, once for each limit."""
+    named: dict[str, list[str]] = {}
+    for check in checks:
+        for excess in check.beyond_vehicle:
+            named.setdefault(excess.name, []).append(f"{excess.in_words()} on {check.scenario_id}")
+    for where in named.values():
+        more = f", and on {len(where) - 1} more" if len(where) > 1 else ""
+        yield f"beyond the vehicle: {where[0]}{more}; CommonRoad's benchmark may refuse such a motion"
 
 
 def _unmoved(found: "Found", checks: Sequence["PlannerCheck"]) -> Iterator[str]:

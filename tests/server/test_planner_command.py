@@ -8,12 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
+import psutil
 import pytest
 from support import own_planner_program
 from support.builders import Problem, Vehicle, town_road
 from support.own_planners import STRAIGHT, install
 from typer.testing import CliRunner, Result
 
+from plannerforge.evals.loop import stepwise_program
 from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.schemas.planning import CommandRequest, EgoStart
 from plannerforge.server.command_line import application
@@ -196,6 +198,18 @@ def test_a_program_of_the_settings_is_checked(behaviour: str, code: int, told: s
     checked = command("check", "theirs", road)
     assert checked.exit_code == code, checked.output
     assert told in checked.output
+
+
+@pytest.mark.parametrize(("behaviour", "code", "told"), [("drives", 0, "ms a plan"), ("old_step@2", 1, "for step 0")])
+def test_a_stepwise_program_is_checked_and_leaves_no_process(behaviour: str, code: int, told: str, road: Path) -> None:
+    settings_file().parent.mkdir(parents=True, exist_ok=True)
+    program = f'["{sys.executable}", "-S", "{stepwise_program.__file__}", "{behaviour}"]'
+    section = f'[planners.theirs]\nsummary = "theirs"\ncommand = {program}\nprotocol = "stepwise"\n'
+    settings_file().write_text(section)
+    checked = command("check", "theirs", road)
+    assert checked.exit_code == code, checked.output
+    assert told in checked.output
+    assert [one for one in psutil.Process().children(recursive=True) if behaviour in one.cmdline()] == []
 
 
 @pytest.mark.parametrize(("name", "told"), [("absent", "there is no planner 'absent'"), ("idm", "built-in")])

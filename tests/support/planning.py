@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pytest
 from commonroad.common.util import AngleInterval, Interval
 from commonroad.geometry.shape import Rectangle
 from commonroad.planning.goal import GoalRegion
@@ -16,6 +17,9 @@ from commonroad.scenario.scenario import Scenario
 from commonroad.scenario.state import CustomState, InitialState
 from commonroad.scenario.trajectory import Trajectory
 
+from plannerforge.engine.planners import safety
+from plannerforge.engine.planners.driving.following import FollowedPlan
+from plannerforge.engine.planners.frenetix import planner as frenetix_planner
 from plannerforge.engine.planners.frenetix.planner import Frenetix
 from plannerforge.engine.planners.simulation import DrivenRun, simulate
 from plannerforge.engine.tuning.configurations import changed_configuration, named_configuration
@@ -23,6 +27,12 @@ from plannerforge.schemas.planning import PlannerConfiguration
 from plannerforge.schemas.runs import Prediction
 
 LANE_WIDTH_M = 3.5
+
+
+def as_planned(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let Frenetix's plans be driven as they are, whether or not a vehicle can."""
+    for module in (safety, frenetix_planner):
+        monkeypatch.setattr(module, "follow", lambda plan, *_: FollowedPlan(plan, 0.0, within_tyres=True))
 
 
 def rotation(angle_rad: float) -> Any:

@@ -533,8 +533,10 @@ def _finished(study: StudyRecord, call: ToolCall) -> OptimizePlannerResult:
         if better
         else "more scenarios or max_trials, or vary settings too"
     )
-    if study.effects:
+    if study.headline_code == "effects_shown":
         following = "optimize_planner with vary: what matters"
+    elif study.effects:
+        following = "more scenarios, or a larger max_trials: too little is known of each weight"
     return OptimizePlannerResult(state="done", study=study, headline_code=study.headline_code, next_step=following)
 
 

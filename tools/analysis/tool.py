@@ -10,6 +10,7 @@ from ...schemas.runs import BatchRecord, RunRecord, RunSource, configuration_id
 from ..call import ToolCall
 from ..operations import ANALYSE, COMPARE
 from ..results import ChosenResult, chosen_runs, config_weights, lineages, scenario_sources
+from .looks import looked_at
 from .trial import with_trials
 
 
@@ -17,6 +18,8 @@ async def analyze_results(arguments: AnalyzeResultsArguments, call: ToolCall) ->
     """Rates, metrics, costs and findings of runs."""
     chosen, runs = chosen_runs(arguments.results, call)
     call.shows(*(result.result_id for result in chosen))
+    if arguments.detail in ("summary", "findings") and len(runs) > 1:
+        runs = await looked_at(runs, call)
     request = AnalyseRequest(
         results=tuple(result.result_id for result in chosen),
         runs=runs,

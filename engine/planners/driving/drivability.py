@@ -89,6 +89,21 @@ def exceeded_limits(
         yield LimitExcess(name="rolling", value=slides, limit=0.0, unit="of the steps", time_s=time_s)
 
 
+def excesses_of(trajectory: PlannedTrajectory, vehicle: VehicleParameters, step_s: float) -> tuple[LimitExcess, ...]:
+    """The limits of the vehicle that a trajectory of its centre exceeds."""
+    track = Track(
+        obstacle_id=-1,
+        kind="car",
+        length_m=vehicle.length_m,
+        width_m=vehicle.width_m,
+        first_step=0,
+        positions=trajectory.positions,
+        headings_rad=trajectory.headings_rad,
+        speeds_mps=trajectory.speeds_mps,
+    )
+    return tuple(exceeded_limits(track, vehicle, step_s, trajectory.steering_rad))
+
+
 _LimitName = Literal["speed", "acceleration", "friction", "steering angle", "steering rate"]
 
 

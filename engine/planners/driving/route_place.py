@@ -16,6 +16,7 @@ class RoutePlace:
     """The place of one ego state: along the path, beside it (left positive), and turned against it.
 
     ``to_goal_m``: along the path to where the goal begins; negative behind that, None for a goal without a place.
+    ``desired_speed_reason``: why that speed is desired.
     """
 
     station_m: float
@@ -23,6 +24,7 @@ class RoutePlace:
     heading_error_rad: float
     to_goal_m: float | None
     desired_speed_mps: float
+    desired_speed_reason: SpeedReason
 
 
 class RoutePlaces:
@@ -40,12 +42,14 @@ class RoutePlaces:
     def at(self, ego: EgoState) -> RoutePlace:
         """The place of one state."""
         station_m, offset_m = self._follower.place(ego.position)
+        desired_mps, reason = self._desired.explained_at(ego)
         return RoutePlace(
             station_m=station_m,
             offset_m=offset_m,
             heading_error_rad=wrap_angle(ego.heading_rad - float(self._direction(np.array([station_m]))[0])),
             to_goal_m=None if self._goal_m is None else self._goal_m - station_m,
-            desired_speed_mps=self._desired.at(ego),
+            desired_speed_mps=desired_mps,
+            desired_speed_reason=reason,
         )
 
     def beside(self, positions: Points, headings_rad: Values) -> tuple[Values, Values]:

@@ -5,17 +5,21 @@ It is driven in the loop among the recorded traffic, as a run is, and asked agai
 
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 
+import numpy as np
+
 from ....schemas.errors import NotPossible, PlannerFailure
 from ....schemas.planning import PlannerConfiguration, PlannerDeclaration, PlannerSettings
-from ....schemas.runs import Outcome
+from ....schemas.runs import LimitExcess, Outcome
 from ...commonroad import read_recorded
 from ...execution import silent
-from ..interface import Observation, Plan, Planner, PlanningTask
-from ..simulation import simulate
+from ..driving.drivability import excesses_of
+from ..interface import Observation, Plan, PlannedTrajectory, Planner, PlanningTask
+from ..simulation import DrivenRun, simulate
 from ..traffic.recorded import RecordedTraffic
 from .command import ScenarioFile
 from .conformance import check_planner, same_plan
@@ -32,7 +36,7 @@ class PlannerCheck:
     recorded traffic or on an empty road. ``asked_again``: the observations of the drive at which a class was asked with
     each weight and parameter at both ends of its range; ``unmoved``: those that changed none of these plans.
     ``raised``: the traceback of what its code raised; of a program what it wrote to standard error. ``took``: how long
-    it took to plan, in words.
+    it took to plan, in words. ``beyond_vehicle``: the limits of the vehicle that the driven motion exceeds.
     """
 
     scenario_id: str
@@ -43,6 +47,7 @@ class PlannerCheck:
     asked_again: int = 0
     raised: str = ""
     took: str = ""
+    beyond_vehicle: tuple[LimitExcess, ...] = ()
 
 
 class _Recorder:
@@ -117,7 +122,20 @@ def check_on(name: str, planner: OwnPlanner | Found, path: Path, *, empty_road: 
         unmoved,
         asked_again=0 if is_program else len(seen),
         took=_took(planner, run.plan_s),
+        beyond_vehicle=() if task is None else _excesses(run, task),
     )
+
+
+def _excesses(run: DrivenRun, task: PlanningTask) -> tuple[LimitExcess, ...]:
+    """The limits of the vehicle that the driven motion exceeds."""
+    states = run.states
+    driven = PlannedTrajectory(
+        np.array([state.position for state in states]),
+        np.array([state.heading_rad for state in states]),
+        np.array([state.speed_mps for state in states]),
+        np.array([state.acceleration_mps2 for state in states]),
+    )
+    return excesses_of(driven, task.vehicle, task.step_s)
 
 
 def _took(planner: OwnPlanner | Found, plan_s: list[float]) -> str:
@@ -148,10 +166,12 @@ def _defaults(name: str, declaration: PlannerDeclaration) -> PlannerConfiguratio
 
 
 def _asked_again(make: Callable[[], Planner], task: PlanningTask, observation: Observation) -> list[str]:
-    try:
-        return [f"at step {observation.ego.step} it {breach}" for breach in check_planner(make, task, observation)]
-    except PlannerFailure as failure:
-        return [failure.message]
+    with ExitStack() as ended:
+        try:
+            found = check_planner(lambda: ended.enter_context(ended_after(make())), task, observation)
+        except PlannerFailure as failure:
+            return [failure.message]
+    return [f"at step {observation.ego.step} it {breach}" for breach in found]
 
 
 def _unmoved(

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from ....schemas.text import one_line
+from ..driving.drivability import excesses_of
 from ..interface import DebugValues, EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
 
 _SHORTEST_PLAN_S = 1.0
@@ -18,8 +19,9 @@ _STEP_TOLERANCE_M = 0.5
 def check_planner(make: Callable[[], Planner], task: PlanningTask, observation: Observation) -> tuple[str, ...]:
     """What a planner breaks of the contract on one task; nothing where it keeps it.
 
-    It must start at the observed state, plan at least one second of connected finite states, give finite costs and
-    counts that are not negative, and give the same plan again after a reset and in a new instance.
+    It must start at the observed state, plan at least one second of connected finite states within the limits of the
+    task's vehicle, give finite costs and counts that are not negative, and give the same plan again after a reset and
+    in a new instance.
     """
     planner = make()
     planner.reset(task)
@@ -27,6 +29,9 @@ def check_planner(make: Callable[[], Planner], task: PlanningTask, observation: 
     breaches = plan_breaches(first, observation, task.step_s)
     if not isinstance(first, Plan):
         return tuple(breaches)
+    if first.trajectory is not None and not breaches:
+        excesses = excesses_of(first.trajectory, task.vehicle, task.step_s)
+        breaches += [f"plans what its vehicle cannot drive: {excess.in_words()}" for excess in excesses]
     planner.reset(task)
     other = make()
     other.reset(task)

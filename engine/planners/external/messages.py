@@ -119,17 +119,20 @@ def _others(obstacles: Sequence[PredictedObstacle]) -> list[dict[str, object]]:
         return []
     places = np.concatenate([one.positions for one in seen]).round(_DIGITS)
     x_m, y_m = places[:, 0].tolist(), places[:, 1].tolist()
-    heading_rad = np.concatenate([one.headings_rad for one in seen]).round(_DIGITS).tolist()
+    headings_rad = np.concatenate([one.headings_rad for one in seen]).round(_DIGITS).tolist()
     messages, begin = list[dict[str, object]](), 0
     for one in seen:
         part = slice(begin, begin + len(one.positions))
         begin = part.stop
         length_m, width_m = one.observed_size_m or (one.length_m, one.width_m)
+        heading_rad = headings_rad[part]
+        if heading_rad.count(heading_rad[0]) == len(heading_rad):
+            heading_rad = heading_rad[:1]
         matrices = one.covariance.tolist() if one.covariance.ndim > 2 else [one.covariance.tolist()]
         predicted = {
             "x_m": x_m[part],
             "y_m": y_m[part],
-            "heading_rad": heading_rad[part],
+            "heading_rad": heading_rad,
             "covariance_m2": [(xx, xy, yy) for (xx, xy), (_, yy) in matrices[: len(one.positions)]],
             "length_m": one.length_m,
             "width_m": one.width_m,
@@ -140,7 +143,7 @@ def _others(obstacles: Sequence[PredictedObstacle]) -> list[dict[str, object]]:
                 "kind": one.kind,
                 "x_m": x_m[part.start],
                 "y_m": y_m[part.start],
-                "heading_rad": heading_rad[part.start],
+                "heading_rad": heading_rad[0],
                 "speed_mps": round(one.speed_mps, _DIGITS),
                 "length_m": length_m,
                 "width_m": width_m,

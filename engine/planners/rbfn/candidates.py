@@ -102,7 +102,7 @@ class Start:
 
 def _sampled_values(level: int) -> int:
     """How many speeds and offsets are sampled."""
-    return 2 ** (level + 1) + 1
+    return int(2 ** (level + 1)) + 1
 
 
 def followed_within_m(level: int) -> float:

@@ -20,7 +20,7 @@ from ...geometry import Values, arc_length, headings, resample, without_repeats
 from ...vehicles import COMFORTABLE_MPS2
 from ..driving.desired_speed import curve_speeds_mps
 from .models import Brakes, Moment, ReferenceDriver, Seen
-from .ways import DriverWay, OnWay, rectangles, with_hidden
+from .paths import DriverPath, OnPath, rectangles, with_hidden
 
 WANDERING_M = 0.375
 """How far the centre of a vehicle deviates from the middle of the way before it is seen to leave it (UN R157)."""
@@ -39,7 +39,7 @@ class NominalMotion:
     ``was_driven``: whether it is what the ego drove, so that it touches nobody before it is changed.
     """
 
-    way: DriverWay
+    path: DriverPath
     first_step: int
     stations_m: Values
     speeds_mps: Values
@@ -48,20 +48,20 @@ class NominalMotion:
     @classmethod
     def driven(cls, ego: Track, count: int, step_s: float) -> "NominalMotion":
         """Return the motion of a track over so many states; straight on at its last speed behind its end."""
-        way, last = DriverWay.driven(ego), float(ego.speeds_mps[-1])
+        path, last = DriverPath.driven(ego), float(ego.speeds_mps[-1])
         after = np.arange(1, max(count - len(ego.positions), 0) + 1)
-        stations = np.concatenate([way.stations_m, way.length_m + after * last * step_s])
+        stations = np.concatenate([path.stations_m, path.length_m + after * last * step_s])
         speeds = np.concatenate([ego.speeds_mps, np.full(len(after), last)])
-        return cls(way, ego.first_step, stations[:count], speeds[:count], was_driven=True)
+        return cls(path, ego.first_step, stations[:count], speeds[:count], was_driven=True)
 
     @classmethod
-    def along_lane(cls, way: DriverWay, ego: Track, count: int, step_s: float) -> "NominalMotion":
+    def along_lane(cls, path: DriverPath, ego: Track, count: int, step_s: float) -> "NominalMotion":
         """Return the motion of an ego that keeps to a way at the speed with which a track begins.
 
         Only in bends it is slower, where it would need more than a comfortable lateral acceleration.
         """
-        known_m, limits = _bend_limits(way)
-        begin = float(way.follow(ego.positions[:1])[0][0])
+        known_m, limits = _bend_limits(path)
+        begin = float(path.follow(ego.positions[:1])[0][0])
         wanted = float(ego.speeds_mps[0])
         stations, speeds = [begin], [wanted]
         while len(stations) < count:
@@ -69,15 +69,15 @@ class NominalMotion:
             speed = min(speeds[-1] + COMFORTABLE_MPS2 * step_s, wanted, max(limit, 0.0))
             stations.append(stations[-1] + (speeds[-1] + speed) / 2 * step_s)
             speeds.append(speed)
-        return cls(way, ego.first_step, np.array(stations), np.array(speeds), was_driven=False)
+        return cls(path, ego.first_step, np.array(stations), np.array(speeds), was_driven=False)
 
 
-def _bend_limits(way: DriverWay) -> tuple[Values, Values]:
-    """Stations and the speeds at which a way's bends need no more than a comfortable acceleration, both (n,)."""
-    if way.length_m < _LEAST_WAY_M:
+def _bend_limits(path: DriverPath) -> tuple[Values, Values]:
+    """Stations and the speeds at which a path's bends need no more than a comfortable acceleration, both (n,)."""
+    if path.length_m < _LEAST_WAY_M:
         return np.zeros(1), np.full(1, np.inf)
-    points = without_repeats(way.points)
-    line = resample(points, max(round(way.length_m), 3))
+    points = without_repeats(path.points)
+    line = resample(points, max(round(path.length_m), 3))
     return arc_length(line)[:-1], curve_speeds_mps(
         arc_length(line)[:-1], headings(line), COMFORTABLE_MPS2, COMFORTABLE_MPS2
     )
@@ -126,20 +126,20 @@ class DriverScene:
         return len(self.nominal.stations_m)
 
     @cached_property
-    def _met(self) -> OnWay:
+    def _met(self) -> OnPath:
         return self._on_way(self.met)
 
     @cached_property
-    def _watched(self) -> list[OnWay]:
+    def _watched(self) -> list[OnPath]:
         """The others to which the driver reacts, or that may hide from it the one that was met."""
-        rows = [self._on_way(track) for track in self._near_the_way]
+        rows = [self._on_way(track) for track in self._near_the_path]
         if not self.nominal.was_driven:
             return rows
         return [row for row in rows if row.hides and bool((row.aside_m < self.body[1] / 2).any())]
 
     @cached_property
-    def _near_the_way(self) -> list[Track]:
-        centers, _ = self.nominal.way.poses(self.nominal.stations_m)
+    def _near_the_path(self) -> list[Track]:
+        centers, _ = self.nominal.path.poses(self.nominal.stations_m)
         low, high = centers.min(axis=0) - self.body[0], centers.max(axis=0) + self.body[0]
         last = self.first_step + self.count - 1
         near = []
@@ -152,9 +152,9 @@ class DriverScene:
                 near.append(part)
         return near
 
-    def _on_way(self, track: Track) -> OnWay:
+    def _on_way(self, track: Track) -> OnPath:
         index = min(max(track.first_step - self.first_step, 0), self.count - 1)
-        return OnWay.of(self.nominal.way, track, self.step_s, float(self.nominal.stations_m[index]))
+        return OnPath.of(self.nominal.path, track, self.step_s, float(self.nominal.stations_m[index]))
 
     def drive(self, driver: ReferenceDriver, takes_over: int = 0) -> Driven:
         """Return what a driver drives that takes over at a state, by its index."""
@@ -231,7 +231,7 @@ class DriverScene:
         """
         known_m = 0.0 if driven.brakes_from is None else self.brakes.full_mps2 * self.step_s**2 / 2
         body = (self.body[0] - 2 * known_m, self.body[1])
-        centers, bearings = self.nominal.way.poses(driven.stations_m)
+        centers, bearings = self.nominal.path.poses(driven.stations_m)
         if aside_m is not None and turned_rad is not None:
             centers = centers + np.column_stack([-np.sin(bearings), np.cos(bearings)]) * aside_m[:, None]
             bearings = bearings + turned_rad
@@ -263,9 +263,9 @@ class DriverScene:
         begins = driven.brakes_from if self.nominal.was_driven else 0
         if begins is None or not self.others:
             return False
-        centers, bearings = self.nominal.way.poses(driven.stations_m)
+        centers, bearings = self.nominal.path.poses(driven.stations_m)
         own = self.bodies(driven)
-        for track in self._near_the_way:
+        for track in self._near_the_path:
             shift = track.first_step - self.first_step
             first, last = max(begins, shift), min(shift + len(track.positions), len(own))
             if last <= first:

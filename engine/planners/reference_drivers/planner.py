@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 
 from ...geometry import Values, arc_length, project_all, wrap_angles
-from ...vehicles import VEHICLES
+from ...vehicles import vehicle_classes
 from ..idm import IntelligentDriver
-from ..interface import EgoState, Observation, PlanningTask, PredictedObstacle
+from ..interface import Observation, PlanningTask, PredictedObstacle
 from .drives import WANDERING_M
 from .models import (
-    CAR_BRAKES,
     HEAVY_BRAKES,
     CarefulDriver,
     FullBraking,
@@ -30,8 +29,9 @@ from .models import (
     ReferenceDriver,
     RssDriver,
     Seen,
+    brakes_of,
 )
-from .ways import with_hidden
+from .paths import with_hidden
 
 NOMINAL: Mapping[str, float] = {
     "follows": 0.0,
@@ -43,6 +43,8 @@ NOMINAL: Mapping[str, float] = {
 }
 """How a reference driver drives while its model does not react, where its configuration does not say it: at UN R157's
 time headway; accelerating like the vehicles of the Joint Research Centre's comparison; the rest as ``idm`` does."""
+_TRACTOR = 4
+"""CommonRoad's vehicle that is the tractor of a truck."""
 _HIDES_FROM_M = 1.2
 """Pedestrians, bicycles and motorcycles are narrower than this and hide nobody."""
 _BEHIND_M, _AHEAD_M = 50.0, 300.0
@@ -69,7 +71,8 @@ class ReferencePlanner(IntelligentDriver):
         self._first_step: int | None = None
         self._last_step = 0
         self._at: dict[int, _Pedals] = {}
-        self._brakes = HEAVY_BRAKES if task.vehicle.length_m >= VEHICLES[4].length_m else CAR_BRAKES
+        kind = vehicle_classes()[task.vehicle.vehicle_class].commonroad_type
+        self._brakes = HEAVY_BRAKES if configuration.settings.vehicle == _TRACTOR else brakes_of(kind)
 
     def _motion(self, observation: Observation, station: float) -> tuple[Values, Values]:
         """The distance in m and the speed, one a step, of a rear axle that begins at a station."""
@@ -81,7 +84,7 @@ class ReferencePlanner(IntelligentDriver):
         memory, now_s = self._memory, (ego.step - self._first_step) * step_s
         travelled, speeds = np.zeros(self._steps + 1), np.full(self._steps + 1, ego.speed_mps)
         self._at = {ego.step: pedals}
-        felt = ego.acceleration_mps2
+        felt, desired = ego.acceleration_mps2, self._desired_speed.at(ego)
         for i in range(self._steps):
             speed, rear_m = float(speeds[i]), station + float(travelled[i])
             center_m = self._path.center_station(rear_m)
@@ -93,10 +96,11 @@ class ReferencePlanner(IntelligentDriver):
                 pedals = replace(pedals, braking_mps2=0.0)
             else:
                 pedals = replace(pedals, braking_mps2=self._brakes.after(pedals.braking_mps2, wanted, step_s))
-            nominal = self._undisturbed_mps2(ego, speed, pedals.kept_mps, center_m, rear_m, seen)
+            nominal = self._undisturbed_mps2(desired, speed, pedals.kept_mps, center_m, rear_m, seen)
             acceleration = nominal if wanted is None else min(nominal, -pedals.braking_mps2)
             grip = self._grip_mps2(speed, rear_m + speed * step_s / 2)
-            acceleration = min(max(acceleration, -grip), grip)
+            most = min(grip, self._task.vehicle.most_acceleration_mps2(speed))
+            acceleration = min(max(acceleration, -grip), most)
             speeds[i + 1] = max(speed + acceleration * step_s, 0.0)
             travelled[i + 1] = travelled[i] + (speed + speeds[i + 1]) / 2 * step_s
             felt = (float(speeds[i + 1]) - speed) / step_s
@@ -106,14 +110,14 @@ class ReferencePlanner(IntelligentDriver):
         return travelled, speeds
 
     def _undisturbed_mps2(
-        self, ego: EgoState, speed: float, kept_mps: float, center_m: float, rear_m: float, seen: tuple[Seen, ...]
+        self, desired_mps: float, speed: float, kept_mps: float, center_m: float, rear_m: float, seen: tuple[Seen, ...]
     ) -> float:
         """The acceleration of a driver whose model does not react."""
         step_s, top = self._task.step_s, self._task.vehicle.maximum_speed_mps
         in_bend = self._before_curve(speed, rear_m + speed * step_s)
         if not self._weights["follows"]:
             return min((kept_mps - speed) / step_s, self._weights["acceleration_mps2"], in_bend)
-        acceleration = self._free(speed, min(self._desired_speed.at(ego), self._allowed(center_m), top))
+        acceleration = self._free(speed, min(desired_mps, self._allowed(center_m), top))
         leaders = [
             one
             for one in seen

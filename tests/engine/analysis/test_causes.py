@@ -5,12 +5,20 @@ from pathlib import Path
 from support.builders import Problem, ScenarioBuilder, town_road
 from support.runs import metrics, record
 
-from plannerforge.engine.analysis.causes import collision_causes, trivial_goals
-from plannerforge.engine.analysis.run_set import RunSet
+from plannerforge.engine.analysis.causes import MOST_COLLISIONS, collision_causes, look_at_runs, trivial_goals
+from plannerforge.engine.analysis.run_set import METRICS, RunSet
 from plannerforge.engine.analysis.summary import analyse
 from plannerforge.engine.execution.executor import silent
 from plannerforge.schemas.results import AnalyseRequest
-from plannerforge.schemas.runs import CollisionRecord, DrivenObstacle, RunRecord, RunSource, RunSteps, ScenarioSource
+from plannerforge.schemas.runs import (
+    CollisionRecord,
+    DrivenObstacle,
+    ReviewRequest,
+    RunRecord,
+    RunSource,
+    RunSteps,
+    ScenarioSource,
+)
 
 STEPS = 41
 
@@ -68,7 +76,9 @@ def test_the_rate_stands_with_and_without_what_no_ego_prevents(tmp_path: Path) -
     assert found.kinds == {"rear_end_by_other": 2, "rear_end_by_ego": 1}
     assert (found.collisions, found.judged, found.from_behind) == (3, 3, 2)
     assert set(found.not_preventable) == {runs[0].record.run_id, runs[1].record.run_id}
+    assert found.success_without is not None
     assert (found.success_without.count, found.success_without.of) == (1, 2)
+    assert [(one.run_id, one.time_s) for one in found.evidence] == [(one.record.run_id, 4.0) for one in runs[:3]]
     told = found.in_words()
     assert told.startswith(
         "Collisions: rear end by other 2, rear end by ego 1; laid to recording 2; no reference driver prevents 2 of 3; "
@@ -87,6 +97,50 @@ def test_where_followers_of_a_recording_decide_reactive_traffic_is_advised(tmp_p
 
 def reacting(run: RunRecord) -> RunRecord:
     return run.model_copy(update={"traffic": "reactive"})
+
+
+def test_many_collisions_are_told_as_a_random_sample_with_its_interval(tmp_path: Path) -> None:
+    behind = [hit_by(number, 20.0 - 4.4 - 60.0, 15.0, tmp_path) for number in range(50)]
+    ahead = [hit_by(number, 20.0 + 4.4 - 4.0, 1.0, tmp_path) for number in range(50, 100)]
+    goals = [RunSource(record=record(f"ZAM_G-{number}_1_T-1")) for number in range(100)]
+    runs = RunSet((*behind, *ahead, *goals))
+    found = collision_causes(runs)
+    assert found is not None
+    assert (found.collisions, found.looked_at, found.is_sample) == (100, MOST_COLLISIONS, True)
+    share = found.unpreventable_share
+    assert share.of == MOST_COLLISIONS
+    assert share.low is not None
+    assert share.high is not None
+    assert share.low < 0.5 < share.high
+    without = found.success_without
+    assert without is not None
+    assert without.low is not None
+    assert without.high is not None
+    assert without.low < 100 / 150 < without.high
+    assert f"Of 100 collisions a random {MOST_COLLISIONS} were looked at" in found.in_words()
+    assert len(found.evidence) == MOST_COLLISIONS
+    assert found == collision_causes(RunSet((*reversed(ahead), *behind, *goals))).model_copy(  # type: ignore[union-attr]
+        update={"evidence": found.evidence, "not_preventable": found.not_preventable}
+    )
+
+
+def test_with_looks_kept_all_collisions_are_told(tmp_path: Path) -> None:
+    sources = [hit_by(number, 20.0 - 4.4 - 60.0, 15.0, tmp_path) for number in range(70)]
+    looks = look_at_runs(ReviewRequest(runs=tuple(sources), scenarios=()), silent).looks
+    kept = (one.model_copy(update={"look": look, "steps_path": None}) for one, look in zip(sources, looks, strict=True))
+    found = collision_causes(RunSet(tuple(kept)))
+    assert found is not None
+    assert (found.collisions, found.looked_at, found.is_sample) == (70, 70, False)
+    assert found.laid_to == {"recording": 70}
+
+
+def test_leaving_the_road_is_no_collision() -> None:
+    edge = CollisionRecord(obstacle_id=None, kind="road_boundary", step=40, time_s=4.0)
+    off = record(outcome="off_road").model_copy(update={"collision": edge})
+    assert collision_causes(RunSet((RunSource(record=off),))) is None
+    risk = next(spec for spec in METRICS if spec.name == "risk_score")
+    assert risk.value(off) is None
+    assert risk.value(record()) == 3
 
 
 def test_collisions_of_which_no_step_was_kept_say_nothing() -> None:
@@ -108,6 +162,7 @@ def test_goals_that_ask_for_no_driving_are_counted_apart(tmp_path: Path) -> None
     found = trivial_goals(RunSet(tuple(runs), scenarios=sources))
     assert found is not None
     assert found.kinds == {"at_the_start": 1, "by_time_alone": 1, "standing": 1}
+    assert found.success_without is not None
     assert (found.success_without.count, found.success_without.of) == (1, 2)
     assert found.in_words().startswith(
         "Goals that asked for no driving: at the start 1, by time alone 1, standing 1; without them goal 1/2"

@@ -42,6 +42,18 @@ def test_flips_each_way_and_what_changed() -> None:
     assert changes == [("distance_to_obstacles", 0.0, 1.0), ("prediction", 0.2, 0.5)]
 
 
+def test_sides_judged_by_different_rules_are_told() -> None:
+    older = [
+        run.model_copy(update={"record": run.record.model_copy(update={"success_rule": "driven@1"})})
+        for run in runs(["goal_reached", "collision"])
+    ]
+    newer = runs(["goal_refused", "collision"], SAFE)
+    told = [note for note in compared(older, newer).notes if "different rules of success" in note]
+    assert len(told) == 1
+    assert "before by driven@1, after by accepted@2" in told[0]
+    assert not compared(runs(["goal_reached", "collision"]), newer).notes
+
+
 def test_few_pairs_are_said_plainly() -> None:
     found = compared(runs(["collision"] * 2), runs(["goal_reached"] * 2, SAFE))
     assert found.comparisons[0].headline_code == "flips_too_few"
@@ -212,7 +224,7 @@ def test_metrics_that_differ_come_first_and_the_others_stand_in_one_line() -> No
     result = compared(runs(["goal_reached"] * 12, gaps=gaps), runs(["goal_reached"] * 12, SAFE, wider))
     lines = result.to_text().splitlines()
     assert lines[2].startswith("- minimum distance: median 1.55 → 2.1 m, shift")
-    assert lines[3].startswith("- no difference shown (medians): time to collision 4 s, time headway 2 s")
+    assert lines[3].startswith("- not shown to differ (medians): time to collision 4 s, time headway 2 s")
     assert lines[4].startswith("- runs: run_")
     assert len(lines) == 7
 

@@ -196,3 +196,10 @@ def test_a_scenario_is_hard_only_if_every_configuration_failed() -> None:
 def test_a_suggestion_needs_a_known_weight() -> None:
     harsh = source(record(figures=metrics(maximum_lateral_acceleration_mps2=3.4)))
     assert find_all(RunSet((harsh,)))[0].suggestion is None
+
+
+def test_every_finding_has_a_moment_of_each_of_its_runs(tmp_path: Path) -> None:
+    runs = [source(record(f"ZAM_{n}-1_1_T-1", "timeout"), tmp_path, velocity_offset=6.0) for n in range(2)]
+    runs += [source(record("ZAM_C-1_1_T-1", "collision"), tmp_path, prediction=0.05, velocity_offset=5.0)]
+    for finding in found(*runs).values():
+        assert {one.run_id for one in finding.moments} == set(finding.run_ids), finding.name

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from plannerforge.engine.analysis.prevention import Surroundings
 from plannerforge.engine.analysis.prevention import prevention_of as prevention_or_none
 from plannerforge.engine.commonroad import Track
-from plannerforge.engine.planners import DriverWay, brakes_of
+from plannerforge.engine.planners import DriverPath, brakes_of
 from plannerforge.schemas.runs import DriverVerdict, Prevention
 
 STEP_S = 0.1
@@ -282,7 +282,7 @@ def test_beside_a_bend_another_does_not_jump_along_the_way() -> None:
     angle = np.linspace(0.0, math.pi / 2, 60)
     bend = np.column_stack([10.0 * np.sin(angle), 10.0 - 10.0 * np.cos(angle)])
     line = np.vstack([[[-20.0, 0.0]], bend, [[10.0, 40.0]]])
-    way = DriverWay.along(line)
+    way = DriverPath.along(line)
     passing = np.column_stack([np.linspace(-10.0, 4.0, 140), np.full(140, 8.0)])
     stations, _, _ = way.follow(passing)
     assert np.abs(np.diff(stations)).max() < 2.5

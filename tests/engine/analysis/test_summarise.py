@@ -42,6 +42,23 @@ def test_runs_without_steps_are_told_only_where_costs_are_asked_for() -> None:
     assert "4 runs have no recorded steps and are in no cost figure" in analysed(*five_runs(), detail="costs").notes
 
 
+def test_goals_that_are_refused_stand_beside_the_rate_by_the_papers_rule() -> None:
+    outcomes = ["goal_reached", "goal_refused", "collision", "invalid"]
+    found = analysed(*(source(record(f"DEU_Town-{n}_1_T-1", one)) for n, one in enumerate(outcomes)))  # type: ignore[arg-type]
+    assert (found.success.count, found.success.of) == (1, 3)
+    assert found.by_any_motion is not None
+    assert (found.by_any_motion.count, found.by_any_motion.of) == (2, 3)
+    assert "goal by any motion: 2/3" in found.to_text()
+    assert analysed(*five_runs()).by_any_motion is None
+
+
+def test_runs_judged_by_the_older_rule_are_counted() -> None:
+    older = record("DEU_Town-9_1_T-1").model_copy(update={"success_rule": "driven@1"})
+    notes = analysed(*five_runs(), source(older)).notes
+    assert any("1 of 5 valid runs are judged by driven@1" in note for note in notes)
+    assert not any("driven@1" in note for note in analysed(*five_runs()).notes)
+
+
 def test_lost_cells_are_named_and_counted_nowhere() -> None:
     lost = LostCell(scenario_id="X", config_id="cfg_a", error="[worker_timeout] late")
     found = analysed(*five_runs(), lost=(lost,))

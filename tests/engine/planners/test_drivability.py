@@ -9,7 +9,16 @@ import pytest
 from commonroad.geometry.shape import Rectangle
 from frenetix.trajectory_functions import FillCoordinates
 from frenetix.trajectory_functions.feasability_functions import CheckCurvatureConstraint
-from support.planning import configuration, drive, goal_state, lanelet_along, network_of, problem_for, scenario_on
+from support.planning import (
+    as_planned,
+    configuration,
+    drive,
+    goal_state,
+    lanelet_along,
+    network_of,
+    problem_for,
+    scenario_on,
+)
 
 from plannerforge.engine.commonroad import Track
 from plannerforge.engine.geometry.polyline import Points
@@ -83,6 +92,7 @@ def test_the_heading_in_a_bend_is_the_motion_of_the_rear_axle(name: str) -> None
 
 
 def test_with_the_cores_own_headings_it_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    as_planned(monkeypatch)
     monkeypatch.setattr(frenet_frame, "tangents", lambda segments: segments)
     assert aside_of_the_motion(around_the_corner(13.0, 6.0)) > 0.03
 
@@ -131,6 +141,7 @@ def test_the_heading_of_the_lane_follower_depends_on_where_its_rear_axle_is() ->
 
 
 def test_by_the_cores_checks_alone_it_would_slide_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    as_planned(monkeypatch)
     monkeypatch.setattr(planner_module, "violated_limit", lambda *_: None)
     assert strongest(around_the_corner(8.0, 17.0, last_step=60)) > 1.2 * BMW_320I.maximum_acceleration_mps2
 

@@ -13,7 +13,7 @@ from plannerforge.engine.rendering.charts import CHARTS
 from plannerforge.engine.rendering.pictures import render
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.rendering import PictureKind, RenderRequest
-from plannerforge.schemas.runs import RunRecord, RunSource, ScenarioSource
+from plannerforge.schemas.runs import RunRecord, RunSeries, RunSource, ScenarioSource
 
 TOWN = "ZAM_Builder-1_1_T-1"
 
@@ -97,6 +97,27 @@ def test_timeline_marks_the_contact_and_the_last_moment_to_brake(hit: RunSource,
     text = words("timeline", (hit,), town)
     assert "4.0 s ran into the back of car 31" in text
     assert "until here full braking prevents the collision" in text
+
+
+def labels_of_timeline(hit: RunSource, town: ScenarioSource) -> list[str]:
+    drawing = CHARTS["timeline"](RunSet((hit,), (), (town,)))
+    return [axes.get_ylabel().replace("\n", " ") for axes in drawing.figure.axes]
+
+
+def test_timeline_of_a_run_with_series_has_its_place_on_the_route(tmp_path: Path, town: ScenarioSource) -> None:
+    run = source(record(TOWN, "collision", DEFAULT, obstacle_id=31), tmp_path, velocity_offset=3.0)
+    assert "offset from the route [m]" not in labels_of_timeline(run, town)
+    series = RunSeries(
+        lateral_offset_m=(0.2,) * 41,
+        heading_error_rad=(0.01,) * 41,
+        steering_rad=(0.02,) * 41,
+        desired_speed_mps=(9.0,) * len(range(0, 41, 3)),
+    )
+    assert run.steps_path is not None
+    Path(run.steps_path).with_name("series.json").write_text(series.model_dump_json(), encoding="utf-8")
+    labels = labels_of_timeline(run, town)
+    assert "offset from the route [m]" in labels
+    assert "heading error, steering [°]" in labels
 
 
 def test_course_is_as_near_as_the_rectangles_are(hit: RunSource, town: ScenarioSource) -> None:

@@ -248,3 +248,31 @@ def test_whoever_would_have_to_hit_the_ego_waits(
     track = RecordedTraffic(scenario.scenario).moving[0]
     ego = EgoState(50, np.array([20.0 + gap_m + (4.5 + 4.508) / 2, 0.0]), 0.0, ego_speed_mps)
     assert is_insertion_safe(track, 0, RecordedTraffic(scenario.scenario, without={32}), ego, BMW_320I) is room
+
+
+def test_a_road_user_that_sumo_cannot_place_stays_on_its_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keeping = TrafficRoles.keeping_to_route
+
+    def far_from_its_route(roles: TrafficRoles, keys: frozenset[str]) -> TrafficRoles:
+        """One vehicle is to keep to a route whose lanes are 20 m away from its pose."""
+        kept = keeping(roles, keys | {"33"})
+        aside = np.array([0.0, 20.0])
+        return replace(
+            kept,
+            driven=tuple(
+                one
+                if one.key != "33"
+                else replace(one, track=replace(one.track, positions=one.track.positions + aside))
+                for one in kept.driven
+            ),
+        )
+
+    monkeypatch.setattr(TrafficRoles, "keeping_to_route", far_from_its_route)
+    others = driving(32, (90.0, 0.0), 10.0, 100), driving(33, (28.0, 3.5), 10.0, 100)
+    run = braked(loaded(road(*others), tmp_path), "reactive")
+    assert run.traffic.on_recording == (33,)
+    track = next(one for one in run.traffic.driven if one.obstacle_id == 33)
+    assert np.diff(track.positions[:, 0]) == pytest.approx(np.ones(len(track.positions) - 1), abs=1e-6)
+    assert run.verdict is not None

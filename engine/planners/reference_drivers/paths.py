@@ -25,19 +25,19 @@ _NARROW = ("pedestrian", "bicycle", "motorcycle")
 
 
 @dataclass(frozen=True)
-class DriverWay:
+class DriverPath:
     """A line of points (n, 2) with the headings (n,) that a driver has there; straight on behind its end."""
 
     points: Points
     headings_rad: Values
 
     @classmethod
-    def driven(cls, track: Track) -> "DriverWay":
+    def driven(cls, track: Track) -> "DriverPath":
         """Return the way that a track drove, with its own headings."""
         return cls(track.positions, np.unwrap(track.headings_rad))
 
     @classmethod
-    def along(cls, line: Points) -> "DriverWay":
+    def along(cls, line: Points) -> "DriverPath":
         """Return the way along a line, with the headings of the line."""
         step = np.gradient(line, axis=0)
         return cls(line, np.unwrap(np.arctan2(step[:, 1], step[:, 0])))
@@ -80,7 +80,7 @@ class DriverWay:
 
 
 @dataclass(frozen=True)
-class OnWay:
+class OnPath:
     """A road user along a way, one entry a step from ``first_step`` on.
 
     ``middle_m``: stations; ``offset_m``: of its centre, left positive; ``half_along_m``, ``half_across_m``: how far its
@@ -98,9 +98,9 @@ class OnWay:
     slowing_mps2: Values
 
     @classmethod
-    def of(cls, way: DriverWay, track: Track, step_s: float, near_m: float | None = None) -> "OnWay":
+    def of(cls, path: DriverPath, track: Track, step_s: float, near_m: float | None = None) -> "OnPath":
         """Return a track along a way; ``near_m``: the driver's station when the track begins."""
-        middle, offset, bearings = way.follow(track.positions, near_m)
+        middle, offset, bearings = path.follow(track.positions, near_m)
         turned = wrap_angles(track.headings_rad - bearings)
         cosine, sine = np.cos(turned), np.sin(turned)
         length, width = track.size_m

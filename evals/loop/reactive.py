@@ -1,0 +1,65 @@
+"""Whether traffic that reacts to the ego drives every scenario to an end.
+
+A cell is *lost* if it gives no run: the operation fails, or its process ends. Road users that SUMO cannot place have to
+stay on their recordings instead, which the run tells (``on_recording``).
+
+- ``reactive_lost``: lost cells of the public scenarios of the shared folder, with reactive traffic;
+- ``reactive_lost_fresh``: lost cells of at least 200 other scenarios. They are drawn by the seed from the folder that
+  ``PLANNERFORGE_DATABASE`` names (a checkout of the public CommonRoad database; none of the shared ones is among them),
+  or are made where it is not set; ``reactive_fresh_from`` says which.
+
+The planner is ``idm``, the cheapest: what SUMO does with the others does not depend on who drives the ego. Beside it
+stand the numbers of cells, and of those with road users on their recordings.
+"""
+
+import os
+import random
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..harness import Figures, scenario_files
+from ..symmetries.fresh_data import fresh_scenarios
+from .bench import LoopBench
+from .outcomes import CHECKOUT, Row, cells, measured
+
+FRESH = 240
+_CONFIGURATION = "idm:Default"
+
+
+def rows_of(files: Sequence[Path]) -> list[Row]:
+    """The rows of a reactive run of each file; those without a run are told on standard error."""
+    wanted = cells(files, (_CONFIGURATION,), ("constant_velocity",), ("reactive",))
+    found = list(measured(wanted, CHECKOUT))
+    for row in found:
+        if row["outcome"] is None:
+            sys.stderr.write(f"{row['scenario']}: {row['error']}\n")
+    return found
+
+
+def fresh_files(bench: LoopBench, known: Sequence[Path]) -> tuple[str, list[Path]]:
+    """Where fresh scenarios come from, in a word, and their files."""
+    count = bench.limit or FRESH
+    database = os.environ.get("PLANNERFORGE_DATABASE")
+    if not database:
+        return "made", list(fresh_scenarios(bench.seed, bench.folder("fresh"), count))
+    names = {path.stem for path in known}
+    others = [path for path in scenario_files(Path(database), None) if path.stem not in names]
+    random.Random(f"{bench.seed}: reactive").shuffle(others)  # noqa: S311 - a sample
+    return "database", others[:count]
+
+
+def measure(bench: LoopBench) -> Figures:
+    """Drive all scenarios in reactive traffic."""
+    public = scenario_files(bench.shared / "data" / "commonroad", None)
+    source, fresh = fresh_files(bench, public)
+    rows, fresh_rows = rows_of(public[: bench.limit]), rows_of(fresh)
+    return {
+        "reactive_lost": sum(row["outcome"] is None for row in rows),
+        "reactive_lost_fresh": sum(row["outcome"] is None for row in fresh_rows),
+        "reactive_cells": len(rows),
+        "reactive_cells_fresh": len(fresh_rows),
+        "reactive_fresh_from": source,
+        "reactive_on_recording": sum(bool(row.get("on_recording")) for row in rows),
+        "reactive_on_recording_fresh": sum(bool(row.get("on_recording")) for row in fresh_rows),
+    }
