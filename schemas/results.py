@@ -45,6 +45,7 @@ class ConfigWeights(Model):
     """The cost weights of a planner configuration, and its settings that have values other than the default.
 
     ``default_weights``: those of the planner's first preset; None where it is not to be had here any more.
+    ``parameters``: names among the weights that are no factors on cost terms, as a planner of others declares them.
     """
 
     config_id: str
@@ -53,6 +54,7 @@ class ConfigWeights(Model):
     weights: dict[str, float]
     settings: dict[str, float] = Field(default_factory=dict)
     default_weights: dict[str, float] | None = Field(default_factory=dict)
+    parameters: tuple[str, ...] = ()
 
 
 class Rate(Model):

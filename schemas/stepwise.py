@@ -17,6 +17,8 @@ PROTOCOL = 1
 """The version of the messages in this module; it changes when a program for an older one would no longer work."""
 MOST_SHOWN_CANDIDATES, MOST_CANDIDATE_POINTS = 16, 200
 """Other candidates that a plan may show, and the points of each: as many as the player draws."""
+MOST_STATES = 10_000
+"""States of a plan: 1,000 s in steps of 0.1 s, longer than any recording, so that no answer is an endless one."""
 MOST_TERMS = 64
 """Cost terms or constraints of a plan; Frenetix, which has the most of the built-in planners, has 13."""
 
@@ -53,6 +55,15 @@ class Polygon(Line):
 
     x_m: tuple[float, ...] = Field(min_length=2, max_length=MOST_DEBUG_POINTS)
     y_m: tuple[float, ...] = Field(min_length=2, max_length=MOST_DEBUG_POINTS)
+
+
+class PlannedStates(CommandTrajectory):
+    """A planned trajectory: one state for each time step, the present first; the lists have the same length."""
+
+    x_m: tuple[float, ...] = Field(max_length=MOST_STATES)
+    y_m: tuple[float, ...] = Field(max_length=MOST_STATES)
+    heading_rad: tuple[float, ...] = Field(max_length=MOST_STATES)
+    speed_mps: tuple[float, ...] = Field(max_length=MOST_STATES)
 
 
 class LaneletMessage(Model):
@@ -215,7 +226,7 @@ class PlanMessage(Model):
 
     type: Literal["plan"] = "plan"
     step: _Step = Field(description="as in the question")
-    trajectory: CommandTrajectory | None
+    trajectory: PlannedStates | None
     costs: dict[_Name, float] = Field(
         default_factory=dict, max_length=MOST_TERMS, description="weighted cost term: value"
     )

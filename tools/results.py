@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from ..engine.planners import PLANNERS, built_in_version
-from ..engine.tuning import preset_configuration
+from ..engine.tuning import preset_configuration, tuning_of
 from ..engine.workspace import Artifact
 from ..schemas.errors import Faults, InvalidRequest, NotPossible, PlannerFailure, UnknownName
 from ..schemas.modification import Edit
@@ -202,6 +202,7 @@ def config_weights(runs: Iterable[RunSource], call: ToolCall) -> tuple[ConfigWei
                     weights=config.weights | config.external_weights,
                     settings=config.settings.model_dump(exclude_defaults=True),
                     default_weights=_default_weights(config.planner),
+                    parameters=_parameters(config.planner),
                 )
             )
     return tuple(weights)
@@ -213,6 +214,14 @@ def _default_weights(planner: str) -> dict[str, float] | None:
         return dict(preset_configuration(planner).weights)
     except (UnknownName, PlannerFailure):
         return None
+
+
+def _parameters(planner: str) -> tuple[str, ...]:
+    """What can be set in a planner beside weights of its cost; nothing where it is not installed any more."""
+    try:
+        return tuple(name for name, weight in tuning_of(planner).weights.items() if not weight.of_cost)
+    except (UnknownName, PlannerFailure):
+        return ()
 
 
 def scenario_sources(scenario_ids: Iterable[str], call: ToolCall) -> tuple[ScenarioSource, ...]:

@@ -566,13 +566,18 @@ def _dominating_cost(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _idle_weights(evidence: Evidence) -> Iterator[Finding]:
-    """Per configuration: positive weights whose term was 0 in every chosen candidate of every run."""
+    """Per configuration: positive weights whose term was 0 in every chosen candidate of every run.
+
+    Parameters that are no weights of a cost have no term. Where no weight is named as any term is, the planner names
+    its terms otherwise, and nothing is known of its weights.
+    """
     runs = evidence.runs
     for config_id, records in runs.by_config(runs.valid).items():
         terms = _median_shares(runs, records)
         seen = {term for one in records if one.run_id in runs.steps for term, value in _costs(runs, one) if value}
-        idle = [name for name, weight in sorted(runs.weights(config_id).items()) if weight > 0 and name not in seen]
-        if not terms or not idle:
+        weights = runs.cost_weights(config_id)
+        idle = [name for name, weight in sorted(weights.items()) if weight > 0 and name not in seen]
+        if not idle or not weights.keys() & terms.keys():
             continue
         run_ids = _ids(record for record in records if record.run_id in runs.steps)
         yield Finding(

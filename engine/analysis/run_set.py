@@ -126,6 +126,11 @@ class RunSet:
         """The weights of a configuration by name; empty where it is unknown."""
         return next((config.weights for config in self.configs if config.config_id == config_id), {})
 
+    def cost_weights(self, config_id: str) -> dict[str, float]:
+        """The weights of a configuration that are factors on cost terms, by name."""
+        parameters = {name for config in self.configs if config.config_id == config_id for name in config.parameters}
+        return {name: value for name, value in self.weights(config_id).items() if name not in parameters}
+
     def vehicle(self, record: RunRecord) -> VehicleParameters:
         """The ego's vehicle, by its configuration where that is known; CommonRoad's vehicle 2 elsewhere."""
         settings = next((config.settings for config in self.configs if config.config_id == record.config_id), {})

@@ -21,7 +21,8 @@ LARGEST_WEIGHT = 1e6
 class Weight:
     """One weight: a factor ≥ 0 on the raw value of a cost term; or a parameter of a planner that has no such terms.
 
-    ``raising`` says what a larger value does. ``computed_by``: the C++ core, this program, or nothing.
+    ``raising`` says what a larger value does. ``computed_by``: the C++ core, this program, or nothing. ``of_cost``:
+    whether it is a factor on a cost term at all, as a planner of others declares it.
     """
 
     name: str
@@ -30,6 +31,7 @@ class Weight:
     computed_by: Literal["core", "ours", "nobody"]
     lowest: float = 0.0
     highest: float = LARGEST_WEIGHT
+    of_cost: bool = True
 
     @property
     def acts(self) -> bool:
@@ -110,7 +112,15 @@ def _declared(declaration: PlannerDeclaration) -> PlannerTuning:
     """What can be set in a planner of others, all of it its own."""
     defaults = {name: weight.default for name, weight in declaration.weights.items()}
     weights = {
-        name: Weight(name, weight.meaning, weight.raising or "as it says", "ours", weight.lowest, weight.highest)
+        name: Weight(
+            name,
+            weight.meaning,
+            weight.raising or "as it says",
+            "ours",
+            weight.lowest,
+            weight.highest,
+            of_cost=weight.kind == "weight",
+        )
         for name, weight in declaration.weights.items()
     }
     presets = {"Default": Preset("Default", "Default", "its defaults", defaults)} | {

@@ -6,7 +6,9 @@ and no process that the program started may be left.
 
 The cost of a step: the same planner, once as a class in this process and once as a program, is asked at the same
 observations of a made road with 40 road users in sight. It looks for the smallest distance to any predicted position,
-so both read everything that they are told.
+so both read everything that they are told. While it is measured, both processes run before all others where the system
+allows it (``SCHED_FIFO``): a message wakes the other process, and what is measured is not how long other work on the
+machine keeps it waiting.
 
 Keys: ``protocol_named``: share of the programs whose runs are named so; ``protocol_kinds``: how many programs;
 ``protocol_slowest_s``: the longest of their runs beyond the limit that it may use; ``protocol_left``: processes left;
@@ -14,8 +16,10 @@ Keys: ``protocol_named``: share of the programs whose runs are named so; ``proto
 ``protocol_class_ms``: both medians.
 """
 
+import os
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -85,6 +89,7 @@ EXPECTED = {
     "forged_name": "wrong_form",
     "many_names": "wrong_form",
     "large_polygon": "wrong_form",
+    "endless_plan": "wrong_form",
     "other_protocol": "wrong_protocol",
     "one_state": "too_short",
     "too_short": "too_short",
@@ -96,13 +101,15 @@ EXPECTED = {
 _LIMITS = {"start_time_s": 2.0, "step_time_s": 1.5, "time_s": 3.0, "memory_mb": 256, "folder_mb": 4, "output_mb": 1}
 _LONGEST_S = _LIMITS["start_time_s"] + _LIMITS["time_s"]
 """The limits of each program, and the longest that a run may wait for it."""
+_MARKER = "PROTOCOL_BENCH"
+"""The variable by which the processes of this measurement are told from those of others."""
 _SPEED_MPS, _SECONDS, _LANE_M, _LANES = 10.0, 20, 3.5, 5
 _GOAL = (110.0, 140)
 """Where the goal of the made road begins, in m, and its last step."""
 _USERS, _FIRST_M, _SPACING_M = 40, 8.0, 7.0
 """Road users in sight of the ego, how far ahead of it they begin, and the distance between two of a lane."""
 _ROUNDS = 20
-"""How often the drive is planned: with 36 planning steps, 720 differences."""
+"""How often the drive is planned: with 37 planning steps, 740 differences."""
 
 
 def measure(bench: LoopBench) -> Figures:
@@ -115,7 +122,7 @@ def measure(bench: LoopBench) -> Figures:
     named, beyond_s = [], [0.0]
     for behaviour, reason in kinds.items():
         began = perf_counter()
-        told = _reason(behaviour, empty)
+        told = _reason(behaviour, empty, str(folder))
         beyond_s.append(perf_counter() - began - _LONGEST_S)
         named.append(told == reason)
         if told != reason:
@@ -125,18 +132,23 @@ def measure(bench: LoopBench) -> Figures:
         "protocol_named": share(named),
         "protocol_kinds": len(kinds),
         "protocol_slowest_s": round(max(beyond_s), 2),
-        "protocol_left": len(list(_left())),
+        "protocol_left": len(list(_left(str(folder)))),
         "protocol_step_ms": round(median(np.subtract(program_ms, class_ms).tolist()), 3),
         "protocol_program_ms": round(median(program_ms), 3),
         "protocol_class_ms": round(median(class_ms), 3),
     }
 
 
-def _reason(behaviour: str, path: Path) -> str:
+def _reason(behaviour: str, path: Path, marker: str) -> str:
     """The reason by which the run of a program fails; empty if it does not fail."""
     program = Path(__file__).with_name("stepwise_program.py")
-    command = (sys.executable, "-S", str(program), behaviour)
-    declared = CommandPlanner(summary=f"a program that {behaviour}", command=command, protocol="stepwise", **_LIMITS)
+    declared = CommandPlanner(
+        summary=f"a program that {behaviour}",
+        command=(sys.executable, "-S", str(program), behaviour),
+        protocol="stepwise",
+        environment={_MARKER: marker},
+        **_LIMITS,
+    )
     request = RunRequest(
         run_id="run_0", scenario_path=str(path), scenario_id=path.stem, configuration=_configuration("faulty")
     )
@@ -152,12 +164,11 @@ def _configuration(planner: str) -> PlannerConfiguration:
     return PlannerConfiguration(config_id="cfg_bench", planner=planner, name=planner, preset="Default", weights={})
 
 
-def _left() -> Iterator[psutil.Process]:
-    """Processes of the programs that still run."""
-    for process in psutil.process_iter(["cmdline", "status"]):
-        words = process.info["cmdline"] or ()
-        is_ours = any("stepwise_program.py" in word for word in words) or "import time; time.sleep(600)" in words
-        if is_ours and process.info["status"] != psutil.STATUS_ZOMBIE:
+def _left(marker: str) -> Iterator[psutil.Process]:
+    """Processes that were started with a marker among their variables and still run."""
+    for process in psutil.process_iter(["environ", "status"]):
+        variables = process.info["environ"] or {}
+        if variables.get(_MARKER) == marker and process.info["status"] != psutil.STATUS_ZOMBIE:
             yield process
 
 
@@ -190,7 +201,11 @@ def _step_ms(path: Path) -> tuple[list[float], list[float]]:
     command = (sys.executable, str(Path(__file__).with_name("stepwise_reader.py")))
     declared = CommandPlanner(summary="goes straight on", command=command, protocol="stepwise")
     file = ScenarioFile(path, path.stem)
-    with planner_driver("inside", made, file) as inside, planner_driver("outside", declared, file) as outside:
+    with (
+        _before_all_others(),
+        planner_driver("inside", made, file) as inside,
+        planner_driver("outside", declared, file) as outside,
+    ):
         simulate(
             loaded.scenario,
             loaded.problem(None),
@@ -210,6 +225,21 @@ def _step_ms(path: Path) -> tuple[list[float], list[float]]:
             for planner, taken in zip((inside, outside), times, strict=True):
                 taken.append(_taken_ms(planner, observation))
     return times
+
+
+@contextmanager
+def _before_all_others() -> Iterator[None]:
+    """Let this process, and those that it starts meanwhile, run before all others, where it may."""
+    if not hasattr(os, "sched_setscheduler"):
+        yield
+        return
+    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(os.sched_get_priority_min(os.SCHED_FIFO)))
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, *before)
 
 
 def _taken_ms(planner: Planner, observation: Observation) -> float:

@@ -1,11 +1,15 @@
 """``plannerforge view``: a page is written and its path printed; a browser is opened only where there is a screen."""
 
+import json
+import shutil
+import sys
 import webbrowser
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+from plannerforge.evals.loop import stepwise_program
 from plannerforge.server import command_line
 from plannerforge.server.settings import Settings
 
@@ -59,3 +63,28 @@ def test_what_cannot_be_seen_is_refused(
     with pytest.raises(SystemExit, match="1"):
         command_line.run(command_line.application)
     assert told in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("starter_ready", "opened")
+def test_plans_of_a_stepwise_program_are_shown_until_it_is_edited(settings: Settings, tmp_path: Path) -> None:
+    program = tmp_path / "program.py"
+    program.write_bytes(Path(stepwise_program.__file__).read_bytes())
+    section = {"summary": "drives on", "command": [sys.executable, str(program), "drives"], "protocol": "stepwise"}
+    page = tmp_path / "page.html"
+
+    def invoke(*words: str) -> str:
+        known = {"PLANNERFORGE_PLANNERS": json.dumps({"stepper": section})}
+        done = CliRunner().invoke(command_line.application, [*words, "--workspace", str(settings.workspace)], env=known)
+        assert done.exit_code == 0, done.output
+        return done.stdout
+
+    asked = json.dumps({"scenarios": [SCENARIO], "configs": ["stepper"], "wait_s": 50})
+    run_id = json.loads(invoke("call", "run_planner", asked, "--json"))["runs"][0]["run_id"]
+    invoke("view", run_id, "--output", str(page))
+    assert '"plans":[{"step":0,' in page.read_text(encoding="utf-8")
+    program.write_text(program.read_text(encoding="utf-8") + "# edited\n", encoding="utf-8")
+    shutil.rmtree(settings.workspace / "views")  # what was made before the edit stays right
+    invoke("view", run_id, "--output", str(page))
+    edited = page.read_text(encoding="utf-8")
+    assert '"plans":[]' in edited
+    assert "stepper was edited since this run" in edited

@@ -181,6 +181,17 @@ def test_dominating_cost_and_idle_weights(tmp_path: Path) -> None:
     assert findings["idle_weights"].statement.startswith("lateral_jerk of frenetix:Default")
 
 
+def test_a_parameter_that_is_no_weight_of_the_cost_is_not_called_idle(tmp_path: Path) -> None:
+    run = source(record(), tmp_path, velocity_offset=9.0, prediction=1.0)
+    declared = DEFAULT.model_copy(update={"parameters": ("lateral_jerk",)})
+    assert "idle_weights" not in {one.name for one in find_all(RunSet((run,), (declared,)))}
+
+
+def test_weights_of_a_planner_that_names_its_terms_otherwise_are_not_called_idle(tmp_path: Path) -> None:
+    run = source(record(), tmp_path, comfort=9.0, safety=1.0)
+    assert "idle_weights" not in found(run)
+
+
 def test_a_scenario_is_hard_only_if_every_configuration_failed() -> None:
     both = [source(record("ZAM_A-1_1_T-1", "collision", config)) for config in (DEFAULT, SAFE)]
     one = [
