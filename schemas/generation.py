@@ -545,7 +545,7 @@ class GenerateScenariosArguments(Arguments):
     )
     duration_s: float = Field(20, ge=5, le=120)
     """How long the scenario lasts, in s."""
-    ego: str = Field("first", description="first, index:N (cars, from 0), type:truck (motor vehicles)")
+    ego: str = Field("first", description="first, index:N (cars, from 0), type:CLASS")
     goal: str = Field("through", description="through; steps:N, distance_m:X on its track, lanelet:ID:POSITION")
     count: int = Field(1, ge=1, le=5000)
     """How many scenarios; each is made at another site or with other traffic."""

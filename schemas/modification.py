@@ -82,7 +82,7 @@ class Edit(Arguments):
     turn: Literal["left", "right", "straight"] | None = Field(None, description="at the next fork")
     preset: str | None = Field(None, description="aggressive, cautious, emergency (urgent), eco, balanced, speeder")
     params: list[str] = Field([], description="SUMO names: 'tau=0.7', 'minGap=1'")
-    vehicle_class: str | None = Field(None, description="added, or the ego's in set_ego")
+    vehicle_class: str | None = Field(None, description="added, or the ego's")
     """The class of what is added, or `pedestrian`; with `set_ego`, what the ego is: `truck`, `bus`, `motorcycle` …"""
     count: int | None = Field(None, ge=1, le=20)
     """How many are added, one behind the other."""
