@@ -56,7 +56,8 @@ def points(line: tuple[float, ...]) -> "np.ndarray[tuple[int, int], np.dtype[np.
 
 
 @pytest.mark.parametrize(
-    ("name", "has_candidates"), [("frenetix:Default", True), ("mp_rbfn:Default", True), ("idm:Default", False), ("fiss:Default", True)]
+    ("name", "has_candidates"),
+    [("frenetix:Default", True), ("mp_rbfn:Default", True), ("idm:Default", False), ("fiss:Default", True)],
 )
 def test_every_planning_step_has_its_plan_which_was_followed(name: str, has_candidates: bool, tmp_path: Path) -> None:
     run, response = driven(tmp_path, name)
