@@ -291,11 +291,11 @@ def _done(rows: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
 
 
 def _share(rows: Sequence[Mapping[str, Any]], outcome: str) -> float:
-    return round(sum(row["outcome"] == outcome for row in rows) / max(len(rows), 1), 4)
+    return float(round(sum(row["outcome"] == outcome for row in rows) / max(len(rows), 1), 4))
 
 
 def _runs_per_second(rows: Sequence[Mapping[str, Any]]) -> float:
-    return round(len(rows) / max(sum(row["clock_s"] for row in rows), 1e-9), 2)
+    return float(round(len(rows) / max(sum(row["clock_s"] for row in rows), 1e-9), 2))
 
 
 def table_of(turns: Sequence[Turn], journal: Journal) -> str:
