@@ -3,9 +3,9 @@
 Encounters are drawn at random (a seed) in the frame of a road, straight or a bend of 40 to 200 m: a leader that brakes,
 a slower one, a follower that catches up, a cut-in, a cut-out before a standing car, a pedestrian and a cyclist that
 cross, a car that turns across the way from ahead, and egos that speed up before they meet another. The egos are cars,
-trucks and buses. Everything is given in closed form along the road, so that the judge projects nothing. It moves each driver in steps of 10 ms, tells
-contacts by separating axes, and follows each drive until the ego stands and the other is gone. What it takes from the
-product is nothing; parameters and rules are those of ``docs/reference_drivers.md``.
+trucks and buses. Everything is given in closed form along the road, so that the judge projects nothing. It moves each
+driver in steps of 10 ms, tells contacts by separating axes, and follows each drive until the ego stands and the other
+is gone. It takes nothing from the product; parameters and rules are those of ``docs/reference_drivers.md``.
 
 A verdict counts if it is away from edges: it stays the same if all bodies are 0.1 m longer or shorter, the ego is 2 %
 slower or faster, and the driver responds 0.2 s later or 0.05 s earlier (the product's steps are 0.1 s long).
