@@ -11,10 +11,12 @@ A verdict counts if it is away from edges: it stays the same if all bodies are 0
 slower or faster, and the driver responds 0.2 s later or 0.05 s earlier (the product's steps are 0.1 s long).
 
 Keys: ``verdicts_right``: the share of the verdicts (driver, start, encounter) that are told as they are, and of closed
-forms: the latest full braking before a standing car, and what UN R157, Annex 4, Appendix 3, 5.2 and 5.3 says of its
-driver at a time headway of 2 s and up to 60 km/h (it avoids every standing car that a cut-out reveals, and every leader
-that brakes by up to 1 g). ``window_errors``: drivers that are told to prevent a collision although they touch the other
-later. ``verdicts_told``, ``verdicts_at_edges``: how many counted, and how many were left out.
+forms: the latest full braking before a standing car, and what the data sheets of UN R157 (Annex 4, Appendix 3) are
+taken to say of its driver at a time headway of 2 s and up to 60 km/h: it avoids every standing car that a cut-out
+reveals (5.2), and every leader that brakes by up to 1 g (5.3). The headway is checked against the sheets. That the
+driver avoids them all, and the numbers of the paragraphs, are not checked against the regulation's text.
+``window_errors``: drivers that are told to prevent a collision although they touch the other later. ``verdicts_told``,
+``verdicts_at_edges``: how many counted, and how many were left out.
 """
 
 import math
@@ -495,7 +497,7 @@ def latest_full_braking_s(speed: float, gap: float, kind: str) -> float:
 
 
 def closed_forms(choice: random.Random, count: int) -> Iterator[tuple[str, bool]]:
-    """The latest full braking before a standing car; and what UN R157 says of its driver at 2 s and up to 60 km/h."""
+    """The latest full braking before a standing car; and what UN R157's data sheets are taken to say."""
     for _ in range(count):
         kind = choice.choice(("car", "truck", "bus"))
         speed, gap = choice.uniform(8, 25), choice.uniform(90, 140)
