@@ -40,7 +40,7 @@ def look_at_runs(request: ReviewRequest, report: ProgressReporter) -> LooksRespo
 
 
 def sample_of(runs: RunSet, records: Iterable[RunRecord], most: int) -> list[RunRecord]:
-    """All of some runs if a look at each is kept, or if they are few; else a random sample, of at least so many.
+    """Return all runs if a look at each is kept or they are few, and otherwise a random sample of at least ``most``.
 
     Beyond so many, only those of which a look is kept are in it. In the order that the runs have.
     """
@@ -54,7 +54,7 @@ def sample_of(runs: RunSet, records: Iterable[RunRecord], most: int) -> list[Run
 
 
 def collision_causes(runs: RunSet, *, with_rate: bool = True) -> CollisionCauses | None:
-    """Who hit whom, and how many of the collisions no reference driver prevents; None where none is known.
+    """Return the kinds of collisions and how many no reference driver prevents, or None if no collision is known.
 
     ``with_rate``: whether one rate over all these runs is meant.
     """
@@ -102,7 +102,7 @@ def _is_among(run_ids: Sequence[str]) -> Callable[[RunRecord], bool]:
 
 
 def _estimated_without(runs: RunSet, hits: int, unpreventable: Rate) -> Rate:
-    """The rate of goals without unpreventable collisions, estimated from a sample of the collisions.
+    """Return the rate of goals without unpreventable collisions, estimated from a sample of the collisions.
 
     Its interval is that of both together: each end takes the end of the sample's interval that is farther.
     """
@@ -116,7 +116,7 @@ def _estimated_without(runs: RunSet, hits: int, unpreventable: Rate) -> Rate:
 
 
 def known_contacts(runs: RunSet) -> dict[str, Contact]:
-    """Who hit whom by run id, of all collisions with another or of a random sample; unknown courses are left out."""
+    """Return contacts by run id for all collisions with another or a random sample, without unknown courses."""
     return _contacts(runs, sample_of(runs, (one for one in runs.valid if hit_another(one)), MOST_COLLISIONS))
 
 
@@ -126,7 +126,7 @@ def _contacts(runs: RunSet, records: Iterable[RunRecord]) -> dict[str, Contact]:
 
 
 def trivial_goals(runs: RunSet, *, with_rate: bool = True) -> TrivialGoals | None:
-    """The reached goals that asked for no driving; None where there is none.
+    """Return the reached goals that required no driving, or None if there are no such goals.
 
     ``with_rate``: whether one rate over all these runs is meant.
     """

@@ -67,7 +67,7 @@ def measures_of(runs: RunSet, record: RunRecord) -> tuple[MeasuredValue, ...]:
 
 
 def measure_spreads(runs: RunSet, report: ProgressReporter) -> tuple[MeasureSpread, ...]:
-    """Every measure over the valid runs of a set, or a random sample of them, with the run in which it is worst."""
+    """Return every measure over the valid runs of a set or a random sample of them, with the worst run."""
     records = drawn(runs.valid)[:MOST_MEASURED] if len(runs.valid) > MOST_MEASURED else runs.valid
     measured: dict[str, list[tuple[str, MeasuredValue]]] = {measure.name: [] for measure in MEASURES}
     for number, record in enumerate(records):

@@ -153,7 +153,7 @@ class _Encounters:
         return None if index is None else round(index * self.step_s, 9)
 
     def verdicts(self) -> Iterator[DriverVerdict]:
-        """One verdict for each driver and start."""
+        """Yield one verdict for each driver and start."""
         for start, scene in (("before_contact", self._as_driven), ("start", self._on_lane)):
             yield from self._of(start, scene)  # type: ignore[arg-type]
 
@@ -174,7 +174,7 @@ class _Encounters:
             )
 
     def _full_braking(self, start: DriverStart, scene: DriverScene) -> DriverVerdict:
-        """The latest moment at which full braking keeps clear of the one that was hit, tried one by one."""
+        """Return the latest moment at which full braking keeps clear of the one that was hit, tried one by one."""
         latest = next(
             (step for step in range(self._last, -1, -1) if scene.is_clear_of_met(scene.drive(FullBraking(), step))),
             None,
@@ -208,7 +208,7 @@ class _Steering:
     road: "BaseGeometry"
 
     def latest(self, last: int) -> int | None:
-        """The latest state from which steering aside, to either side, prevents the collision; None: none does."""
+        """Return the latest state from which steering to either side prevents the collision, or None."""
         every = max(round(STEERING_EVERY_S / self.scene.step_s), 1)
         first = max(0, last - round(STEERING_WITHIN_S / self.scene.step_s))
         for index in range(last, first - 1, -every):
@@ -217,7 +217,7 @@ class _Steering:
         return None
 
     def _evades(self, begins: int, side: float) -> bool:
-        """Whether steering aside from a state on touches nobody and does not leave the road."""
+        """Return whether steering aside from a state on touches no other road user and does not leave the road."""
         import shapely
 
         count = min(self.hit + round(STEERING_FOLLOWED_S / self.scene.step_s) + 1, self.scene.count)

@@ -11,7 +11,7 @@ from .run_set import RunSet
 
 
 def cannot_be_reached(runs: RunSet, record: RunRecord) -> bool:
-    """Whether the ego is at no goal's place in time even if it drives straight at it and up to the speed limit.
+    """Return whether the ego is at no goal's place in time even if it drives straight at it and up to the speed limit.
 
     It accelerates as hard as its vehicle can (:func:`~..vehicles.farthest_m`) to the highest limit that is posted on
     its lane, or to its vehicle's largest speed if there is none; an ego that begins faster keeps its speed. False

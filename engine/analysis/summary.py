@@ -211,7 +211,7 @@ def _notes(
 
 
 def _by_any_motion(runs: RunSet) -> Rate | None:
-    """The rate of goals by the paper's rule; None where no motion to the goal was refused."""
+    """Return the rate of goals by the paper's rule, or None if no motion to the goal was refused."""
     refused = any(record.outcome == "goal_refused" for record in runs.valid)
     return runs.rate(runs.valid, lambda record: record.outcome in AT_GOAL) if refused else None
 
@@ -261,7 +261,7 @@ def _undefined(runs: RunSet) -> tuple[UndefinedMetric, ...]:
 
 
 def _groups(runs: RunSet, breakdown: Breakdown, *, is_one: bool) -> tuple[Group, ...]:
-    """Outcome rates by group; a scenario with several obstacle classes is in the group of each.
+    """Return outcome rates by group; a scenario with several obstacle classes is in the group of each.
 
     Several configurations are groups of their own where nothing else was asked for, and apart within each group of
     scenarios.

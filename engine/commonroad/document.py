@@ -59,7 +59,7 @@ def moving_obstacle(root: "etree._Element") -> str:
 
 
 def ego_classes_of(root: "etree._Element") -> dict[int, str]:
-    """What the egos of a document are, by the id of their planning problem; those that are cars are left out."""
+    """Return the classes of a document's egos by planning problem id; cars are left out."""
     found: dict[int, str] = {}
     for problem in root.iterchildren("planningProblem"):
         words = [match[1] for each in _instructions(problem) if (match := _EGO_CLASS.fullmatch(each.text or ""))]
@@ -69,7 +69,7 @@ def ego_classes_of(root: "etree._Element") -> dict[int, str]:
 
 
 def ego_class_instruction(vehicle_class: str) -> "etree._ProcessingInstruction":
-    """The processing instruction that says what the ego is."""
+    """Return the processing instruction that says what the ego is."""
     return etree.ProcessingInstruction(_INSTRUCTION, f'ego-class="{vehicle_class}"')
 
 

@@ -231,7 +231,7 @@ def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _class_asked(edit: Edit, otherwise: str) -> str:
-    """The class that an edit names for the ego, in our word.
+    """Return the class that an edit names for the ego, in our word.
 
     Raises:
         UnknownName: no ego can be that.
@@ -337,7 +337,7 @@ def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Chan
 
 
 def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
-    """The former ego as a vehicle of its class that drives to the former goal, or straight on."""
+    """Return the former ego as a vehicle of its class that drives to the former goal, or straight on."""
     if not ego.lanelets:
         raise NotPossible("the former ego stands on no lanelet", valid=["former_ego=vanish"], next_step=_LET_VANISH)
     goals = tuple(key for key in _goal_lanelet_ids(scene, changes, ego) if key in scene.layout.table.lanes)

@@ -197,7 +197,7 @@ class PlanningTask:
 def choose_task(
     spec: TaskSpec, vehicles: Sequence[GeneratedVehicle], network: RoadNetwork, focus: SiteFocus, step_s: float
 ) -> PlanningTask:
-    """The planning task of the asked car, or of the best vehicle of the ego's class that can have the asked goal.
+    """Return the planning task of the requested car, or of the best vehicle of the class that can have the goal.
 
     Where the car of the asked index has no such goal, because it waits in a queue for instance, the best of those after
     it stands in.
@@ -446,7 +446,7 @@ def follows_smooth_lanes(
 
 
 def _has_room(car: GeneratedVehicle, last_step: int, network: RoadNetwork) -> bool:
-    """Whether the recorded body stays on the road up to a step: a long one sweeps over corners. A car is not asked."""
+    """Return whether the recorded body stays on the road up to a step; long ones cut corners, cars always pass."""
     if car.vehicle_class.name == "car":
         return True
     from shapely import contains_xy

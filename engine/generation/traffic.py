@@ -257,7 +257,7 @@ def _too_large(duration_s: float) -> NotPossible:
 
 
 def _absent(demand: Demand, counts: Mapping[str, int]) -> dict[str, int]:
-    """How many vehicles of the classes asked for are not among so many; one is the ego and does not count."""
+    """Return how many vehicles of the classes asked for are not among so many; one is the ego and does not count."""
     here = Counter(counts)
     here[demand.ego_class] -= 1
     absent = {name: least - here[name] for name, least in demand.least.items() if here[name] < least}

@@ -131,7 +131,7 @@ class PlannedTrajectory:
         return self._part(slice(count))
 
     def since(self, index: int) -> "PlannedTrajectory":
-        """The states from an index on."""
+        """Return the states from an index on."""
         return self._part(slice(index, None))
 
     def _part(self, part: slice) -> "PlannedTrajectory":

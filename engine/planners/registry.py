@@ -158,14 +158,14 @@ class PlannerVersion:
 
 
 def built_in_version(name: str, versions: Mapping[str, str]) -> PlannerVersion:
-    """The version of a built-in planner, given the versions of packages by their names."""
+    """Return the version of a built-in planner, given the versions of packages by their names."""
     named = [package for package in (*CORES.get(name, ()), _OURS) if package in versions]
     words = ", ".join(f"{package} {versions[package]}" for package in named)
     return PlannerVersion(words, hashlib.sha256(words.encode()).hexdigest()[:12])
 
 
 def version_that_drives(name: str) -> PlannerVersion:
-    """The version of the planner that drives under this name now; for workers, as its class is imported.
+    """Return the version of the planner that drives under this name now; for workers, as its class is imported.
 
     Raises:
         UnknownName: no such planner.
@@ -181,7 +181,7 @@ def version_that_drives(name: str) -> PlannerVersion:
 
 
 def source_that_drives(name: str) -> str:
-    """The digest of :func:`version_that_drives`, without importing anything.
+    """Return the digest of :func:`version_that_drives`, without importing anything.
 
     Raises:
         UnknownName: no such planner.
@@ -197,7 +197,7 @@ def _built_in_here(name: str) -> PlannerVersion:
 
 
 def uses_prediction(name: str) -> bool:
-    """Whether a planner plans on predictions of others: all built-in ones, and others that declare it."""
+    """Return whether a planner plans on predictions of others: all built-in ones, and others that declare it."""
     folded = known_planner(name)
     if folded in PLANNERS:
         return True

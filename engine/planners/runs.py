@@ -159,7 +159,7 @@ _REFUSALS: dict[Refusal, str] = {
 
 
 def _judged_by_benchmark(verdict: Verdict, steps: RunSteps, start: _Start) -> _Ending:
-    """The verdict of the loop; a goal that it says is reached only if CommonRoad's benchmark accepts the motion."""
+    """Return the loop's verdict; a reached goal counts only if CommonRoad's benchmark accepts the motion."""
     if verdict.outcome != "goal_reached":
         return _Ending(verdict.outcome, verdict.reason)
     loaded, vehicle = start.loaded, start.vehicle
@@ -261,7 +261,7 @@ def run_steps(driven: DrivenRun) -> RunSteps:
 
 
 def _normal(value: float) -> float:
-    """A number, 0 for one that is smaller than normal ones: that is what underflow leaves."""
+    """Return a number, 0 for one that is smaller than normal ones: that is what underflow leaves."""
     return 0.0 if abs(value) < sys.float_info.min else float(value)
 
 
@@ -309,7 +309,7 @@ def replay_plans(request: ReplayRequest, report: ProgressReporter) -> Replayed:
 
 
 def _difference(here: RunSteps, stored: RunSteps) -> str | None:
-    """How a run that was driven again differs from the stored one, in words; None if it is the same.
+    """Return how a run that was driven again differs from the stored one, in words, or None if it is the same.
 
     It is the same if it has as many states, was planned at the same steps, and every state of the ego and of those that
     reactive traffic moved is within :data:`_SAME_M`, :data:`_SAME_RAD` and :data:`_SAME_MPS` of the stored one. Other

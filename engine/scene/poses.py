@@ -63,7 +63,7 @@ def lanelets_of_pose(network: "LaneletNetwork", position: Points, heading_rad: f
 
 
 def _pose_on(lanelet: "Lanelet", position: Points, heading_rad: float) -> tuple[float, float]:
-    """How far a pose is turned from a lanelet, in rad, and how far it is beside the lanelet's centre line, in m."""
+    """Return a pose's angle to a lanelet in rad and its distance from the lanelet's centre line in m."""
     line = without_repeats(np.asarray(lanelet.center_vertices, dtype=float))
     if len(line) < 2:
         return abs(wrap_angle(heading_rad)), float(np.linalg.norm(line[0] - position))

@@ -46,7 +46,7 @@ class Demand:
         return {name: self.least.get(name, 0) + (name == self.ego_class) for name in self.counts}
 
     def with_ego(self, vehicle_class: str) -> "Demand":
-        """The same with one vehicle of a class as the ego, in the place of the car that it would be otherwise."""
+        """Return the same demand with one vehicle of a class as the ego instead of the car that it would be."""
         if vehicle_class == self.ego_class:
             return self
         counts = self.counts | {"car": self.counts["car"] - 1}

@@ -36,12 +36,12 @@ _DRAWN = 9_999
 
 
 def fewest_configurations(method: Literal["morris", "sobol"], weights: int) -> int:
-    """How many configurations the smallest design over so many weights drives."""
+    """Return how many configurations the smallest design over so many weights drives."""
     return _FEWEST_WAYS * (weights + 1) if method == "morris" else _FEWEST_SAMPLES * (weights + 2)
 
 
 def sensitivity_design(request: DesignRequest, report: ProgressReporter) -> Proposals:
-    """An operation: the points of a design, at most as many as are asked for but those of the smallest design."""
+    """Return the points of a design (an operation): at most as many as requested, at least the smallest design."""
     points = _points(request)
     report(1.0, f"{len(points)} points")
     return Proposals(points=tuple(tuple(float(place) for place in point) for point in points))
@@ -72,7 +72,7 @@ def sensitivity_effects(request: EffectsRequest, report: ProgressReporter) -> Ef
 
 
 def _analysed(design: DesignRequest, points: Any, values: "NDArray[np.float64]") -> tuple[list[float], list[float]]:
-    """The effect of each weight with half of its 95 % interval; all are 0 where the objective never changes."""
+    """Return the effect of each weight with half of its 95 % interval; all are 0 where the objective never changes."""
     if values.std() == 0:
         return [0.0] * len(design.names), [0.0] * len(design.names)
     problem, seed = _problem(design), legacy_seed(design.seed)
@@ -88,7 +88,7 @@ def _analysed(design: DesignRequest, points: Any, values: "NDArray[np.float64]")
 
 
 def _effect(name: str, effect: float, margin: float, p: float | None, tested: int) -> Effect:
-    """The effect of a weight with what may be said of it, one of so many that are tested."""
+    """Return the effect of a weight with what may be said of it, one of so many that are tested."""
     if effect == 0 and p is None:
         return Effect(name=name, effect=0.0, margin=0.0, verdict="none")
     normal = NormalDist()
@@ -101,7 +101,7 @@ def _effect(name: str, effect: float, margin: float, p: float | None, tested: in
 
 
 def _couples(design: DesignRequest, place: int) -> list[tuple[int, int]]:
-    """The pairs of points of a design that differ in one weight alone."""
+    """Return the pairs of points of a design that differ in one weight alone."""
     count = len(design.names)
     points = _points(design)
     if design.method == "sobol":  # A, then A with each weight of B, then B
@@ -111,7 +111,7 @@ def _couples(design: DesignRequest, place: int) -> list[tuple[int, int]]:
 
 
 def _changes(request: EffectsRequest) -> "dict[str, NDArray[np.float64]]":
-    """By weight, the change of each scenario's objective in each pair of points that differ in it alone, (pairs, s).
+    """Return by weight each scenario's change of objective between points that differ only in it, (pairs, s).
 
     Scenarios that miss a score at any point are left out; empty where no scores are given.
     """
@@ -129,7 +129,7 @@ def _changes(request: EffectsRequest) -> "dict[str, NDArray[np.float64]]":
 
 
 def _chance(changes: "NDArray[np.float64]", units: Sequence[str], design: DesignRequest) -> float:
-    """How often signs of scenarios by chance give an effect as large as the observed one; never 0."""
+    """Return how often signs of scenarios by chance give an effect as large as the observed one; never 0."""
     import numpy as np
 
     names = list(dict.fromkeys(units))
@@ -150,7 +150,7 @@ def _chance(changes: "NDArray[np.float64]", units: Sequence[str], design: Design
 
 
 def _largest(design: DesignRequest, place: int, changes: "NDArray[np.float64] | None") -> tuple[int, int, int] | None:
-    """The two points and the scenario between which a weight changed most; None where it changed nothing."""
+    """Return the two points and the scenario between which a weight changed most, or None if it changed nothing."""
     import numpy as np
 
     if changes is None or not changes.any():

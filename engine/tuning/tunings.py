@@ -343,7 +343,7 @@ _RSS = (
 
 
 def _reference(weights: tuple[Weight, ...], values: tuple[float, ...], summary: str) -> "PlannerTuning":
-    """The tuning of a reference driver: its source's parameters, with and without following others."""
+    """Return the tuning of a reference driver: its source's parameters, with and without following others."""
     presets = (
         _preset(weights, "Default", "Default", "its source's parameters; follows others like idm", (1.0, 2.0, *values)),
         _preset(weights, "Verdict", "Verdict", "as in verdicts: keeps its speed until it reacts", (0.0, 2.0, *values)),

@@ -55,7 +55,7 @@ def can_be_there(
     finals_mps: Values,
     vehicle: VehicleParameters = BMW_320I,
 ) -> NDArray[np.bool_]:
-    """Whether a vehicle can be between two distances ahead after each of n times at each of m speeds, shape (n, m)."""
+    """Return whether a vehicle can be between two distances ahead for each of n times and m speeds, shape (n, m)."""
     nearest, farthest = _spans_m(speed_mps, times_s[:, None], finals_mps[None], vehicle)
     change_mps = vehicle.maximum_acceleration_mps2 * times_s[:, None]
     in_time = np.abs(finals_mps[None] - speed_mps) <= change_mps + 1e-9
@@ -64,7 +64,7 @@ def can_be_there(
 
 
 def least_time_s(speed_mps: float, distance_m: float, vehicle: VehicleParameters = BMW_320I) -> float:
-    """The time in s that a vehicle needs at least for a distance, from a speed."""
+    """Return the time in s that a vehicle needs at least for a distance, from a speed."""
     largest_mps2, top_mps = vehicle.maximum_acceleration_mps2, vehicle.maximum_speed_mps
     speed, ahead = min(speed_mps, top_mps), max(distance_m, 0.0)
     gaining_m = (top_mps**2 - speed**2) / (2 * largest_mps2)
@@ -74,7 +74,7 @@ def least_time_s(speed_mps: float, distance_m: float, vehicle: VehicleParameters
 
 
 def latest_passing_s(speed_mps: float, distance_m: float, vehicle: VehicleParameters = BMW_320I) -> float:
-    """The time in s after which a vehicle has certainly driven a distance in m; infinite where it can stop before."""
+    """Return the time in s after which a vehicle must have driven a distance in m; infinite if it can stop before."""
     left = speed_mps**2 - 2 * vehicle.maximum_acceleration_mps2 * max(distance_m, 0.0)
     return math.inf if left <= 0.0 else (speed_mps - math.sqrt(left)) / vehicle.maximum_acceleration_mps2
 

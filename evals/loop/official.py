@@ -82,7 +82,7 @@ def measure(bench: LoopBench) -> Figures:
 
 
 def scenario_files(bench: LoopBench) -> list[Path]:
-    """The public scenarios, or evenly many of them for a sample."""
+    """Return the public scenarios, or evenly many of them for a sample."""
     files = sorted((bench.shared / "data" / "commonroad").glob("*.xml"))
     if bench.limit is None or bench.limit >= len(files):
         return files
@@ -90,7 +90,7 @@ def scenario_files(bench: LoopBench) -> list[Path]:
 
 
 def runs(bench: LoopBench, name: str, prediction: Prediction) -> "Iterator[JudgedRun]":
-    """A run on each scenario, but for invalid problems."""
+    """Yield a run on each scenario, but for invalid problems."""
     configuration = built_in(name)
     for path in scenario_files(bench):
         request = RunRequest(
@@ -163,7 +163,7 @@ class JudgedRun:
 
 
 def official_verdict(scenario: Any, problems: PlanningProblemSet, solution: Solution) -> str:
-    """What ``valid_solution`` says of a solution: valid, infeasible, or the name of what it raises."""
+    """Return what ``valid_solution`` says of a solution: valid, infeasible, or the name of what it raises."""
     try:
         with patch.object(solution_checker, "_construct_boundary_checker", _boundary):
             accepted, _ = solution_checker.valid_solution(scenario, problems, solution)
@@ -180,7 +180,7 @@ _TRIANGULATED = solution_checker._construct_boundary_checker
 
 
 def _boundary(scenario: Any) -> Any:
-    """What is off the road, as the checker sees it."""
+    """Return what is off the road, as the checker sees it."""
     if _has_triangles():
         return _TRIANGULATED(scenario)
     checker = pycrcc.CollisionChecker()
@@ -190,7 +190,7 @@ def _boundary(scenario: Any) -> Any:
 
 
 def is_beyond_vehicle(solution: Solution, step_s: float) -> bool:
-    """Whether a motion exceeds the limits of its vehicle, by its positions, headings and speeds alone.
+    """Return whether a motion exceeds the limits of its vehicle, judged only by positions, headings and speeds.
 
     The rear axle has to move where it heads, as far as the speeds say; the steering angle of a step is the one that
     turns the vehicle as it turned, and changes from one moving step to the next within the largest rate.

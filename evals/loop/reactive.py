@@ -28,7 +28,7 @@ _CONFIGURATION = "idm:Default"
 
 
 def rows_of(files: Sequence[Path]) -> list[Row]:
-    """The rows of a reactive run of each file; those without a run are told on standard error."""
+    """Return the rows of a reactive run of each file; those without a run are told on standard error."""
     wanted = cells(files, (_CONFIGURATION,), ("constant_velocity",), ("reactive",))
     found = list(measured(wanted, CHECKOUT))
     for row in found:
@@ -38,7 +38,7 @@ def rows_of(files: Sequence[Path]) -> list[Row]:
 
 
 def fresh_files(bench: LoopBench, known: Sequence[Path]) -> tuple[str, list[Path]]:
-    """Where fresh scenarios come from, in a word, and their files."""
+    """Return where fresh scenarios come from, in a word, and their files."""
     count = bench.limit or FRESH
     database = os.environ.get("PLANNERFORGE_DATABASE")
     if not database:

@@ -74,7 +74,7 @@ class Case:
         return max(step for _, step in self.leaders)
 
     def scenario(self) -> Scenario:
-        """The road with its leaders, and with a light if they wait for one."""
+        """Return the road with its leaders, and with a light if they wait for one."""
         x = np.linspace(-50.0, 950.0, 201)
         left, center, right = (np.stack([x, np.full(len(x), y)], axis=1) for y in (1.75, 0.0, -1.75))
         light_x = self.leaders[0][0] + 3.0
@@ -96,7 +96,7 @@ class Case:
         return scenario
 
     def problem(self) -> PlanningProblem:
-        """The ego at the origin and its goal."""
+        """Return the ego at the origin and its goal."""
         place = {} if self.goal_m is None else {"position": Rectangle(12.0, 3.5, np.array([self.goal_m, 0.0]))}
         start = _initial(0.0, self.speed_mps)
         return PlanningProblem(1, start, GoalRegion([CustomState(time_step=Interval(*self.window), **place)]))
@@ -115,7 +115,7 @@ def _initial(x_m: float, speed_mps: float) -> InitialState:
 
 
 def _leader(number: int, at_m: float, leaves: int, comes_mps: float) -> DynamicObstacle:
-    """A car that stands at a place until a step and leaves then; it may come with a speed and brake to that place."""
+    """Return a car that stands at a place until a step and then leaves; it may arrive at a speed and brake there."""
     brakes_s = comes_mps / _BRAKES_MPS2
     stops_s = leaves * _STEP_S - _STANDS_S
     places, speeds = [], []
@@ -141,7 +141,7 @@ def _leader(number: int, at_m: float, leaves: int, comes_mps: float) -> DynamicO
 
 
 def cases(seed: int, count: int) -> list[Case]:
-    """Drawn cases, the kinds in turn."""
+    """Return drawn cases, the kinds in turn."""
     draw = random.Random(f"{seed}: restarts")  # noqa: S311 - a sample
     kinds: tuple[Callable[[random.Random], Case], ...] = (_stands, _red_light, _queue, _late, _no_place, _brakes)
     return [kinds[number % len(kinds)](draw) for number in range(count)]
@@ -185,7 +185,7 @@ def _brakes(draw: random.Random) -> Case:
 
 
 def drives_on(case: Case, planner: str) -> tuple[bool, bool]:
-    """Whether the ego stood, and whether it drives again in time after the road is free."""
+    """Return whether the ego stood, and whether it drives again in time after the road is free."""
     configuration = named_configuration(f"{planner}:Default")
     if configuration is None:
         raise RuntimeError(f"{planner}:Default is gone")

@@ -23,7 +23,7 @@ _COLUMNS = ("x_m", "y_m", "heading_rad", "speed_mps")
 
 
 def straight_on(step: Message, step_s: float, states: int = _STATES) -> Message:
-    """The answer to a step: the present course and speed for two seconds."""
+    """Return the answer to a step: the present course and speed for two seconds."""
     ego = step["ego"]
     away = [ego["speed_mps"] * step_s * index for index in range(states)]
     return {

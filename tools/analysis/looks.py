@@ -21,7 +21,7 @@ logger = logging.getLogger(__name__)
 
 
 async def looked_at(runs: Sequence[RunSource], call: ToolCall) -> tuple[RunSource, ...]:
-    """The runs with their looks, as many as are kept or can be made in twenty seconds.
+    """Return the runs with their looks, as many as are kept or can be made in twenty seconds.
 
     Those without one are looked at in a random order, so that those that are done are a random sample of them all. The
     next call goes on where this one stopped.

@@ -177,7 +177,7 @@ class _Search:
         return await self._ended()
 
     def _wanted(self) -> int:
-        """How many candidates more are tried: what is kept for taking back goes to them while nothing is better."""
+        """Return how many more candidates are tried, including the reserve for taking back until one is better."""
         wanted = self.candidates - len(self.trials)
         return max(wanted, self.left - _LOOK) if self.best().number == 0 else wanted
 
@@ -352,11 +352,10 @@ class _Search:
         return [trial for trial in whole if not is_beaten(trial)][:_MOST_FRONT]
 
     async def _ablated(self, best: _Trial) -> tuple[_Trial, tuple[ChangeShare, ...], tuple[str, ...]]:
-        """The best configuration without the changes that bring nothing in training, what each of the rest brings, and
-        what could not be tried.
+        """Return the best configuration without useless changes, what each other brings, and what could not be tried.
 
-        One change after the other is taken back (backward elimination) and stays out where its loss costs nothing, as
-        long as the budget leaves the look at the held-out half.
+        The changes are taken back one after the other (backward elimination). A change that brings nothing in training
+        stays out. The budget for the held-out half is kept.
         """
         shares = list[ChangeShare]()
         changes = differences(self.plan.base, best.configuration)
@@ -377,7 +376,7 @@ class _Search:
         return best, tuple(shares), (note,) if untried else ()
 
     def _gain(self, trial: _Trial, other: _Trial) -> float:
-        """By how much the summed objectives of a trial are above those of another one."""
+        """Return by how much the summed objectives of a trial exceed those of another."""
         return sum(self.plan.values(trial.valid)) - sum(self.plan.values(other.valid))
 
     def _without(self, configuration: PlannerConfiguration, names: Sequence[str]) -> PlannerConfiguration:
@@ -571,7 +570,7 @@ async def _effects(search: _Search) -> StudyRecord:
 
 
 def _with_runs(effect: Effect, trials: Sequence[_Trial]) -> Effect:
-    """The effect with the two runs between which the weight changed most."""
+    """Return the effect with the two runs between which the weight changed most."""
     if effect.largest is None:
         return effect
     first, second, scenario = effect.largest

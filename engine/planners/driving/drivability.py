@@ -90,7 +90,7 @@ def exceeded_limits(
 
 
 def excesses_of(trajectory: PlannedTrajectory, vehicle: VehicleParameters, step_s: float) -> tuple[LimitExcess, ...]:
-    """The limits of the vehicle that a trajectory of its centre exceeds."""
+    """Return the limits of the vehicle that a trajectory of its centre exceeds."""
     track = Track(
         obstacle_id=-1,
         kind="car",

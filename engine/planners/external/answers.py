@@ -22,7 +22,7 @@ _Message = TypeVar("_Message", bound=Model)
 
 
 def read_message(model: type[_Message], answered: bytes, failed: Failed) -> _Message:
-    """The message that an answer holds.
+    """Return the message that an answer holds.
 
     Raises:
         PlannerFailure: it is empty, no JSON, in another form, or holds a number that is not finite.
@@ -44,7 +44,7 @@ def read_message(model: type[_Message], answered: bytes, failed: Failed) -> _Mes
 
 
 def read_trajectory(answered: CommandTrajectory, ego: EgoState, step_s: float, failed: Failed) -> PlannedTrajectory:
-    """The trajectory with unwrapped headings and the accelerations that follow from its speeds.
+    """Return the trajectory with unwrapped headings and the accelerations that follow from its speeds.
 
     Raises:
         PlannerFailure: it breaks the contract of planners.

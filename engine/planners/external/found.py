@@ -197,7 +197,7 @@ def _of_environment(text: str) -> tuple[Found, ...]:
 
 
 def _sources(module: str) -> list[Path]:
-    """The Python files and compiled modules of the module's package, without importing it."""
+    """Return the Python files and compiled modules of the module's package, without importing it."""
     spec = find_spec(module.partition(".")[0]) if module else None
     if spec is None:
         return []

@@ -26,7 +26,7 @@ _SETTINGS = ("-c", "core.hooksPath=/dev/null", "-c", "core.fsmonitor=false")
 
 
 def version_in_words(found: Found) -> str:
-    """``v1.2 (a1b2c3d)``: the declared version, what git calls the source, or the package's, with the digest.
+    """Return ``v1.2 (a1b2c3d)``: the declared version, git's, or the package's, with the digest.
 
     The class of the planner is imported for what it declares: for workers.
     """
@@ -41,7 +41,7 @@ def _declared(found: Found) -> str:
 
 
 def described_by_git(sources: Sequence[Path]) -> str:
-    """What ``git describe`` calls the commit that holds the first source file, with ``-dirty`` where a file differs.
+    """Return ``git describe`` of the commit that holds the first source file, with ``-dirty`` if a file differs.
 
     Empty where that file is in no commit of a repository, git is not installed, or it takes too long.
     """
@@ -50,7 +50,7 @@ def described_by_git(sources: Sequence[Path]) -> str:
 
 
 def _stamps(files: Sequence[Path]) -> list[int]:
-    """When the files and what git knows of them changed last: the key by which an answer is kept."""
+    """Return when the files and what git knows of them changed last: the key by which an answer is kept."""
     repository = next((folder / ".git" for folder in files[0].parents if (folder / ".git").exists()), None)
     names = ("HEAD", "logs/HEAD", "packed-refs", "refs/tags")
     of_git = [] if repository is None else [repository / name for name in names]
@@ -73,7 +73,7 @@ def _described(files: tuple[Path, ...], stamps: tuple[int, ...]) -> str:
 
 
 def _committed(folder: Path) -> dict[Path, str]:
-    """The files in and below a folder that the present commit holds, each with its object id."""
+    """Return the files in and below a folder that the present commit holds, each with its object id."""
     top = Path(_git(folder, "rev-parse", "--show-toplevel").strip())
     listed = _git(folder, "ls-tree", "-r", "-z", "--full-name", "HEAD", "--", ".")
     entries = (line.partition("\t") for line in listed.split("\0") if line)
@@ -81,14 +81,14 @@ def _committed(folder: Path) -> dict[Path, str]:
 
 
 def _blob_id(path: Path, like: str) -> str:
-    """The object id that git gives to the content of a file, by the algorithm of another id."""
+    """Return the object id that git gives to the content of a file, by the algorithm of another id."""
     content = path.read_bytes()
     algorithm = "sha256" if len(like) == hashlib.sha256().digest_size * 2 else "sha1"
     return hashlib.new(algorithm, b"blob %d\0" % len(content) + content, usedforsecurity=False).hexdigest()
 
 
 def _git(folder: Path, *arguments: str) -> str:
-    """What git answers.
+    """Return what git answers.
 
     Raises:
         OSError: there is no git.

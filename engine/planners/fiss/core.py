@@ -95,7 +95,7 @@ or only that bodies do not touch; ``margins`` and ``bodies`` leave out what stan
 
 
 def vehicle_limits(vehicle: VehicleParameters) -> "fiss_planner.VehicleParams":
-    """A vehicle as the core knows it."""
+    """Return a vehicle as the core knows it."""
     limits = fiss_planner.VehicleParams()
     limits.length, limits.width = vehicle.length_m, vehicle.width_m
     limits.wheelbase, limits.rear_axle_to_center = vehicle.wheelbase_m, vehicle.rear_axle_behind_center_m
@@ -115,7 +115,7 @@ def core_configuration(
     care: "Care" = "full",
     every_candidate: bool = False,
 ) -> "fiss_planner.PlannerConfig":
-    """The core's configuration.
+    """Return the core's configuration.
 
     Args:
         weights: those of the planner, by our names.
@@ -156,16 +156,16 @@ class PathLine:
         self._reference = reference
 
     def first_station(self, point: Points) -> float:
-        """The station in m of the ego at a point (2,) at which it begins."""
+        """Return the station in m of the ego at a point (2,) at which it begins."""
         return self._reference.follower().place(point)[0]
 
     def curve_speed_mps(self, station_m: float, ahead_m: float) -> float:
-        """The speed at which no curve of the next metres needs more than the lateral acceleration."""
+        """Return the speed at which no curve of the next metres needs more than the lateral acceleration."""
         first, last = np.searchsorted(self._stations, (station_m, station_m + ahead_m))
         return float(self._curve_mps[first : last + 1].min(initial=math.inf))
 
     def start(self, ego: EgoState, vehicle: VehicleParameters, near_m: float) -> "fiss_planner.FrenetState | None":
-        """The ego's centre in the frame of the line; None if it heads against the path or lies beyond a curve's centre.
+        """Return the ego's centre in the line's frame, or None if it heads against it or is past a curve's centre.
 
         ``near_m``: about where on the path it is.
         """
@@ -190,7 +190,7 @@ class PathLine:
 def core_obstacles(
     obstacles: Sequence[PredictedObstacle], ego: EgoState, reach_m: float, step_s: float, until_s: float = math.inf
 ) -> list["fiss_planner.Obstacle"]:
-    """The obstacles that can matter to an ego that gets at most ``reach_m`` far.
+    """Return the obstacles that can matter to an ego that gets at most ``reach_m`` far.
 
     ``until_s``: how long their predictions count.
     """
@@ -213,7 +213,7 @@ def core_obstacles(
 
 
 def dragged_headings(center: Points, first_rad: float, drag_m: float) -> Values:
-    """Heading of a rod of length ``drag_m`` whose front end goes along the chords between points (n, 2), unwrapped.
+    """Return the unwrapped headings of a rod of length ``drag_m`` whose front end follows the points (n, 2).
 
     While the front end goes a way s straight on, the tangent of half the angle between way and rod falls by
     exp(−s / drag), which is the tractrix of a straight line.
@@ -232,7 +232,7 @@ def dragged_headings(center: Points, first_rad: float, drag_m: float) -> Values:
 def driven_by_rear_axle(
     center: Points, directions_rad: Values, center_mps: Values, ego: EgoState, vehicle: VehicleParameters, step_s: float
 ) -> PlannedTrajectory:
-    """The motion of a vehicle whose centre follows points (n, 2), moving in directions (n,) with speeds (n,).
+    """Return the motion of a vehicle with its centre on points (n, 2), moving in directions (n,) at speeds (n,).
 
     It begins in the ego's heading; the rear axle is dragged after the centre, as in the kinematic single-track model.
     """
@@ -245,14 +245,14 @@ def driven_by_rear_axle(
 def copied_trajectory(
     candidate: "fiss_planner.Trajectory", ego: EgoState, vehicle: VehicleParameters, step_s: float
 ) -> PlannedTrajectory:
-    """A candidate as states of the centre that a vehicle can be in."""
+    """Return a candidate as states of the centre that a vehicle can be in."""
     center = np.stack([candidate.x, candidate.y], axis=1)
     center[0] = ego.position
     return driven_by_rear_axle(center, candidate.yaw, candidate.v, ego, vehicle, step_s)
 
 
 def costs_of(candidate: "fiss_planner.Trajectory") -> dict[str, float]:
-    """The weighted terms of a candidate; ``proximity`` is headway, time to collision and clearance together."""
+    """Return the weighted terms of a candidate; ``proximity`` is headway, time to collision and clearance together."""
     terms = candidate.cost
     return {
         "acceleration": terms.accel,
@@ -274,12 +274,12 @@ class DrivenPlan:
     trajectory: PlannedTrajectory
 
     def index_of(self, ego: EgoState) -> int | None:
-        """Where on the plan the ego is, if it followed it."""
+        """Return where on the plan the ego is, if it followed it."""
         index = ego.step - self.first_step
         return index if is_on_plan(self.trajectory, index, ego, FOLLOWED_WITHIN_M) else None
 
     def rest(self, index: int) -> PlannedTrajectory:
-        """What is left of the plan."""
+        """Return what is left of the plan."""
         return self.trajectory.since(index)
 
 

@@ -90,7 +90,7 @@ class Seen:
         return self.past_m <= 0
 
     def is_in_way_before_passed(self, closing_mps: float, later_s: float = 0.0) -> bool:
-        """Whether one aside is in the way, at its present rate, before the driver is past it (or so much later)."""
+        """Return whether one at the side enters the way, at its rate, before the driver is past it (or a bit later)."""
         if self.nearing_mps <= 0 or closing_mps <= 0:
             return False
         return self.aside_m / self.nearing_mps <= self.past_m / closing_mps + later_s
@@ -236,13 +236,13 @@ class CarefulDriver:
         return perceived(hazard.coming_since_s) and seen.time_to_collision_s(moment.own_mps) < self.critical_ttc_s
 
     def _may_come(self, seen: Seen, closing_mps: float) -> bool:
-        """Whether one that comes nearer is in the lane beside, or is in the way in time."""
+        """Return whether a road user that comes nearer is in the adjacent lane, or will be in the way in time."""
         if seen.aside_m <= self.lane_m:
             return True
         return seen.is_in_way_before_passed(closing_mps)
 
     def _is_over(self, seen: Seen, moment: Moment) -> bool:
-        """Whether what the driver brakes for is over."""
+        """Return whether what the driver brakes for is over."""
         if seen.is_passed:
             return True
         if seen.aside_m > 0:
@@ -272,7 +272,7 @@ class _Alertness:
         return _Alertness() if now_s - safe_since_s >= calm_s else _Alertness(self.unsafe_since_s, safe_since_s)
 
     def responds(self, now_s: float, response_s: float) -> bool:
-        """Whether the response time has passed since the situation became unsafe."""
+        """Return whether the response time has passed since the situation became unsafe."""
         return self.unsafe_since_s is not None and now_s - self.unsafe_since_s >= response_s - _ROUNDING_S
 
 
@@ -380,7 +380,7 @@ class RssDriver:
         return memory, math.inf if is_unsafe and memory.responds(moment.time_s, self.response_s) else None
 
     def is_unsafe(self, seen: Seen, own_mps: float) -> bool:
-        """Whether both distances to another are below the safe ones."""
+        """Return whether both distances to another are below the safe ones."""
         if seen.is_passed or 0 < seen.aside_m >= self.safe_aside_m(seen.nearing_mps):
             return False
         return max(seen.gap_m, 0.0) < self.safe_distance_m(own_mps, seen.along_mps)
