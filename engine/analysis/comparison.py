@@ -2,9 +2,9 @@
 
 The scenario is the unit of all tests (``statistics.py``). Success is tested by McNemar's exact test or, where scenarios
 have several pairs, by flipping the signs of scenarios; each metric by Wilcoxon's signed-rank test on the means of
-scenarios. All p values of one answer are adjusted together (``_with_holm``), those between the sides of a ranking
-included, so that headline, table and ranking cannot contradict each other. The verdict states what happened, then what
-the tests allow to say of it.
+scenarios. All p values of one answer are adjusted together (``_with_holm``), including those between the sides of a
+ranking, so that headline, table and ranking cannot contradict each other. The verdict states what happened, then what
+the tests show about it.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -46,7 +46,7 @@ _MARGIN = 0.10
 _EXPLAINED = 6
 """Flips whose collision is looked at (chosen): each reads its scenario, and an answer has 50 s."""
 _CHECKED = 8
-"""Runs that stand for a headline (chosen)."""
+"""Number of runs listed as evidence for a headline (chosen)."""
 _LISTED_EDITED = 10
 """Pairs by lineage whose edits the structured answer holds (chosen)."""
 _COST: MetricName = "mean_total_cost"
@@ -132,7 +132,7 @@ def _ranking(
 
 @dataclass(frozen=True)
 class _Draft:
-    """A comparison whose tests are not adjusted yet: what is paired, and the tests of success and of each metric."""
+    """A comparison with tests that are not adjusted yet: the pairing, and the tests of success and of each metric."""
 
     sides: tuple[Side, Side]
     pairing: "_Pairing"

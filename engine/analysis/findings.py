@@ -34,7 +34,7 @@ from .run_set import RunSet, ego_track, hit_another, mean_terms, reached_goal, s
 from .statistics import LEVEL, fisher_exact, holm
 
 _MOST_LOOKED_AT = 60
-"""Runs of a kind without a kept look that are looked at (chosen): an answer has 50 s. They are a random sample."""
+"""How many runs of a kind without a stored look are examined, at random (chosen): an answer has 50 s."""
 
 
 class Evidence:
@@ -90,7 +90,7 @@ class Evidence:
     def is_the_others(self, record: RunRecord) -> bool:
         """Return whether another drove into the ego from behind, or no reference driver prevents the collision.
 
-        What the ego made by itself is not the others'.
+        A collision that the ego caused by itself is not attributed to the others.
         """
         contact = self.contact(record)
         if contact is None or contact.laid_to == "ego":
@@ -101,7 +101,7 @@ class Evidence:
 def find_all(runs: RunSet) -> tuple[Finding, ...]:
     """Return the findings on these runs, in the order of the registry.
 
-    One that is about no moment of its own has the ends of its runs.
+    A finding without moments of its own lists the ends of its runs.
     """
     evidence = Evidence(runs)
     ends = {
@@ -275,14 +275,14 @@ _LATE: tuple[tuple[str, tuple[PaceCode, ...], str, str], ...] = (
         "an ego that overtakes, or that starts nearer to it, would be on time",
     ),
 )
-"""Why a run is late by its stretches: name of the finding, what counts for it, its words, and what else it may be."""
+"""Why a run is late, by its stretches: name of the finding, codes that count, words, and alternative explanations."""
 
 
 def _late(evidence: Evidence) -> Iterator[Finding]:
     """Yield findings on late runs: goals out of reach, what the egos waited for, and what delayed the others.
 
-    Each run is laid to the first that holds: a goal out of reach; that of ``_LATE`` which took most of the drive, if it
-    took 40 % of it. For the rest, per configuration, the largest cost term of the median run:
+    Each run counts for the first cause that holds: a goal out of reach; then the cause in ``_LATE`` that took most of
+    the drive, if it took 40 % of it. The rest is reported per configuration by the median run's largest cost term:
     where it is the speed offset itself, the planner pays for being slow and still is, so its weight is too small
     against the rest; where it is another, that one is what holds the ego back.
     """
@@ -568,8 +568,8 @@ def _dominating_cost(evidence: Evidence) -> Iterator[Finding]:
 def _idle_weights(evidence: Evidence) -> Iterator[Finding]:
     """Yield, per configuration, positive weights with a cost term of 0 in every chosen candidate of every run.
 
-    Parameters that are no weights of a cost have no term. Where no weight is named as any term is, the planner names
-    its terms otherwise, and nothing is known of its weights.
+    Parameters that are not cost weights have no term. If no weight has the name of a term, the planner names its terms
+    differently, and nothing is known about its weights.
     """
     runs = evidence.runs
     for config_id, records in runs.by_config(runs.valid).items():

@@ -1,8 +1,8 @@
-"""Why an ego stood, drove slowly or braked: by lights, signs, others, the goal, the road, or by nothing of these.
+"""Why an ego stood, drove slowly or braked: for lights, signs, others, the goal, the road, or without any of these.
 
-Each stretch of a run gets one code (``PaceCode``; the rules are in ``docs/runs.md``). What is looked at is what was on
-the ego's way: the path that it drove, and from there the reference path to its goal. A cause is anything that would
-excuse the ego, so that ``without_cause`` is told only where there is nothing of the kind.
+Each stretch of a run gets one code (``PaceCode``; the rules are in ``docs/runs.md``). Only what was on the ego's
+way counts: the path that it drove, and then the reference path to its goal. Anything that would excuse the ego is a
+cause, so that ``without_cause`` is reported only if there is no excuse at all.
 """
 
 import math
@@ -39,21 +39,21 @@ if TYPE_CHECKING:
     from commonroad.scenario.traffic_light import TrafficLight
 
 STANDING_MPS = 0.1
-"""As in CommonRoad's own monitor of traffic rules: who is slower stands."""
+"""As in CommonRoad's own monitor of traffic rules: a slower vehicle counts as standing."""
 FOLLOWS_S = 3.0
 """Highway Capacity Manual 2010, chapter 15: a vehicle with a headway of at most 3 s, front to front, is following."""
 QUEUE_GAP_M = 12.5
 """Measured: of 343 vehicles that stand behind a standing one in the recordings of 195 public scenarios, 97.5 % keep a
 gap of at most 12.4 m (median 2.5 m)."""
 START_UP_S = 2.0
-"""Highway Capacity Manual 2010, chapter 31: the default of the start-up lost time. Shorter stands are no delay."""
+"""Highway Capacity Manual 2010, chapter 31: default start-up lost time. A shorter stop is not a delay."""
 CRITICAL_HEADWAY_S = 7.5
 """Highway Capacity Manual 2010, chapter 19: the largest base critical headway, of a left turn from a minor street. A
-driver who gives way does not go before one who comes sooner."""
+driver who gives way does not go in front of a vehicle that arrives sooner."""
 STARTING_MPS2 = 2.0
-"""ISO 15622:2018: how strongly cruise control may accelerate. It bounds how far ahead a standing ego has to look."""
+"""ISO 15622:2018: how strongly cruise control may accelerate. It limits how far ahead of a standing ego is examined."""
 DELAY_S = 0.75
-"""UN Regulation 157, Annex 3: the delay until a careful driver brakes. What was there so long before is a reason."""
+"""UN Regulation 157, Annex 3: the delay until a careful driver brakes. A reason may lie this long before it."""
 ABRUPT_MPS2 = 2.0
 """As in CommonRoad's own monitor: harder braking needs a reason (rule R_G2)."""
 CLOSE_S = 3.0
@@ -68,9 +68,9 @@ LATERAL_MPS2 = 3.0
 STOP_SIGN_S = 3.0
 """As in CommonRoad's own monitor: how long a stop sign asks to stand."""
 SLOWER = 0.9
-"""Chosen: one ahead that is a tenth slower than the ego needs to be makes it late."""
+"""Chosen: a vehicle ahead that is a tenth slower than the ego needs to be makes the ego late."""
 _AHEAD_M, _ASIDE_M, _ONTO_M = 80.0, 0.5, 4.0
-"""Chosen: how far the way goes on behind the driven end, how near to the ego's body another is in its way, and how far
+"""Chosen: how far the way continues after the driven end, how near to the ego's body another is in its way, and how far
 from the reference path an ego is on another way."""
 
 
@@ -88,7 +88,7 @@ def pace_of(runs: RunSet, record: RunRecord) -> tuple[PaceMoment, ...]:
 def own_doing(runs: RunSet, record: RunRecord, time_s: float) -> PaceMoment | None:
     """Return what the ego did by itself up to three seconds before a moment, or None.
 
-    Of several, a stand, or else the braking that took most of the speed.
+    If there are several, a stop comes first, and otherwise the braking that reduced the speed most.
     """
     moments = (moment for moment in pace_of(runs, record) if moment.is_the_egos)
     return max(
@@ -147,7 +147,7 @@ def _onward(reference: ReferencePath, ego: Track) -> Points | None:
 
 @dataclass(frozen=True)
 class _Line:
-    """A line across the way at which lights or a stop sign ask to stand; its station is that of the way."""
+    """A line across the way at which lights or a stop sign require a stop, with its station on the way."""
 
     lanelet: "Lanelet"
     station_m: float
@@ -168,7 +168,7 @@ class _Cause:
 
 @dataclass(frozen=True)
 class _InWay:
-    """Another that is in the ego's way at some time: by step whether, where along it, and whether it heads along it."""
+    """Another in the ego's way at some time: by step whether it is there, where, and whether it heads along it."""
 
     track: Track
     inside: NDArray[np.bool_]
@@ -177,7 +177,7 @@ class _InWay:
 
 
 class _Pace:
-    """A drive with its goal, as one asks it for reasons."""
+    """A drive with its goal, to be asked for reasons."""
 
     def __init__(self, drive: RuledDrive, goal: Goal | None, reference: ReferencePath | None) -> None:
         self._drive, self._goal, self._reference = drive, goal, reference
@@ -621,12 +621,12 @@ _REASONS: tuple[PaceCode, ...] = (
     "braked_for_limit",
     "braked_for_goal",
 )
-"""The reasons to brake, in the order in which they are told."""
+"""The reasons to brake, in the order in which they are reported."""
 _NOT_ON_THE_WAY: tuple[PaceCode, ...] = ("braked_for_limit", "braked_for_goal")
 _GO = ("GREEN", "INACTIVE")
-"""CommonRoad's names of the states of lights that ask for nothing."""
+"""CommonRoad's names of the light states that require nothing."""
 _HARD_MPS2 = 8.0
-"""The hardest braking that is counted on, as in the measures of conflicts."""
+"""The hardest braking that can be relied on, as in the measures of conflicts."""
 
 
 def _stretches(holds: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:

@@ -4,7 +4,7 @@ One row a cell: what is stored of a run, its measures, weights and settings. A c
 ``lost`` and the error as its reason, so that nothing is missing from the table without being said.
 
 The table of a run has one row for each driven state. What belongs to a planning step (cost terms, rejections, desired
-speed, debug values) stands in the row of that step and is empty in the others.
+speed, debug values) is in the row of that step and empty in the other rows.
 """
 
 import csv

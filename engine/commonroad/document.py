@@ -8,10 +8,10 @@ moving obstacles, each the bytes that it takes up, and the rest. Only files are 
 would find: in UTF-8, without comments, CDATA sections, processing instructions (but for the one below), document types,
 namespaces and carriage returns.
 
-What class of vehicle the ego is, CommonRoad's format cannot say. A processing instruction in the planning problem does,
-``<?plannerforge ego-class="truck"?>``: XML has these for what concerns one program, the schema does not see them, and
-every other reader passes over them. A file without one has a car. commonroad-io's writer, which makes a file anew from
-its objects, leaves it out.
+CommonRoad's format has no field for the ego's class of vehicle. A processing instruction in the planning problem
+holds it: ``<?plannerforge ego-class="truck"?>``. XML provides these for data that concerns one program; the schema does
+not see them, and other readers ignore them. Without it, the ego is a car. commonroad-io's writer, which writes a file
+from its objects, drops it.
 """
 
 import re

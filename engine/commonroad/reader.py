@@ -69,7 +69,7 @@ class LoadedScenario:
     """A CommonRoad scenario in memory, with its planning problems and the file it came from.
 
     ``plain_states``: by obstacle id, the states after the initial one of those that were read as arrays: points and
-    exact headings. ``ego_classes``: by planning problem, what the ego is where that is no car.
+    exact headings. ``ego_classes``: the ego's class by planning problem, without cars.
     """
 
     scenario: "Scenario"
@@ -265,7 +265,7 @@ def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[
 
 
 def _known_ego_classes(path: Path, found: dict[int, str]) -> dict[int, str]:
-    """Return the classes of a file's egos, all of which there are."""
+    """Return the classes of a file's egos after checking that each of them exists."""
     for word in found.values():
         if word not in EGO_CLASSES:
             raise UnsafeInput(

@@ -54,7 +54,7 @@ MORE_FOR_EACH_ABSENT = 2
 FEW_ABSENT, ABSENT_SHARE = 10, 0.05
 """Where more vehicles than both are absent, the site is full: further attempts never found room for all (measured)."""
 EGO_CANDIDATES = 4
-"""More vehicles of the ego's class are simulated, if it is no car (chosen): not every one of them has a goal."""
+"""How many more vehicles of the ego's class are simulated unless it is a car (chosen): some of them have no goal."""
 NO_ROOM = "no_room"
 """Reason of the refusal of a site that is full."""
 LASTING_S = 30.0

@@ -23,9 +23,9 @@ _WINDOW_M = 20.0
 """How far beyond the track's reach a follower looks at first. A place that is farther along costs more than half of
 that in distance, so it cannot win against one that is nearer to the line than 10 m."""
 _MOST_BEGINNINGS = 8
-"""How many places are tried as the beginning of a track whose lap is not known: the nearest ones."""
+"""How many of the nearest places are tried as the beginning of a track on an unknown lap."""
 _SAME_M = 0.01
-"""Beginnings whose tracks are equally near to the line, to a centimetre, fit equally well: the first of them counts."""
+"""If tracks from several beginnings are equally near to the line, to a centimetre, the first beginning counts."""
 _LEAST_SQUARED_M2 = 1e-12
 """Stands for the squared length of a segment between equal points, so that no projection divides by zero."""
 

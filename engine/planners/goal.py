@@ -34,7 +34,7 @@ _EDGE_M = 1e-6
 _AHEAD_M = 120.0
 """Chosen: how far the paths that are compared go on beyond the goal."""
 PASSED_M = 5.0
-"""Chosen: a goal whose end the ego has left behind by more than this is passed."""
+"""Chosen: a goal counts as passed if the ego is farther than this beyond its end."""
 _SLOWEST_GOAL_MPS = 0.01
 """An end of the goal's speed interval counts as at least this."""
 

@@ -161,7 +161,7 @@ class PlannedTrajectory:
 
 @dataclass(frozen=True)
 class DebugValues:
-    """What a planner reports of a planning step beside its plan, by names of its own choice.
+    """What a planner reports of a planning step in addition to its plan, under names of its own choice.
 
     ``polygons``: outlines of shape (n, 2) in m. What is reported is kept with the run up to the bounds of
     ``schemas/runs.py``, shown in the player and exported; it never affects the run.

@@ -1,4 +1,4 @@
-"""What is kept of a run over time beside its motion: its place on the route, its steering, and debug values."""
+"""What is kept of a run over time besides its motion: its place on the route, its steering, and debug values."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence

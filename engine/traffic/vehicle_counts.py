@@ -26,7 +26,7 @@ class Demand:
     """Vehicles wanted by class; ``least`` and ``most`` are the request's own bounds, the ego not counted.
 
     ``bounded_by``: in words, what keeps the vehicles from being as many as the density asks for, where something does.
-    ``ego_class``: the class of which one vehicle is the ego.
+    ``ego_class``: the class of the vehicle that is the ego.
     """
 
     counts: dict[str, int]

@@ -101,7 +101,7 @@ def _effect(name: str, effect: float, margin: float, p: float | None, tested: in
 
 
 def _couples(design: DesignRequest, place: int) -> list[tuple[int, int]]:
-    """Return the pairs of points of a design that differ in one weight alone."""
+    """Return the pairs of points of a design that differ in only one weight."""
     count = len(design.names)
     points = _points(design)
     if design.method == "sobol":  # A, then A with each weight of B, then B

@@ -2,8 +2,8 @@
 
 The folder is meant to be the public CommonRoad database, of over 2,000 scenarios, which whoever runs this fetches; any
 folder of CommonRoad files does. A run goes the way of the product's runs: one request to a warm worker process. Rows go
-to a journal (``--out``), one JSON line a run; a run whose row is there is not made again, so a bench that was stopped
-goes on. A file that is refused is named with the reason, and counts in no share.
+to a journal (``--out``), one JSON line a run; a run with a row in the journal is not repeated, so a bench that was
+stopped goes on. A file that is refused is named with the reason, and counts in no share.
 
 Success is a goal that was reached and that CommonRoad's benchmark accepts (``success_rule`` of the run). A table by
 kind of scenario goes to standard error: the first folder below the given one, or, for files directly in it, what their
@@ -51,7 +51,7 @@ from ..harness import Figures, built_in, drawn, existing, print_figures
 _HEAD_BYTES = 4000
 """The root element of a scenario file ends within these."""
 _OTHER_XML = (".net.xml", ".rou.xml", ".add.xml", ".edg.xml", ".nod.xml", ".con.xml", ".typ.xml")
-"""Files of SUMO that lie beside interactive scenarios."""
+"""SUMO files that accompany interactive scenarios."""
 _SOURCES = {
     "ngsim": "NGSIM",
     "next generation simulation": "NGSIM",

@@ -1,6 +1,6 @@
 """Whether an ego of a class is that class everywhere: in files, judge, planners, answers and pictures.
 
-Requests for egos of six classes (car, taxi, motorcycle, bus, truck, semi-trailer) go through the tools alone. They come
+Requests for egos of six classes (car, taxi, motorcycle, bus, truck, semi-trailer) go only through the tools. They come
 in every way in which a class can be said: a generation, a file that names it, an edit that names it, an edit that puts
 the ego in the place of a recorded vehicle, and a configuration that states another vehicle. The scenarios are drawn by
 the seed: where the ego starts, how fast, and on which road.
@@ -9,7 +9,8 @@ A request counts as right if all of this holds:
 
 - the file that is kept for the scenario names the class, and the description and the picture's words name class and
   size;
-- the judge finds an initial collision with a body 6 cm inside the class's length or width, and none 6 cm outside;
+- the judge finds an initial collision with a body 6 cm inside the class's length or width, and no collision with
+  one 6 cm outside;
 - in the picture the ego is as long and as wide as the class, measured in pixels against a bus of known size;
 - every planner's run states class and size, its motion keeps the class's limits of speed, acceleration (friction and
   power), steering angle and steering rate, and its rear axle, where the class has it, does not slide: the kinematic
@@ -87,7 +88,7 @@ TRUTHS = (
     _Truth("bus", 12.0, 2.5, 5.9, 2.65, 7.0, 23.6, 210 / 18 / 7, math.radians(49.5), 0.7103, "bus", (12.0, 2.5)),
     # SUMO's emergencyDecel of 7 m/s²; an Atego 818: 130 kW, 7.5 t; steering of CommonRoad's vehicle 4.
     _Truth("truck", 7.1, 2.4, 4.2, 1.9, 7.0, 36.1, 130 / 7.5 / 7, 0.55, 0.7103, "truck", (7.1, 2.4)),
-    # CommonRoad's vehicle 4 with its trailer; alone, the tractor is 5.1 m long.
+    # CommonRoad's vehicle 4 with its trailer; without it, the tractor is 5.1 m long.
     _Truth("trailer", 16.5, 2.55, 3.6, 1.8, 11.5, 22.22, 7.824, 0.55, 0.7103, "truck", (16.5, 2.55)),
 )
 _BY_WORD = {truth.word: truth for truth in TRUTHS}

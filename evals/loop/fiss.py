@@ -27,7 +27,7 @@ _COMPARED = ("frenetix:Default", "fiss:Default")
 
 
 class _Both:
-    """Frenetix, and FISS asked beside it; the times of their plans in s, in the order of the planning steps."""
+    """Frenetix, with FISS asked in parallel; times of their plans in s, in the order of the planning steps."""
 
     def __init__(self) -> None:
         self._drives, self._asked = (make_planner(built_in(name).planner) for name in _COMPARED)

@@ -1,18 +1,17 @@
-"""Whether the headlines of comparisons and studies say what the runs show, by code apart.
+"""Whether the headlines of comparisons and studies say what the runs show, checked by independent code.
 
-Comparisons are made of stored runs whose outcomes and metrics are drawn, and asked for through the tools: few pairs
+Comparisons use stored runs with drawn outcomes and metrics, and are requested through the tools: few pairs
 with flips, ties, few flips among many pairs, flips both ways, differences below the resolution of the metrics, metrics
-that differ by chance alone and in fact, three configurations, two and three batches, two versions of one planner, and
+that differ only by chance or really, three configurations, two and three batches, two versions of one planner, and
 calls that leave out what is compared. Studies are sensitivity analyses in which a weight decides, in which scenarios
-change by chance alone, and in which nothing changes, and searches with IDM on public scenarios.
+change only by chance, and in which nothing changes, and searches with IDM on public scenarios.
 
-Right is a comparison whose sides and pairs are those that are alike (or that is refused where none are), whose code is
-the one that ``docs/statistics.md`` gives to the counted flips, whose headline has these counts and never says that
-there is no difference where pairs flipped, which names a side as better in exactly those metrics that differ beyond
-resolution and chance, and whose runs are those of pairs that were counted. The tests are those of
-``analysis/recomputed.py``, which shares no code with the product. Right is a study whose headline names exactly the
-weights that decide, or whose code follows from the held-out runs, and that drove no more configurations than it was
-allowed.
+A comparison is right if it pairs the matching sides (or is refused if no sides match), has the code that
+``docs/statistics.md`` gives to the counted flips, states these counts in its headline, never says that there is no
+difference although pairs flipped, names a side as better in exactly those metrics that differ beyond resolution and
+chance, and lists runs of pairs that were counted. The tests are those of ``analysis/recomputed.py``, which shares no
+code with the product. A study is right if its headline names exactly the weights that decide, or its code follows from
+the held-out runs, and if it drove no more configurations than it was allowed.
 
 Keys: ``headlines_right``: share of the comparisons and studies that are right; ``headlines``: how many there are.
 """

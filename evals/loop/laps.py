@@ -1,9 +1,9 @@
 """Progress and the distance to the goal on roundabouts, loops and crossings of a road with itself.
 
-Made roads whose centre line is known in closed form: it is composed of straight lines and arcs that meet in the same
-direction, so every place on it has an arc length without any projection. An ego drives a part of the way, at an offset
-from the centre line, and stands then until its time is over. What the product says of that drive is compared with the
-arc lengths of the closed form:
+The roads are synthetic, with a centre line in closed form: it is composed of straight lines and arcs that meet in the
+same direction, so every place on it has an arc length without any projection. An ego drives a part of the way, at an
+offset from the centre line, and stands then until its time is over. What the product says of that drive is compared
+with the arc lengths of the closed form:
 
 - ``lap_error_m_max``: the largest error in metres, over all cases, of the progress (the share of the way to the goal's
   beginning, times that way) and of the distance to the goal's end in the verdict "ran out of time".

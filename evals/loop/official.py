@@ -4,12 +4,13 @@
 ``valid_solution`` accepts, of all runs on problems that can be solved, with ground-truth and constant-velocity
 prediction. A problem can be solved if it is not invalid and the checker does not refuse its very first state.
 
-``beyond_limits``: the share of driven motions of all built-in planners (whatever their outcome) that no vehicle drives.
+``beyond_limits``: the share of driven motions of all built-in planners (whatever their outcome) that exceed their
+vehicle's limits.
 
-The judge knows a run by its exported solution file alone. It is the checker itself, with its triangulation of what is
-off the road if the package ``triangle`` is installed (it is not free, so it is no dependency), else with the checker's
-other boundary, rectangles along the outline of the lanelets. The limits are recomputed from positions, headings and
-speeds, without the steering angles that the file states.
+The judge knows a run only by its exported solution file. It is the checker itself, with its triangulation of what is
+off the road if the package ``triangle`` is installed (it is not free, so it is not a dependency), otherwise with the
+checker's other boundary, rectangles along the outline of the lanelets. The limits are recomputed from positions,
+headings and speeds, without the steering angles that the file states.
 """
 
 import importlib.util

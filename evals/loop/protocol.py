@@ -10,7 +10,7 @@ so both read everything that they are told. While it is measured, both processes
 allows it (``SCHED_FIFO``): a message wakes the other process, and what is measured is not how long other work on the
 machine keeps it waiting.
 
-Keys: ``protocol_named``: share of the programs whose runs are named so; ``protocol_kinds``: how many programs;
+Keys: ``protocol_named``: share of the programs with runs reported so; ``protocol_kinds``: how many programs;
 ``protocol_slowest_s``: the longest of their runs beyond the limit that it may use; ``protocol_left``: processes left;
 ``protocol_step_ms``: median over the steps of the program's time less the class's time; ``protocol_program_ms`` and
 ``protocol_class_ms``: both medians.

@@ -12,8 +12,9 @@ middle of the goal's time or after its end, and the road is free from then on:
 - a leader brakes to a stand at the end of the goal's time and leaves.
 
 ``restarts``: the share of the runs in which the ego stood, and within seven seconds of the moment at which the last
-vehicle ahead has left is driving again: at 2 m/s or more, and 3 m on. The states of the run are looked at here, without
-the product's analysis. Beside it, the share per planner and per kind, and ``restarts_stood``, the share that stood.
+vehicle ahead has left is driving again: at 2 m/s or more, and 3 m on. The states of the run are examined here, without
+the product's analysis. It also reports the share per planner and per kind, and ``restarts_stood``, the share that
+stood.
 """
 
 import random

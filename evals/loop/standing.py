@@ -1,8 +1,8 @@
-"""Why egos stood and braked, on runs made for it.
+"""Whether analyses find why egos stood and braked, on synthetic runs.
 
 Each run is drawn at random on a road of its own, straight or curved, with a light, a crossing road, others and a goal
-as its kind asks. The ego's speed over time is written down in closed form, and so is the reason for it: the truth is
-what each run was made of, and this module shares no code with the product.
+as its kind asks. The ego's speed over time and the reason for it are given in closed form, so that the truth is known
+by construction. This module shares no code with the product.
 
 Kinds of standing: at a red light; at a light that turned green long ago, or was green all the time; behind a vehicle
 that stands; behind one that has driven away; in a queue; before one that crosses; in the goal before its time; behind
@@ -10,11 +10,11 @@ no vehicle, with an empty road, an oncoming one or a vehicle far ahead; and late
 Kinds of braking: for a vehicle, a light, one that crosses, a curve, the goal's time; without a reason, gently or hard,
 with an empty road or a faster vehicle far ahead; and hit from behind after either.
 
-Keys: ``standing_right``: share of the runs of the first kinds of which all stretches are told as they were made: code,
-other, and begin within half a second, and no other stretch of standing or being held up (to be held up by the same one
-while coming to a stand behind it is as true); ``braking_right``: the same of
-the second kinds, and of those that were hit what the collision is laid to; ``standing_runs``, ``braking_runs``: how
-many there were. Seed 19 was looked at while the product was made; figures are reported of seed 20.
+Keys: ``standing_right``: share of the runs of the first kinds with all stretches reported correctly: code, other road
+user, beginning within half a second, and no further stretch of standing or being held up (being held up by the same
+vehicle while stopping behind it is also correct); ``braking_right``: the same for the second kinds, and for runs that
+were hit also the attribution of the collision; ``standing_runs``, ``braking_runs``: how many there were. Seed 19 was
+used during development; figures are reported for seed 20.
 """
 
 import math
@@ -85,7 +85,7 @@ class Other:
 
 @dataclass(frozen=True)
 class Told:
-    """A stretch that is to be told: its code, when it begins (None: it does not matter), and whom it is about."""
+    """An expected stretch: its code, when it begins (None if that does not matter), and the road user it concerns."""
 
     code: str
     since_s: float | None = None

@@ -1,4 +1,4 @@
-"""A stepwise planner that goes wrong as its first argument says; of the standard library alone.
+"""A stepwise planner that fails as its first argument says; it uses only the standard library.
 
 ``drives`` goes straight on and keeps the protocol of docs/own_planner.md. ``NAME@N`` goes wrong at the N-th planning
 step. Behaviours in ``AT_START`` go wrong when the run begins.

@@ -1,7 +1,7 @@
-"""Whether both versions are named where two versions of one own planner are compared, through the tools alone.
+"""Whether comparisons of two versions of a user's planner name both versions, only through the tools.
 
 Four planners are edited between batches: a package that declares its version, one in a git checkout with tags, commits
-and uncommitted edits, one that is known by its source alone, and a program of the settings file. Each version drives
+and uncommitted edits, one that is known only by its source, and a program of the settings file. Each version drives
 the same scenarios under the same configuration; then every batch is compared with every earlier one, and both are
 listed and analysed together.
 

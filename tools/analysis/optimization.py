@@ -62,9 +62,9 @@ _RUNGS = (0.25, 0.5, 1.0)
 _BROKEN = 1.0
 """Taken off what the sampler is told of a candidate that breaks a constraint (chosen: as much as all success)."""
 _LOOK = 2
-"""Configurations that the look at the held-out half drives: the base and what was found."""
+"""Configurations that are driven on the held-out half: the base and the result."""
 _TAKEN_BACK = 1 / 3
-"""Of what the look leaves, the share that is kept for taking changes back (chosen), if there are as many weights."""
+"""The share of the remaining budget that is reserved for taking changes back (chosen), if there are as many weights."""
 _MOST_FRONT = 8
 """Members of a front that are kept (chosen)."""
 _SENSITIVITY = ("morris", "sobol")
@@ -150,7 +150,7 @@ class _Search:
     def candidates(self) -> int:
         """How many candidates are searched among: what the look at the held-out half and taking back leave.
 
-        Of so few that no search is left beside them, all are candidates, and what is found is not judged.
+        If the limit is too small for a search, all configurations are candidates, and the result is not judged.
         """
         most = self.plan.arguments.max_trials
         if most < _LOOK + 2:
@@ -628,7 +628,7 @@ def _plan(arguments: OptimizePlannerArguments, call: ToolCall) -> _Plan:
 
 
 def _check_design(method: Literal["morris", "sobol"], weights: int, most: int) -> None:
-    """Refuse a sensitivity analysis whose smallest design drives more than was allowed.
+    """Refuse a sensitivity analysis if its smallest design drives more than was allowed.
 
     Raises:
         InvalidRequest: with how many would do, and how few weights.

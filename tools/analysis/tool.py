@@ -62,7 +62,7 @@ def _words_of(arguments: CompareResultsArguments, call: ToolCall) -> tuple[list[
     """Return what is compared; by default the configurations of the newest batch, or without one the two newest runs.
 
     Raises:
-        InvalidRequest: the newest batch has one configuration, and which older one is the baseline was not said.
+        InvalidRequest: the newest batch has one configuration, and the call does not name an older baseline.
     """
     if arguments.results:
         return arguments.results, ()
@@ -94,10 +94,10 @@ def _sides_of(
 
     A batch gives one side a configuration; single runs with several configurations are put together by configuration;
     two runs of one configuration stand against each other. Of several batches the first that was named is the baseline,
-    and each side of another one is compared with its like in it.
+    and each side of another batch is compared with its match in it.
 
     Raises:
-        InvalidRequest: there is only one side, or no side of one batch has a like in another.
+        InvalidRequest: there is only one side, or no side of a batch matches one in another batch.
     """
     by_id = {run.record.run_id: run for run in runs}
     if all(result.kind == "run" for result in chosen) and len({run.record.config_id for run in runs}) > 1:
@@ -135,9 +135,9 @@ def _star(count: int) -> _Couples:
 def _matched(sizes: Sequence[int], sides: Sequence[Side]) -> tuple[_Couples, list[Side]]:
     """Return the couples of matching sides of the first group and each other, and the sides left over.
 
-    Like are the same configuration under the same planner version, else the same configuration, else what alone is
-    left of a planner in both groups, else what alone is left of both at all. A baseline with one side is the like of
-    every side of a group in which nothing is more like it.
+    Sides match if they have the same configuration under the same planner version; otherwise the same configuration;
+    otherwise if they are the only ones left of a planner in both groups; otherwise if they are the only ones
+    left at all. A baseline with one side matches every side of a group without a closer match.
     """
     ends = list(accumulate(sizes))
     groups = [list(range(end - size, end)) for size, end in zip(sizes, ends, strict=True)]

@@ -8,7 +8,7 @@ Each desired speed has a reason, a :data:`SpeedReason`:
 - ``speed_limit``: the cruising speed of the lane, if the goal says nothing (any more);
 - ``curve``: the speed at which the curve ahead can be driven, if that is less than the cruising speed.
 
-The rule of the Frenetix reference loop is kept beside it, for comparisons: :class:`ReferenceDesiredSpeed`.
+The rule of the Frenetix reference loop is kept as well, for comparisons: :class:`ReferenceDesiredSpeed`.
 """
 
 from typing import TYPE_CHECKING, Literal
@@ -29,7 +29,7 @@ SPEED_BAND_MPS = 5.0
 _MAXIMUM_SPEED_MPS = 50.0
 """As in the Frenetix reference loop: the desired speed is within this band of the present one, and at most this."""
 SpeedReason = Literal["goal_mean", "goal_end", "goal_interval", "speed_limit", "curve", "present"]
-"""Why a speed is desired; ``present`` (the speed that the ego has) is a reason of the reference's rule alone."""
+"""Why a speed is desired; ``present`` (the speed that the ego has) occurs only in the reference's rule."""
 _USUAL_OF_TYPE_MPS = {"interstate": 130 / 3.6, "highway": 130 / 3.6, "country": 100 / 3.6}
 """Speeds by CommonRoad's lanelet types if no limit is posted: the advisory speed of German motorways
 (Autobahn-Richtgeschwindigkeits-Verordnung, section 1) and the limit outside built-up areas (StVO section 3, paragraph

@@ -22,7 +22,7 @@ from ...vehicles import VehicleParameters, centers
 from ..interface import EgoState, PlannedTrajectory
 
 FOLLOWED_WITHIN_M = 0.3
-"""Chosen: a vehicle this near to its plan is on it, for planners that sample no offsets whose distance would say it."""
+"""Chosen: a vehicle this near to its plan is on it, for planners that sample no offsets to measure it by."""
 _RATE_WEIGHT_M = 0.01
 """Metres of deviation that 1 rad/s of steering costs in the least-squares problem: below it the line of a plan, which
 has corners of millimetres, is not worth steering for (a plan along chords of 1 m deviates from its arc of 8 m radius by
@@ -65,7 +65,7 @@ def is_on_plan(plan: PlannedTrajectory, index: int, ego: EgoState, within_m: flo
 def follow(plan: PlannedTrajectory, ego: EgoState, vehicle: VehicleParameters, step_s: float) -> FollowedPlan:
     """Return the motion of the vehicle from where it is, as close to a plan as its limits allow.
 
-    ``plan``: states of the centre, the first of which is the present one. The ego's steering angle is the one that it
+    ``plan``: states of the centre, the present one first. The ego's steering angle is the one that it
     has; an ego without one (at the first step of a run, where a planning problem states none) begins with the angle
     that suits the plan.
     """
@@ -308,8 +308,8 @@ def _mean_angles(steps: int, step_s: float) -> Points:
 def _bounded(matrix: Points, right: Values, bounds: Values, best: Values) -> Values:
     """Return the x with |x| ≤ bounds that minimises x·M·x/2 − b·x, M positive definite; ``best``: x without bounds.
 
-    By a primal-dual interior-point method (Nocedal and Wright, "Numerical Optimization", 2006, chapter 16.6), whose
-    rounds hardly depend on how many bounds are met.
+    By a primal-dual interior-point method (Nocedal and Wright, "Numerical Optimization", 2006, chapter 16.6), which
+    needs about the same number of rounds however many bounds are active.
     """
     x = np.clip(best, -0.5 * bounds, 0.5 * bounds)
     slope = matrix @ x - right

@@ -1,7 +1,7 @@
 """What the version of a planner is called: as its author declares it, as git describes its source, or by a digest.
 
-The digest of the source stands behind either, because an edit changes it before anybody declares or commits anything.
-Git is asked for names and object ids alone: no hook, filter, monitor or remote of a repository is run or reached.
+The digest of the source follows either name, because an edit changes it even before it is declared or committed.
+Git is asked only for names and object ids: no hook, filter, monitor or remote of a repository is run or reached.
 """
 
 import hashlib
@@ -21,7 +21,7 @@ GIT_LIMIT_S = 5.0
 _LONGEST = 40
 """Characters of a version that are shown; chosen: tags and version numbers are shorter."""
 _QUIET = {"LC_ALL": "C", "GIT_OPTIONAL_LOCKS": "0", "GIT_TERMINAL_PROMPT": "0", "GIT_NO_LAZY_FETCH": "1"}
-"""Git takes no lock, asks nobody and fetches nothing."""
+"""Git takes no lock, prompts for nothing and fetches nothing."""
 _SETTINGS = ("-c", "core.hooksPath=/dev/null", "-c", "core.fsmonitor=false")
 
 
@@ -59,7 +59,7 @@ def _stamps(files: Sequence[Path]) -> list[int]:
 
 @cache
 def _described(files: tuple[Path, ...], stamps: tuple[int, ...]) -> str:
-    del stamps  # part of the cache's key alone
+    del stamps  # only part of the cache's key
     folder = files[0].parent
     try:
         committed = _committed(folder)

@@ -12,8 +12,8 @@ Traps (``tests/engine/planners/test_fiss_traps.py`` holds them):
   speeds those of the rear axle, and the centre begins in the direction in which a vehicle that turns moves.
 - It normalises headings to ±π at every state. They are not taken from it.
 - It knows no limit of the steering rate, and neither friction nor steering at low speed. What a vehicle can drive is
-  judged anew (``driving/drivability.py``).
-- Its lateral motion is a polynomial of time alone: a vehicle that stands would slide sideways to its lane's centre.
+  checked again (``driving/drivability.py``).
+- Its lateral motion is a polynomial only of time: a vehicle that stands would slide sideways to its lane's centre.
   Below ``LOW_SPEED_MPS`` it keeps its offset.
 - It finds the nearest point of the whole line where it gets no hint, so a path that crosses itself would put the ego on
   another lap. Every projection of the ego begins at its last station.
@@ -90,8 +90,8 @@ _SAFETY_FIELDS = {
 """Our weights by the core's names."""
 _HARD_DISTANCES = ("least_gap_m", "least_headway_s", "least_time_to_collision_s", "crossing_gap_s")
 Care = Literal["full", "margins", "bodies"]
-"""What a candidate must keep of others: the hard distances, the core's margins (0.5 m before and behind, 0.3 m beside),
-or only that bodies do not touch; ``margins`` and ``bodies`` leave out what stands before them."""
+"""How far a candidate must keep from others: the hard distances, the core's margins (0.5 m before and behind, 0.3 m at
+the sides), or only without contact. ``margins`` drops the hard distances, ``bodies`` the margins too."""
 
 
 def vehicle_limits(vehicle: VehicleParameters) -> "fiss_planner.VehicleParams":

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 _SPACING_M = 2.0
 """Chosen: distance of the stations of a band; lanes change their width over tens of metres."""
 _BESIDE_M, _AHEAD_M = 10.0, 1.0
-"""A lane's cross-section belongs to a station within this beside the path and along it: the nearest lanes only."""
+"""A lane's cross-section belongs to a station if it is within these distances across and along the path."""
 _ALIGNED = 0.5
-"""Cosine of 60°: a lanelet whose direction differs by less from the path's is one of its direction."""
+"""Cosine of 60°: a lanelet with a smaller difference in direction from the path leads the same way."""
 _TOUCHING_M = 0.75
 """Chosen: neighbouring lanes of recorded maps overlap, or leave a gap, by up to this."""
 _USUAL_HALF_WIDTH_M = 1.75
@@ -49,7 +49,7 @@ class LaneBand:
 
 @dataclass(frozen=True)
 class Bands:
-    """The lane under the path and the two beside it, at stations (n,) in m along the path."""
+    """The lane under the path and the two adjacent ones, at stations (n,) in m along the path."""
 
     stations_m: Values
     under: LaneBand
@@ -201,7 +201,7 @@ def _bands(stations: Values, sections: Collection[_Section]) -> Bands:
 
 
 def _under(here: list[_Section]) -> _Section | None:
-    """Return the lane under the path: one of the route before others, then the one whose centre is nearest."""
+    """Return the lane under the path: preferably one of the route, then the one with the nearest centre."""
     holding = [section for section in here if section.right_m <= 0.0 <= section.left_m]
     return min(holding, key=lambda section: (section.place is None, abs(section.center_m)), default=None)
 

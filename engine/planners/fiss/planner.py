@@ -3,12 +3,12 @@
 The core samples end states in the lanes along the reference path and searches them for the cheapest trajectory that it
 finds valid; it makes and checks only the candidates that its search comes to. Four searches can be chosen (setting
 ``search``). What it chooses is checked once more, for the limits of the vehicle and against the exact bodies and the
-edge of the road; where that fails, all candidates are made, and the cheapest one that passes is driven.
+edge of the road; if that fails, all candidates are generated, and the cheapest one that passes is driven.
 
-Where none passes, the planner goes on as its authors' does: the rest of its last plan, a plan without the hard
-distances to others, one that looks at collisions for 2.5 s alone, and then it brakes. Two more searches, before it
-brakes, are ours: one without the core's margins, since an ego that is closer to another already, as in a queue, would
-never get a plan; and one that may drive faster than it wishes, since to brake before a follower is no way out.
+If no candidate passes, the planner falls back in its authors' order: the rest of its last plan, a plan without the hard
+distances to others, a plan that considers collisions for only 2.5 s, and braking. We add two searches before it brakes:
+one without the core's margins, since an ego that is already closer to another, as in a queue, would never get a plan;
+and one that may exceed the desired speed, since braking in front of a follower does not help.
 
 Sources: Sun, Liu, Yin, Ang: FISS: A Trajectory Planning Framework Using Fast Iterative Search and Sampling Strategy for
 Autonomous Driving, RA-L 2022 (10.1109/LRA.2022.3191940); Sun et al.: FISS+: Efficient and Focused Trajectory Generation

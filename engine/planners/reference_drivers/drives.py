@@ -36,7 +36,7 @@ _LEAST_WAY_M = 5.0
 class NominalMotion:
     """How the ego moves until its driver reacts: stations (n,) in m along a way and speeds (n,), one a step.
 
-    ``was_driven``: whether it is what the ego drove, so that it touches nobody before it is changed.
+    ``was_driven``: whether it is what the ego drove, so that it touches no other road user before it is changed.
     """
 
     path: DriverPath

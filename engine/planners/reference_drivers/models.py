@@ -64,7 +64,7 @@ def brakes_of(kind: str) -> Brakes:
 class Seen:
     """Another road user as a driver sees it along its way at one moment.
 
-    ``gap_m``: from the driver's front to its nearest end, negative beside and behind; ``past_m``: how far the driver
+    ``gap_m``: from the driver's front to its nearest end, negative alongside and behind; ``past_m``: how far the driver
     has to go until its rear is past the other's far end. ``aside_m``: the gap between both bodies across the way, 0 or
     less if it is in the way; ``nearing_mps``: how fast that gap closes; ``along_mps`` and ``slowing_mps2``: its speed
     along the way and its deceleration. ``hider_gap_m``: the gap to the one that hides it; None: it can be seen.
@@ -81,7 +81,7 @@ class Seen:
 
     @property
     def is_in_way(self) -> bool:
-        """Whether it is in the way, ahead of the driver or beside its front."""
+        """Whether it is in the way, ahead of the driver or alongside its front."""
         return self.aside_m <= 0 and not self.is_passed
 
     @property
@@ -168,7 +168,7 @@ class CarefulDriver:
     brakes in the way by more than ``hard_mps2`` (deceleration, 3.4.3), or when it is in the way and slower than the
     driver (cut-out, 3.4.2: the regulation means the one that a cut-out reveals; a leader that has become slower is
     treated alike). One behind a broad one that is in the way is hidden until the centre of the broad one is more than
-    ``wandering_m`` beside the way. The regulation's others change from the lane beside, ``lane_m`` wide (4.1); what is
+    ``wandering_m`` off the way. In the regulation, others change from the adjacent lane, ``lane_m`` wide (4.1); what is
     farther aside is noticed only if, at its present rate, it is in the way before the driver is past it.
 
     ``perception_s`` later the risk is *perceived*. It is *critical* if the time to collision is below
@@ -191,7 +191,7 @@ class CarefulDriver:
         return "r157_careful"
 
     def begin(self) -> Mapping[int, _Hazard]:
-        """Return the memory of a driver that has noticed nobody yet."""
+        """Return the memory of a driver that has not noticed any road user yet."""
         return {}
 
     def react(self, memory: Mapping[int, _Hazard], moment: Moment) -> tuple[Mapping[int, _Hazard], float | None]:

@@ -21,7 +21,7 @@ from .models import Seen
 AHEAD_M = 200.0
 """A way goes on straight for this long behind its end: more than a car on a motorway needs to stop."""
 _NARROW = ("pedestrian", "bicycle", "motorcycle")
-"""Those that hide nobody; all others are as broad as a car."""
+"""Types that hide no other road user; all other types are as broad as a car."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ class OnPath:
         return gaps
 
     def seen(self, step: int, station_m: float, body: tuple[float, float], step_s: float) -> Seen | None:
-        """Return how a driver sees it whose centre is at a station; None if it is not there at the step.
+        """Return how a driver with its centre at a station sees it, or None if it is not there at the step.
 
         ``body``: length and width of the driver's vehicle.
         """

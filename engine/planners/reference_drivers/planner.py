@@ -46,7 +46,7 @@ time headway; accelerating like the vehicles of the Joint Research Centre's comp
 _TRACTOR = 4
 """CommonRoad's vehicle that is the tractor of a truck."""
 _HIDES_FROM_M = 1.2
-"""Pedestrians, bicycles and motorcycles are narrower than this and hide nobody."""
+"""Pedestrians, bicycles and motorcycles are narrower than this and hide no other road user."""
 _BEHIND_M, _AHEAD_M = 50.0, 300.0
 """The part of the path that others are projected on: where they can matter to a vehicle at 50 m/s."""
 
