@@ -27,7 +27,7 @@ _MOST_BEGINNINGS = 8
 _SAME_M = 0.01
 """If tracks from several beginnings are equally near to the line, to a centimetre, the first beginning counts."""
 _LEAST_SQUARED_M2 = 1e-12
-"""Stands for the squared length of a segment between equal points, so that no projection divides by zero."""
+"""Replaces the squared length of a segment between equal points, so that no projection divides by zero."""
 
 
 class PathFollower:

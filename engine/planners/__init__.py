@@ -39,7 +39,7 @@
 ``PlannerCheck``: What came out of it.
 ``OwnPlanner``: What an entry point of the group ``plannerforge.planners`` names: the class and its declaration.
 ``ScenarioFile``: The file that a program plans on.
-``planner_driver``: A planner of others as the loop drives it, for a ``with`` block.
+``planner_driver``: A user's planner as the loop drives it, for a ``with`` block.
 ``programs_named``: Makes the programs of the settings known as planners while a block runs, in workers too.
 ``known_planner``: A planner's name as registered; ``UnknownName`` where there is none.
 ``make_planner``: A new planner by its name.

@@ -29,8 +29,8 @@ PlanKind = Literal["regular", "standstill", "stopping"]
 class EgoState:
     """The ego at one time step: centre (2,) in m, heading in rad, and its derivatives.
 
-    ``steering_rad``: the steering angle, where the ego moves as a vehicle does (``driving/following.py``); None where
-    it is not known, as at the first step of a run.
+    ``steering_rad``: the steering angle if the ego moves as a vehicle does (``driving/following.py``); None if it is
+    unknown, as at the first step of a run.
     """
 
     step: int

@@ -142,15 +142,15 @@ def planner_version(name: str) -> str:
 
 
 CORES: dict[str, tuple[str, ...]] = {"frenetix": ("frenetix",), "fiss": ("fiss-planner",)}
-"""Of built-in planners that drive the core of another package, its name."""
+"""The names of the packages with the core of a built-in planner."""
 _OURS = "plannerforge-mcp"
 
 
 @dataclass(frozen=True)
 class PlannerVersion:
-    """The version of a planner: ``words`` for people, ``source``: a digest of what drives, by which two are told apart.
+    """The version of a planner: ``words`` for people, ``source``: a digest of what drives, which tells versions apart.
 
-    Of a planner of others that is its source; of a built-in one the versions of our package and of its core.
+    For a user's planner the digest is of its source, for a built-in one of the versions of our package and of its core.
     """
 
     words: str
@@ -169,7 +169,7 @@ def version_that_drives(name: str) -> PlannerVersion:
 
     Raises:
         UnknownName: no such planner.
-        PlannerFailure: a planner of others that cannot be imported.
+        PlannerFailure: a user's planner cannot be imported.
     """
     folded = known_planner(name)
     if folded in PLANNERS:

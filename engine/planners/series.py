@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .simulation import DrivenRun
 
 _DIGITS = 4
-"""Series are kept to 0.1 mm, 0.1 mm/s and 0.1 mrad, as the motion of others is."""
+"""Series are kept to 0.1 mm, 0.1 mm/s and 0.1 mrad, like the motion of others."""
 _T = TypeVar("_T")
 
 

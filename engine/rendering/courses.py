@@ -159,7 +159,7 @@ def _term_hatch(number: int) -> str:
 def timeline(runs: RunSet) -> Drawing:
     """Draw a run over time: speed, accelerations, gap, time to collision, and with series its place on the route.
 
-    Its decisive moments are marked. Of several runs the first that failed is drawn.
+    Its decisive moments are marked. If there are several runs, the first that failed is drawn.
 
     Raises:
         NotPossible: no run has recorded steps.

@@ -5,9 +5,9 @@ random ways through the space; μ* (Campolongo, Cariboni and Saltelli 2007) is t
 index is the share of the objective's variance in which a weight has a part. Intervals are SALib's bootstraps.
 
 A change of a weight that turns some scenarios to success and as many to failure moves the mean a little too. So a
-weight matters only where its effect is larger than it would be if each scenario's changes could as well have had the
-other sign (a permutation test with the scenario as the unit), and where its bootstrapped interval lies above 0; both
-for as many weights as are tested (Bonferroni).
+weight matters only if its effect is larger than expected if each scenario's changes were as likely to have the opposite
+sign (a permutation test with the scenario as the unit), and if its bootstrapped interval lies above 0; both conditions
+are adjusted for the number of tested weights (Bonferroni).
 """
 
 from collections.abc import Sequence
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 _LEVELS = 4
 """Levels of a Morris design, as usual."""
 _FEWEST_WAYS = 4
-"""Ways of a Morris design at least (Saltelli et al. 2008, "Global Sensitivity Analysis: The Primer": four to ten)."""
+"""Fewest ways of a Morris design (Saltelli et al. 2008, "Global Sensitivity Analysis: The Primer": four to ten)."""
 _FEWEST_SAMPLES = 2
-"""Base samples of a Sobol design at least: with one there is no variance."""
+"""Fewest base samples of a Sobol design: with one there is no variance."""
 _MOST_EXACT = 13
 """Scenarios up to which all signs are tried: 2¹³ are fewer than the drawn ones."""
 _DRAWN = 9_999
-"""Signs that are drawn above; with the observed ones p is a multiple of 1/10,000 (Davison and Hinkley 1997)."""
+"""Signs that are drawn beyond that; with the observed ones p is a multiple of 1/10,000 (Davison and Hinkley 1997)."""
 
 
 def fewest_configurations(method: Literal["morris", "sobol"], weights: int) -> int:
@@ -113,7 +113,7 @@ def _couples(design: DesignRequest, place: int) -> list[tuple[int, int]]:
 def _changes(request: EffectsRequest) -> "dict[str, NDArray[np.float64]]":
     """Return by weight each scenario's change of objective between points that differ only in it, (pairs, s).
 
-    Scenarios that miss a score at any point are left out; empty where no scores are given.
+    Scenarios that lack a score at any point are left out; empty if no scores are given.
     """
     import numpy as np
 

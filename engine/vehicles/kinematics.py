@@ -1,8 +1,8 @@
 """Where a vehicle's centre and rear axle are, and where a vehicle can be after a time and how fast.
 
-The second part gives bounds that no such vehicle beats. Its largest acceleration is taken at every speed, forwards and
-braking, and its top speed; the extreme motions between two speeds are one phase of braking and one of accelerating, in
-either order. CommonRoad's vehicle 2 (11.5 m/s², 50.8 m/s) stands for every car. Lengths in m, times in s, speeds in
+The second part gives bounds that a vehicle cannot exceed. Its largest acceleration is taken at every speed, forwards
+and braking, and its top speed; the extreme motions between two speeds are one phase of braking and one of accelerating,
+in either order. CommonRoad's vehicle 2 (11.5 m/s², 50.8 m/s) stands for every car. Lengths in m, times in s, speeds in
 m/s, headings in rad.
 """
 
@@ -31,7 +31,7 @@ def farthest_m(speed_mps: float, duration_s: float, vehicle: VehicleParameters, 
     """Return the longest distance in m that a vehicle covers in a time.
 
     It accelerates with its largest acceleration up to its largest speed and keeps that. The power of its engine, the
-    road and other vehicles are left aside, so no drive is longer. An infinite time gives an infinite distance.
+    road and other vehicles are ignored, so no drive is longer. An infinite time gives an infinite distance.
 
     Args:
         speed_mps: the vehicle's speed at the beginning.

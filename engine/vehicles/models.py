@@ -234,7 +234,7 @@ def ego_class(name: str) -> EgoClass:
     """Return the class of an ego by its word.
 
     Raises:
-        UnknownName: the ego cannot be that.
+        UnknownName: an ego cannot be of this class.
     """
     if name not in ego_classes():
         valid = closest(name, ego_classes()) or list(ego_classes())

@@ -4,7 +4,7 @@
 each step: it searches the acceleration and steering rate that lead nearest to the next state, and asks whether they
 lead within 2 cm and 0.03 rad of it. In a step of 0.1 s the motion is so nearly linear in both that the search has a
 closed form, which is computed here for all steps at once. Steps that are near a tolerance or near a limit of the
-vehicle are left to the checker's own search; a motion that a vehicle drives has hardly any.
+vehicle are left to the checker's own search; a motion that a vehicle can drive has very few of them.
 
 The other criteria: a state meets the goal (CommonRoad's ``GoalRegion``), the body touches no road user, and no part of
 it is ever outside the lanelets, neither in a gap between them nor beyond the end of the map. The start is the planning
@@ -38,9 +38,9 @@ _CLEARLY = 0.5
 """Errors below this share of the tolerances, and above their reciprocal, are clear; the search decides between them."""
 _OUTSIDE_M2 = 1e-6
 """A smaller area is rounding: where lanelets touch, their outlines differ in the last digits. Of 35,779 states of
-driven motions the part outside was exactly nothing or more than 1e-3 m², and the checker agreed in all."""
+driven motions the part outside was exactly 0 or more than 1e-3 m², and the checker agreed on all of them."""
 _NEAR_LIMIT = 0.999
-"""Share of the largest acceleration from which the search decides: it is stopped by the limit as by a wall."""
+"""Share of the largest acceleration from which the search decides: it stops at the limit."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def first_off_lanelets(driven: DrivenStates, network: "LaneletNetwork", vehicle:
     """Return the first state at which any part of the body is outside the lanelets, or None.
 
     Lanelets that lie side by side count as one, from their outermost left to their outermost right bound. The checker
-    fills all that is outside with triangles, the room beyond the ends of the network too. Only lanelets under the
+    fills everything outside with triangles, including the area beyond the ends of the network. Only lanelets under the
     motion can matter.
     """
     import shapely

@@ -3,9 +3,9 @@
 Each desired speed has a reason, a :data:`SpeedReason`:
 
 - ``goal_mean``: the mean speed that brings the ego to the middle of the goal by the middle of its time;
-- ``goal_end``: that which still brings it there by the end of the goal's time;
+- ``goal_end``: the mean speed that still brings it there by the end of the goal's time;
 - ``goal_interval``: the middle of the goal's speed interval, inside the goal or if the goal has no place;
-- ``speed_limit``: the cruising speed of the lane, if the goal says nothing (any more);
+- ``speed_limit``: the cruising speed of the lane, if the goal does not (or no longer) set a speed;
 - ``curve``: the speed at which the curve ahead can be driven, if that is less than the cruising speed.
 
 The rule of the Frenetix reference loop is kept as well, for comparisons: :class:`ReferenceDesiredSpeed`.
@@ -101,9 +101,9 @@ class DesiredSpeed:
 
     With a place, and while its time is not over, it is the mean speed to the middle of the goal: by the middle of the
     goal's time at first, and by its end once the middle has passed. The latter is no more than the cruising speed, or
-    than the present speed if that is higher: who is late does not race. Inside a goal with a speed interval it is the
-    middle of that, and so it is for a goal without a place. In all other cases it is the cruising speed. It is within
-    5 m/s of the present speed.
+    than the present speed if that is higher, so that a late ego does not race. Inside a goal with a speed interval, and
+    for such a goal without a place, it is the middle of the interval. In all other cases it is the cruising speed. It is
+    within 5 m/s of the present speed.
 
     An ego inside a goal without a speed interval goes on aiming at the goal's middle and waits there for its time.
 
@@ -174,9 +174,9 @@ class DesiredSpeed:
 class ReferenceDesiredSpeed(DesiredSpeed):
     """The rule of the Frenetix reference loop, for comparisons.
 
-    It knows the mean speed to the middle of the goal by the middle of its time and the goal's speed interval, and the
-    present speed otherwise: inside a goal without a speed interval, which the ego so drives out of before its time,
-    and everywhere once the middle of the time has passed. An ego that stands then never starts again.
+    It uses the mean speed to the middle of the goal by the middle of its time, or the goal's speed interval, and
+    otherwise the present speed: inside a goal without a speed interval, so that the ego leaves it before its time, and
+    everywhere once the middle of the time has passed. A standing ego then never starts again.
     """
 
     def _wanted(self, ego: EgoState, here_m: float) -> tuple[float, SpeedReason]:

@@ -1,6 +1,6 @@
 """The ego as a vehicle: it follows a plan by steering and accelerating within its limits.
 
-A plan is a line of states; whether any steering leads from one to the next, the plan does not say. Here the rear axle
+A plan is a line of states and does not say whether any steering leads from one to the next. Here the rear axle
 moves as in the kinematic single-track model of CommonRoad (Althoff and Würsching, "CommonRoad: Vehicle Models", 2020):
 with speed v, steering angle δ and wheelbase L the heading turns by v · tan δ / L, and the inputs of a time step are a
 constant acceleration and a constant steering rate. Speeds are those of the plan. The steering rates are those with
@@ -28,15 +28,15 @@ _RATE_WEIGHT_M = 0.01
 has corners of millimetres, is not worth steering for (a plan along chords of 1 m deviates from its arc of 8 m radius by
 16 mm)."""
 _SHORTEST_STEP_M = 2e-3
-"""In a shorter step the turn of the plan says nothing about its steering angle, which then stays as it is."""
+"""In a shorter step the plan's turn does not determine the steering angle, which then stays as it is."""
 _LINEARISATIONS, _ON_THE_LINE_M = 2, 0.02
-"""The problem is made linear about the plan, and once more about what came out where that is neither on the plan nor
-where the linear problem has it."""
+"""The problem is linearised about the plan, and once more about the result if that is neither on the plan nor where the
+linear problem predicts it."""
 _RATE_SHARE = 0.98
-"""Share of the largest steering rate that is used: whoever computes the rate from headings and speeds, as judges do who
-know no steering angle, averages over steps in which the speed changes, and must not find more than the limit."""
+"""Share of the largest steering rate that is used: a judge without steering angles computes the rate from
+headings and speeds, averaged over steps in which the speed changes, and must not find more than the limit."""
 _MOST_ROUNDS, _CENTRING, _TO_THE_BOUND, _SETTLED_M2 = 25, 0.1, 0.99, 1e-4
-"""Of the search for the best rates: the centring of a round, the share of the way to a bound that it goes at most, and
+"""Parameters of the search for the best rates: the centring of a round, the largest share of the way to a bound, and
 the gap below which it is done, (1 cm)² of deviation squared and summed over all steps. It takes about a dozen rounds,
 and whatever it ends with is within the bounds."""
 
@@ -110,7 +110,7 @@ class _Pose:
 
 @dataclass(frozen=True)
 class _Rolled:
-    """What an integration gives, one entry a state: rear axle and heading; one entry a step: the heading halfway."""
+    """The result of an integration: per state the rear axle and heading; per step the heading halfway."""
 
     x_m: Values
     y_m: Values
@@ -344,7 +344,7 @@ def _solved(matrix: Points, right: Values) -> Values:
 def _within_tyres(speeds: Values, steering: Values, vehicle: VehicleParameters, step_s: float) -> Values:
     """Return the speeds themselves if tyres and engine allow them, else the nearest that they allow, step by step.
 
-    A vehicle that is faster than its top speed already does not become faster still.
+    A vehicle that is already faster than its top speed does not accelerate further.
     """
     largest, top = vehicle.maximum_acceleration_mps2, max(vehicle.maximum_speed_mps, float(speeds[0]))
     bend = np.tan(steering[:-1]) / vehicle.wheelbase_m

@@ -15,7 +15,7 @@ from .desired_speed import DesiredSpeed, SpeedReason
 class RoutePlace:
     """The place of one ego state: station along the path, lateral offset (left positive), and heading error.
 
-    ``to_goal_m``: along the path to where the goal begins; negative behind that, None for a goal without a place.
+    ``to_goal_m``: along the path to where the goal begins; negative beyond that, None for a goal without a place.
     ``desired_speed_reason``: why that speed is desired.
     """
 

@@ -1,4 +1,4 @@
-"""What a planner of others breaks on a scenario, and how its drive ends.
+"""How a user's planner breaks the contract on a scenario, and how its drive ends.
 
 It is driven in the loop among the recorded traffic, as a run is, and asked again at what it saw there.
 """

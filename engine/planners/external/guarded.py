@@ -97,7 +97,7 @@ class _Guarded:
 def drivable(plan: Plan, task: PlanningTask) -> Plan:
     """Return the plan; without its trajectory where the vehicle cannot drive the steps until the next plan.
 
-    The steering of a plan of others is computed from its states: what they state themselves is not relied on.
+    The steering of a user's plan is computed from its states; the steering that it states is not relied on.
     """
     if plan.trajectory is None:
         return plan

@@ -1,4 +1,4 @@
-"""The messages of the stepwise protocol, made of what a planner in this process is given."""
+"""The messages of the stepwise protocol, made from what a planner in this process is given."""
 
 import math
 from collections.abc import Mapping, Sequence

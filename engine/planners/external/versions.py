@@ -43,7 +43,7 @@ def _declared(found: Found) -> str:
 def described_by_git(sources: Sequence[Path]) -> str:
     """Return ``git describe`` of the commit that holds the first source file, with ``-dirty`` if a file differs.
 
-    Empty where that file is in no commit of a repository, git is not installed, or it takes too long.
+    Empty if that file is not in a commit of a repository, git is not installed, or git takes too long.
     """
     files = [path.resolve() for path in sources if path.is_file()]
     return _described(tuple(files), tuple(_stamps(files))) if files else ""
@@ -91,9 +91,9 @@ def _git(folder: Path, *arguments: str) -> str:
     """Return what git answers.
 
     Raises:
-        OSError: there is no git.
+        OSError: git is not installed.
         subprocess.SubprocessError: it refuses, or takes too long.
-        ValueError: it answers something that is no text.
+        ValueError: its answer is not text.
     """
     environment = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ} | _QUIET
     done = subprocess.run(

@@ -7,20 +7,20 @@ lane. Its coordinates are those of the world. Lengths in m, headings in rad.
 
 Traps (``tests/engine/planners/test_fiss_traps.py`` holds them):
 
-- It heads its vehicle where the centre moves. No vehicle does: the rear axle moves where it heads, and the centre
-  swings out. The headings of a plan are those of a rear axle that is dragged after the centre (a tractrix), the
+- It heads its vehicle where the centre moves. Real vehicles do not: the rear axle moves where they head, and the
+  centre swings out. The headings of a plan are those of a rear axle that is dragged after the centre (a tractrix), the
   speeds those of the rear axle, and the centre begins in the direction in which a vehicle that turns moves.
 - It normalises headings to ±π at every state. They are not taken from it.
 - It knows no limit of the steering rate, and neither friction nor steering at low speed. What a vehicle can drive is
   checked again (``driving/drivability.py``).
 - Its lateral motion is a polynomial only of time: a vehicle that stands would slide sideways to its lane's centre.
   Below ``LOW_SPEED_MPS`` it keeps its offset.
-- It finds the nearest point of the whole line where it gets no hint, so a path that crosses itself would put the ego on
+- It finds the nearest point of the whole line if it gets no hint, so a path that crosses itself would put the ego on
   another lap. Every projection of the ego begins at its last station.
 - It places the ego as far backwards as forwards: a vehicle that heads against the path gets a negative speed along it.
 - A desired speed below 0 is taken, and its grid of speeds then has one speed, 0.
 - Its refinement (``fiss_plus``) takes the middle of a band for the lane's centre, whatever the band says. Bands are
-  symmetrical about their centres therefore.
+  therefore symmetrical about their centres.
 """
 
 import math
@@ -41,12 +41,12 @@ from ..reference_path import ReferencePath
 SEARCHES = ("fop", "fop_plus", "fiss", "fiss_plus")
 """The core's searches by the number that the setting ``search`` has."""
 LOW_SPEED_MPS = 2.0
-"""Chosen: the same as in Frenetix; below it lateral motions by time are no motions of a vehicle."""
+"""Chosen: the same as in Frenetix; below it a vehicle cannot drive lateral motions by time."""
 _SHORTEST_SHARE, _DURATIONS = 0.6, 5
 """The core's default: durations from 3 s to 5 s, five of them."""
 _HARDEST_MPS2, BRISKEST_MPS2 = 8.0, 4.0
-"""Limits that the core's authors plan with: 8 m/s² of braking and across (0.8 g), 4 m/s² of accelerating; at most what
-the vehicle can."""
+"""Limits that the core's authors plan with: 8 m/s² of braking and across (0.8 g), 4 m/s² of accelerating; but no more
+than the vehicle's own."""
 _STANDING_MPS = 1e-3
 _BEHIND_M, _BESIDE_M = 80.0, 60.0
 """The core looks at obstacles from 80 m behind the ego to 60 m beyond what it can reach."""

@@ -2,9 +2,9 @@
 
 Until the driver reacts, the ego moves as a :class:`NominalMotion` says: as it was driven, or along its lane at the
 speed that it began with. From then on it brakes as the driver wants, keeps its speed in between, and follows the same
-way. A drive is followed until the ego stands or both cannot meet any more: an ego that still rolls has not
-prevented anything. Where a track ends before that, the other goes on straight at its last speed, and one that braked
-goes on braking until it stands.
+way. A drive is followed until the ego stands or the two can no longer meet: an ego that still rolls has not
+prevented anything. If a track ends before that, the other goes on straight at its last speed; if it braked, it goes on
+braking until it stands.
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ _MEAN_OVER_S, _BRAKES_MPS2 = 0.5, 1.0
 _STANDS_MPS = 0.1
 """Slower than this is standing, as in the time headway."""
 _LEAST_WAY_M = 5.0
-"""A way that is shorter than a car has no bends that could be told."""
+"""Bends cannot be determined on a way that is shorter than a car."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class Driven:
 class DriverScene:
     """The ego's body and brakes, how it moves until its driver reacts, and the others along its way.
 
-    ``body``: length and width in m. ``met``: the one that it collided with, going on behind the end of its track as
+    ``body``: length and width in m. ``met``: the one that it collided with, going on after the end of its track as
     :func:`going_on` says; ``met_until``: the last step that its track shows. ``others``: all others. On the way that
     was driven, a driver reacts only to the one that was met, since the ego has already reacted to the others. On its
     lane it reacts to all.
@@ -225,8 +225,8 @@ class DriverScene:
     def bodies(self, driven: Driven, aside_m: Values | None = None, turned_rad: Values | None = None) -> NDArray[Any]:
         """Return the ego's polygons (n,) at the states of a drive; see :meth:`is_clear`.
 
-        A driver that reacts may come as near as the steps are long: in half a step's square of full braking its place
-        is not known better, and the fuzzy model and RSS stop exactly at what stands before them.
+        A driver that reacts may come as near as the steps are long: its place is known no better than to half of full
+        braking times the squared step, and the fuzzy model and RSS stop exactly at a standing obstacle.
         """
         known_m = 0.0 if driven.brakes_from is None else self.brakes.full_mps2 * self.step_s**2 / 2
         body = (self.body[0] - 2 * known_m, self.body[1])

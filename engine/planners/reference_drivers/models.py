@@ -167,7 +167,7 @@ class CarefulDriver:
     A road user is *noticed* when it has come nearer to the way by ``wandering_m`` or is in it (cut-in, 3.4.1), when it
     brakes in the way by more than ``hard_mps2`` (deceleration, 3.4.3), or when it is in the way and slower than the
     driver (cut-out, 3.4.2: the regulation means the one that a cut-out reveals; a leader that has become slower is
-    treated alike). One behind a broad one that is in the way is hidden until the centre of the broad one is more than
+    treated the same). A road user behind a broad one in the way is hidden until the centre of that one is more than
     ``wandering_m`` off the way. In the regulation, others change from the adjacent lane, ``lane_m`` wide (4.1); what is
     farther aside is noticed only if, at its present rate, it is in the way before the driver is past it.
 

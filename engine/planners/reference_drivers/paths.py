@@ -19,14 +19,14 @@ from ...geometry import Points, Values, arc_length, interpolate, project_along, 
 from .models import Seen
 
 AHEAD_M = 200.0
-"""A way goes on straight for this long behind its end: more than a car on a motorway needs to stop."""
+"""A way goes on straight for this long after its end: more than a car on a motorway needs to stop."""
 _NARROW = ("pedestrian", "bicycle", "motorcycle")
 """Types that hide no other road user; all other types are as broad as a car."""
 
 
 @dataclass(frozen=True)
 class DriverPath:
-    """A line of points (n, 2) with the headings (n,) that a driver has there; straight on behind its end."""
+    """A line of points (n, 2) with the headings (n,) that a driver has there; straight on after its end."""
 
     points: Points
     headings_rad: Values

@@ -4,8 +4,8 @@ What a driver does while its model does not react is not part of the models. Wit
 Intelligent Driver Model (``idm.py``): to the goal, at its time headway behind others, braking comfortably at most.
 Without it, it keeps its lane and the speed of the start until it reacts, and the speed that it then has, as the
 reference drivers of verdicts do. Its model sees the
-others as they are observed when the plan is made; how they go on within a plan is what the prediction says. The way to
-the sides is that of the Intelligent Driver Model, and so are the speeds in bends.
+others as observed when the plan is made; within a plan they move as predicted. The lateral motion and the speeds in
+bends are those of the Intelligent Driver Model.
 """
 
 from collections.abc import Callable, Mapping
@@ -41,10 +41,10 @@ NOMINAL: Mapping[str, float] = {
     "deceleration_mps2": 1.67,
     "lateral_acceleration_mps2": 3.0,
 }
-"""How a reference driver drives while its model does not react, where its configuration does not say it: at UN R157's
+"""How a reference driver drives while its model does not react, unless its configuration says it: at UN R157's
 time headway; accelerating like the vehicles of the Joint Research Centre's comparison; the rest as ``idm`` does."""
 _TRACTOR = 4
-"""CommonRoad's vehicle that is the tractor of a truck."""
+"""The number of CommonRoad's vehicle that is the tractor of a truck."""
 _HIDES_FROM_M = 1.2
 """Pedestrians, bicycles and motorcycles are narrower than this and hide no other road user."""
 _BEHIND_M, _AHEAD_M = 50.0, 300.0
