@@ -41,19 +41,22 @@ if TYPE_CHECKING:
 STANDING_MPS = 0.1
 """As in CommonRoad's own monitor of traffic rules: a slower vehicle counts as standing."""
 FOLLOWS_S = 3.0
-"""Highway Capacity Manual 2010, chapter 15: a vehicle with a headway of at most 3 s, front to front, is following."""
+"""Highway Capacity Manual 2010, chapter 15: a vehicle with a headway of at most 3 s, front to front, is following (the
+seventh edition says 2.5 s)."""
 QUEUE_GAP_M = 12.5
 """Measured: of 343 vehicles that stand behind a standing one in the recordings of 195 public scenarios, 97.5 % keep a
 gap of at most 12.4 m (median 2.5 m)."""
 START_UP_S = 2.0
-"""Highway Capacity Manual 2010, chapter 31: default start-up lost time. A shorter stop is not a delay."""
+"""Highway Capacity Manual 2010, chapter 18: default start-up lost time. A shorter stop is not a delay."""
 CRITICAL_HEADWAY_S = 7.5
-"""Highway Capacity Manual 2010, chapter 19: the largest base critical headway, of a left turn from a minor street. A
-driver who gives way does not go in front of a vehicle that arrives sooner."""
+"""Highway Capacity Manual 2010, exhibit 19-10: the largest base critical headway, of a left turn from a minor street
+onto four lanes. A driver who gives way does not go in front of a vehicle that arrives sooner."""
 STARTING_MPS2 = 2.0
-"""ISO 15622:2018: how strongly cruise control may accelerate. It limits how far ahead of a standing ego is examined."""
+"""ISO 15622:2018, as openpilot quotes it: how strongly cruise control may accelerate. It limits how far
+ahead of a standing ego is examined."""
 DELAY_S = 0.75
-"""UN Regulation 157, Annex 3: the delay until a careful driver brakes. A reason may lie this long before it."""
+"""UN Regulation 157, Annex 3, table 1: the delay until a careful driver brakes. A reason may lie this long
+before it."""
 ABRUPT_MPS2 = 2.0
 """As in CommonRoad's own monitor: harder braking needs a reason (rule R_G2)."""
 CLOSE_S = 3.0
@@ -62,7 +65,8 @@ GENTLE_MPS2, NEEDED_MPS2 = 0.5, 1.0
 """Chosen: braking ahead of time for a place is explained by a need of half of what coasting in gear gives, hard braking
 by the threshold of braking of ``moments.py``."""
 ISO_BRAKING_MPS2 = (5.0, 3.5)
-"""ISO 15622:2018: how hard cruise control may brake up to 5 m/s and from 20 m/s on. Harder braking is hard."""
+"""ISO 15622:2018: how hard cruise control may brake up to 5 m/s and from 20 m/s on. Harder braking is hard. The second
+is as openpilot quotes it; the first is not checked against the standard's text."""
 LATERAL_MPS2 = 3.0
 """ISO 11270:2014: lateral acceleration that a lane keeping system may cause. Faster curves are a reason to brake."""
 STOP_SIGN_S = 3.0

@@ -117,9 +117,11 @@ _TRUCK_W_PER_KG = 130_000 / 7_500
 _TURNING_RADIUS_M = 12.5
 """Outer radius of the circle in which every vehicle must be able to turn: § 32d StVZO (and Directive 96/53/EC)."""
 _MOTORCYCLE_STEERING_RAD = math.asin(1.41 / 2.7)
-"""Wheelbase over turning radius, which is the front wheel's: Honda CB500F (1.41 m, 2.7 m)."""
+"""Wheelbase over turning radius, which is the front wheel's: Honda CB500F (1.41 m, 2.7 m; neither
+is checked against a data sheet)."""
 _MOTORCYCLE_W_PER_KG = 128.0
-"""Power over mass with the rider of the same motorcycle: 35 kW, 274 kg."""
+"""Power over mass of the same motorcycle, 35 kW: 128 kW/t in The Press (New Zealand, 25 February 2017), which is that
+of 274 kg with a rider."""
 _MOPED_W_PER_KG = 4_000 / 155
 """4 kW, the most that a moped may have (class L1e-B, Regulation (EU) 168/2013), over 80 kg (SUMO) and a rider of 75."""
 

@@ -101,9 +101,9 @@ class DesiredSpeed:
 
     With a place, and while its time is not over, it is the mean speed to the middle of the goal: by the middle of the
     goal's time at first, and by its end once the middle has passed. The latter is no more than the cruising speed, or
-    than the present speed if that is higher, so that a late ego does not race. Inside a goal with a speed interval, or
-    for such a goal without a place, it is the middle of the interval. In all other cases it is the cruising speed. It is
-    within 5 m/s of the present speed.
+    than the present speed if that is higher, so a late ego does not race. Inside a goal with a speed interval, or
+    for such a goal without a place, it is the middle of the interval. In all other cases it is the cruising speed. It
+    is within 5 m/s of the present speed.
 
     An ego inside a goal without a speed interval goes on aiming at the goal's middle and waits there for its time.
 

@@ -6,11 +6,14 @@ here knows tracks, planners or simulations. The vehicle's :class:`Brakes` limit 
 deceleration builds up.
 
 * :class:`CarefulDriver`: the competent and careful human driver of UN Regulation No. 157 (ECE/TRANS/WP.29/2020/81,
-  Annex 4, Appendix 3, paragraphs 3.3 and 3.4; performance model 1 of Annex 3 since the 01 series of amendments).
+  Annex 4, Appendix 3; Annex 3 since Supplement 1, and performance model 1 there since the 01 series of amendments).
+  Table 1 is checked against all three versions. The triggers are as esmini and the Joint Research Centre implement
+  them; the paragraphs (3.3 and 3.4 of the first version) are not checked against the regulation's text.
 * :class:`FuzzyDriver`: the fuzzy safety model (FSM; performance model 2 there). Mattas and others, "Fuzzy surrogate
   safety metrics for real-time assessment of rear-end collision risk", Accident Analysis and Prevention 148, 2020, and
   "Driver models for the definition of safety requirements of automated vehicles in international regulations", there
-  174, 2022. The parameters are those of the code that the European Commission's Joint Research Centre publishes.
+  174, 2022. The parameters are those of the code that the European Commission's Joint Research Centre publishes
+  (JRC-FSM); the formulas are also those that the 01 series of amendments prints.
 * :class:`RssDriver`: Responsibility-Sensitive Safety. Shalev-Shwartz, Shammah, Shashua, "On a formal model of safe and
   scalable self-driving cars", arXiv:1708.06374, definitions 1, 2, 6 and 7; IEEE 2846-2022 names the same parameters and
   leaves their values open.
@@ -50,8 +53,8 @@ CAR_BRAKES = Brakes(0.774 * GRAVITY_MPS2, 0.6)
 """UN R157, Annex 4, Appendix 3, table 1: 0.774 g after 0.6 s on a dry road."""
 HEAVY_BRAKES = Brakes(5.0, 0.6 / 0.75)
 """Trucks and buses: 5 m/s² is the least performance of the service brakes of categories M2, M3, N2 and N3 (UN R13,
-Annex 4; taken into UN R157 by its Supplement 3, ECE/TRANS/WP.29/2021/143). UN R13, Annex 6 allows 0.6 s until 75 % of
-the pressure is there."""
+Annex 4; taken into UN R157 by its Supplement 3, ECE/TRANS/WP.29/2021/143/Rev.1; UN R79, annex 3, asks the same). The
+build-up is that of UN R13, Annex 6, 0.6 s until 75 % of the pressure is there, not checked against its text."""
 _HEAVY = ("truck", "bus")
 
 
@@ -168,12 +171,13 @@ class CarefulDriver:
     brakes in the way by more than ``hard_mps2`` (deceleration, 3.4.3), or when it is in the way and slower than the
     driver (cut-out, 3.4.2: the regulation means the one that a cut-out reveals; a leader that has become slower is
     treated the same). A road user behind a broad one in the way is hidden until the centre of that one is more than
-    ``wandering_m`` off the way. In the regulation, others change from the adjacent lane, ``lane_m`` wide (4.1); what is
-    farther aside is noticed only if, at its present rate, it is in the way before the driver is past it.
+    ``wandering_m`` off the way. In the regulation, others change from the adjacent lane, ``lane_m`` wide (JRC-FSM lets
+    vehicles 1.9 m wide begin 1.6 m apart); what is farther aside is noticed only if, at its present rate, it is in the
+    way before the driver is past it.
 
     ``perception_s`` later the risk is *perceived*. It is *critical* if the time to collision is below
     ``critical_ttc_s`` (cut-in), if the time headway is below ``critical_thw_s`` (deceleration, cut-out), or if that to
-    the one that cut out was (cut-out: the regulation's driver then avoids whatever stands there, 5.2). ``delay_s``
+    the one that cut out was (cut-out: the regulation's data sheets let the driver follow that one at 2 s). ``delay_s``
     after that the driver brakes fully, until the other is neither slower nor braking, or has left the way.
     """
 
