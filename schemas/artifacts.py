@@ -306,7 +306,7 @@ class ImportFilesResult(Result):
     note: str = Field("", description="why the job failed, or how far another server is with it")
 
     def answer(self) -> Answer:
-        """Counts first, then a line a file."""
+        """Return the answer: counts first, then one line per file."""
         counts = f"{self.added} added, {self.reused} known already, {self.refused} refused."
         told = [counts] if self.added + self.reused + self.refused or not self.note else []
         if self.job_id and (self.state != "done" or self.note):
@@ -320,7 +320,7 @@ class ImportFilesResult(Result):
         return Answer(told[0], told[1:], listed=lines, next_step=following)
 
     def to_line(self) -> str:
-        """Counts and refusals in one line, as the last word of a job."""
+        """Return counts and refusals in one line, as the last word of a job."""
         refused = "; ".join(f"{item.file}: {item.reason}" for item in self.refusals)
         counts = f"{self.added} added, {self.reused} known already, {self.refused} refused"
         return f"{counts}: {refused}" if refused else counts

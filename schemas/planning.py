@@ -387,7 +387,7 @@ class RunPlannerResult(Result):
 
 
 def _rate_line(item: ConfigurationSummary) -> str:
-    """``frenetix:Default (cfg_…): goal 3 of 4; collision 1; invalid, in no rate: 2``.
+    """Return ``frenetix:Default (cfg_…): goal 3 of 4; collision 1; invalid, in no rate: 2``.
 
     Where a motion to the goal is refused, the rate by the paper's rule stands beside it.
     """

@@ -285,7 +285,7 @@ class CollisionCauses(Model):
         return f"{sample or 'Collisions: '}{told}{self._seen()}"
 
     def _seen(self) -> str:
-        """One collision of each that they are laid to."""
+        """Return one collision for each attribution."""
         first = {one.laid_to: one for one in reversed(self.evidence) if one.laid_to is not None}
         shown = [f"{cause} {first[cause].run_id} at {first[cause].time_s:.1f} s" for cause in self.laid_to]
         return f" See {'; '.join(shown)}." if shown else ""
@@ -616,7 +616,7 @@ def _stated(result: AnalyzeResultsResult) -> list[Finding]:
 
 
 def _by_any_motion(result: AnalyzeResultsResult) -> list[str]:
-    """The rate by the paper's rule, where it is another one."""
+    """Return the rate by the paper's rule if it differs."""
     rate = result.by_any_motion
     return [] if rate is None else [f"By the paper's rule, a goal by any motion: {rate.in_words()}."]
 

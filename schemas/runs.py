@@ -62,7 +62,7 @@ VERSION_MARK = "@"
 
 
 def configuration_id(told: str) -> str:
-    """The id of a configuration without the version of its planner: ``cfg_1`` of ``cfg_1@d4e5f6a``."""
+    """Return the id of a configuration without the version of its planner: ``cfg_1`` of ``cfg_1@d4e5f6a``."""
     return told.partition(VERSION_MARK)[0]
 
 
@@ -346,13 +346,13 @@ class Prevention(Model):
         return any(self.prevented_by(name, "both") for name in ("r157_careful", "fsm"))
 
     def prevented_by(self, driver: ReferenceDriverName, start: Literal["before_contact", "start", "both"]) -> bool:
-        """Whether a driver prevents it from a start, or from both."""
+        """Return whether a driver prevents it from a start, or from both."""
         starts = ("before_contact", "start") if start == "both" else (start,)
         found = {verdict.start for verdict in self.drivers if verdict.driver == driver and verdict.prevents}
         return found.issuperset(starts)
 
     def in_words(self) -> str:
-        """Who prevents it from which start, and until when."""
+        """Return which drivers prevent it from which start, and until when."""
         until = self.by_steering_until_s
         aside = "" if until is None else f"; steering aside until {until:.1f} s does"
         names = "full braking, UN R157's careful and fuzzy drivers, RSS"
@@ -368,7 +368,7 @@ class Prevention(Model):
         return f"preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"
 
     def _start_in_words(self) -> str:
-        """Who prevents it from the start; nothing of versions that did not ask."""
+        """Return which drivers prevent it from the start; empty for versions that did not examine it."""
         if not self.drivers:
             return ""
         yes, no = self._from_start(prevents=True), self._from_start(prevents=False)
@@ -379,7 +379,7 @@ class Prevention(Model):
         return f"; from the start {_listed(yes, 'and')} {'do' if len(yes) > 1 else 'does'}"
 
     def _from_start(self, *, prevents: bool) -> list[str]:
-        """The reference drivers that prevent it from the start, or do not; steering aside is none of them."""
+        """Return the reference drivers that prevent it from the start, or do not; steering aside is not one of them."""
         return [
             _DRIVERS_IN_WORDS[verdict.driver]
             for verdict in self.drivers
@@ -464,7 +464,7 @@ class PaceMoment(Model):
         return self.until_s - self.since_s
 
     def in_words(self) -> str:
-        """``stood at a green light from 14.5 s to 23.8 s, 2.1 m before its line``."""
+        """Return ``stood at a green light from 14.5 s to 23.8 s, 2.1 m before its line``."""
         other = f"{self.obstacle_class} {self.obstacle_id}".strip()
         far = "" if self.distance_m is None else f"{self.distance_m:.1f} m"
         span = f"from {self.since_s:.1f} s to {self.until_s:.1f} s"
@@ -690,7 +690,7 @@ class RunReview(Model):
     pace: tuple[PaceMoment, ...] = Field((), description="where the ego stood, was held up or braked, and why")
 
     def pace_in_words(self) -> str:
-        """What nothing on the road asked of the ego; empty without it."""
+        """Return what the ego did by itself; empty if nothing."""
         own = [moment.in_words() for moment in self.pace if moment.is_the_egos]
         return f"The ego's own doing: {'; '.join(own)}." if own else ""
 
@@ -818,12 +818,12 @@ class RunSource(Model):
 
 
 def drawn(records: Iterable[RunRecord]) -> list[RunRecord]:
-    """The runs in a random order that depends on nothing but their ids: the first n are a random sample of them all."""
+    """Return the runs in a random order that depends only on their ids; the first n are a random sample."""
     return sorted(records, key=lambda record: drawn_place(record.run_id))
 
 
 def drawn_place(name: str) -> bytes:
-    """Where a name stands in a random order that depends on nothing but the names."""
+    """Return where a name stands in a random order that depends on nothing but the names."""
     return hashlib.sha256(name.encode()).digest()
 
 
@@ -834,7 +834,7 @@ CRITICAL_TIME_TO_COLLISION_S = 1.5
 
 
 def is_close(record: RunRecord) -> bool:
-    """Whether another came critically near in a run, in space or in time."""
+    """Return whether another came critically close in a run, in space or in time."""
     if record.metrics is None:
         return False
     gap, time = record.metrics.minimum_distance_m, record.metrics.minimum_time_to_collision_s
@@ -842,7 +842,7 @@ def is_close(record: RunRecord) -> bool:
 
 
 def is_worth_a_look(record: RunRecord) -> bool:
-    """Whether an analysis asks for the moments of a run: of those that failed on their way, and of close successes."""
+    """Return whether an analysis needs the moments of a run: it failed on its way, or was a close success."""
     return record.outcome != "invalid" and (record.outcome != "goal_reached" or is_close(record))
 
 

@@ -64,7 +64,7 @@ _SMALLEST_P = 1e-12
 
 
 def figure(value: float | None, digits: int = 3) -> str:
-    """A number with ``digits`` significant digits, a larger one as an integer; a dash for None, 0 below 1e-9."""
+    """Return a number with ``digits`` significant digits, an integer if larger, a dash for None and 0 below 1e-9."""
     if value is None:
         return "–"
     if abs(value) < _ROUNDING:
@@ -73,19 +73,19 @@ def figure(value: float | None, digits: int = 3) -> str:
 
 
 def measured(value: float | None, digits: int = 3) -> str:
-    """A measured quantity as :func:`figure` writes it; below its resolution it is 0, as are denormal numbers."""
+    """Return a measured quantity as :func:`figure` writes it; below its resolution it is 0, as are denormal numbers."""
     return figure(0.0 if value is not None and abs(value) < RESOLUTION else value, digits)
 
 
 def p_figure(p: float | None) -> str:
-    """A p value, or the bound ``<1e-12``: no test on a sample shows that something has no chance at all."""
+    """Return a p value, or the bound ``<1e-12``: no test on a sample shows that something has no chance at all."""
     if p is None:
         return "–"
     return f"<{_SMALLEST_P:g}" if p < _SMALLEST_P else f"{p:.3g}"
 
 
 def p_in_words(p: float | None) -> str:
-    """``p=0.031`` or ``p<1e-12``."""
+    """Return ``p=0.031`` or ``p<1e-12``."""
     shown = p_figure(p)
     return "no test" if p is None else f"p{shown}" if shown.startswith("<") else f"p={shown}"
 

@@ -122,8 +122,10 @@ def _listed(artifact: Artifact) -> ListedArtifact:
 
 
 def _name(artifact: Artifact) -> str:
-    """What an artifact is called; a search by its conditions and the number of its matches, a run of a planner of
-    others with the version that drove.
+    """Return the name of an artifact.
+
+    A search is named by its conditions and the number of its matches, a run of a planner that is not built in with the
+    version that drove.
     """
     if artifact.kind == "run":
         record = run_record(artifact)

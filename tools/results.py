@@ -110,7 +110,7 @@ def _chosen(artifact: Artifact) -> ChosenResult:
 
 
 def run_sources(run_ids: Iterable[str], call: ToolCall) -> tuple[RunSource, ...]:
-    """Records and step files of runs, each once; versions of one planner are told apart (:func:`told_apart`)."""
+    """Return records and step files of runs, each once; versions of one planner are told apart (:func:`told_apart`)."""
     records = told_apart(run_record(call.workspace.get(run_id, "run")) for run_id in dict.fromkeys(run_ids))
     sources = []
     for record in records:
@@ -121,7 +121,7 @@ def run_sources(run_ids: Iterable[str], call: ToolCall) -> tuple[RunSource, ...]
 
 
 def run_record(artifact: Artifact) -> RunRecord:
-    """The record of a stored run; the planner's version of one that was stored without it comes from its recipe."""
+    """Return the record of a stored run; if it has no planner version, that comes from the run's recipe."""
     record = artifact.read(RunRecord)
     if record.planner_source:
         return record
@@ -134,7 +134,7 @@ def run_record(artifact: Artifact) -> RunRecord:
 
 
 def version_key(planner: str) -> str:
-    """What a recipe calls the version of a planner of others; a planner may be named as a package is."""
+    """Return a recipe's key for the version of a user's planner; a planner may have the name of a package."""
     return f"planner {planner}"
 
 
@@ -143,7 +143,7 @@ _SHORT = 7
 
 
 def told_apart(records: Iterable[RunRecord]) -> list[RunRecord]:
-    """The records; those of a planner that drove in several versions with its version in name and configuration id.
+    """Return the records; if a planner drove in several versions, with its version in name and configuration id.
 
     ``mylane:Default`` with ``cfg_1`` becomes ``mylane:Default v2 (d4e5f6a)`` with ``cfg_1@d4e5f6a``: whatever groups
     runs by configuration keeps the versions apart, and whatever names one names its version.
@@ -170,7 +170,7 @@ def _look_path(run_id: str, call: ToolCall) -> Path:
 
 
 def _kept_look(run_id: str, call: ToolCall) -> RunLook | None:
-    """The look that was kept of a run; None without one, or of one that cannot be read."""
+    """Return the stored look at a run, or None if there is no look or it cannot be read."""
     try:
         return RunLook.model_validate_json(_look_path(run_id, call).read_bytes())
     except (OSError, ValueError):
@@ -217,7 +217,7 @@ def _default_weights(planner: str) -> dict[str, float] | None:
 
 
 def _parameters(planner: str) -> tuple[str, ...]:
-    """What can be set in a planner beside weights of its cost; nothing where it is not installed any more."""
+    """Return a planner's settings besides its cost weights; empty if the planner is no longer installed."""
     try:
         return tuple(name for name, weight in tuning_of(planner).weights.items() if not weight.of_cost)
     except (UnknownName, PlannerFailure):

@@ -285,13 +285,13 @@ def _batch_recipe(cells: Sequence[Cell], lost: Sequence[str] = ()) -> Recipe:
 
 
 def _versions(cells: Sequence[Cell]) -> dict[str, str]:
-    """The versions that the runs of a grid depend on, those of all its planners."""
+    """Return the versions that the runs of a grid depend on, those of all its planners."""
     first = {cell.configuration.planner: cell for cell in reversed(cells)}
     return {name: version for cell in first.values() for name, version in cell.recipe().versions.items()}
 
 
 def own_versions(planners: Iterable[str]) -> dict[str, str]:
-    """The digests of the sources of those planners that are not ours, as recipes have them."""
+    """Return the source digests of the planners that are not built in, as recipes hold them."""
     known = {version_key(name): planner_version(name) for name in planners}
     return {name: version for name, version in known.items() if version}
 

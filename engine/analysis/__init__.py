@@ -9,20 +9,20 @@
 ``write_run_table``: an operation: writes the table of a batch, a row a run.
 ``Course``: a run over time: motions, gap to the nearest other, time to collision.
 ``course_of``: a run over time, or None without its steps.
-``look_at_runs``: an operation: a look at each run, for what is kept beside it.
-``known_contacts``: who hit whom in the collisions of runs.
+``look_at_runs``: an operation: looks at each run once; the result is stored with the run.
+``known_contacts``: how the collisions of runs came about.
 ``METRICS``: the metrics of a run with unit, direction and the runs in which they may be compared.
 ``MetricSpec``: one of these metrics.
 ``cost_shares``: mean weighted cost of each term and its share, by configuration, the largest first.
 ``mean_terms``: mean weighted cost of each term over the planning steps of a run.
-``prevention_of``: What reference drivers in the ego's place make of a collision.
+``prevention_of``: Which reference drivers in the ego's place prevent a collision.
 ``Surroundings``: What is around a collision: the others, the road, and the ego's lane.
 ``review_runs``: an operation: who hit whom, the closest moment and the largest motions of each run.
 ``RuledDrive``: a drive among others on a lanelet network, as traffic rules look at it.
 ``judged_by_rules``: what a drive makes of each traffic rule.
 ``RunSet``: a set of runs with their steps, configurations and scenarios.
 ``driven_tracks``: how the obstacles of reactive traffic moved in a run, by id.
-``read_series``: the series of a run beside its steps, or None if it was stored without them.
+``read_series``: the series of a run, or None if it was stored without them.
 ``read_steps``: the steps of a run, or None where none were kept.
 ``SignedRank``: result of the signed-rank test on differences after − before.
 ``mcnemar_exact``: two-sided p of the exact McNemar test on discordant pairs.

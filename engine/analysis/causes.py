@@ -1,7 +1,7 @@
-"""What decides the rates of a set of runs beside the planner: collisions that no ego prevents, goals met by nothing.
+"""What else decides the rates of runs besides the planner: unpreventable collisions, and goals met without driving.
 
-Both stand beside the rate over all valid runs and never in its place. All runs of which a look is kept (``RunLook``)
-are counted; of the others a random sample is looked at, which is told as one, with its interval.
+Both are reported next to the rate over all valid runs and never replace it. All runs with a stored look (``RunLook``)
+are counted; a random sample of the others is examined and reported as a sample, with its interval.
 """
 
 from collections import Counter
@@ -18,13 +18,13 @@ from .statistics import rate
 
 MOST_COLLISIONS, MOST_GOALS = 60, 200
 """Collisions and reached goals without a kept look that are looked at (chosen): each reads its scenario, and an answer
-has 50 s. Server and suites look at all of them, in workers, before they analyse."""
+has 50 s. Server and suites examine all of them in workers before they analyse."""
 STOOD_M = 0.5
 """An ego that drove less has stood (chosen)."""
 
 
 def look_at_runs(request: ReviewRequest, report: ProgressReporter) -> LooksResponse:
-    """Look at each run once, for what is kept beside it."""
+    """Look at each run once; the result is stored with the run."""
     runs = RunSet(request.runs, scenarios=request.scenarios)
     looks = []
     for number, record in enumerate(runs.records):
@@ -40,9 +40,9 @@ def look_at_runs(request: ReviewRequest, report: ProgressReporter) -> LooksRespo
 
 
 def sample_of(runs: RunSet, records: Iterable[RunRecord], most: int) -> list[RunRecord]:
-    """All of some runs if a look at each is kept, or if they are few; else a random sample, of at least so many.
+    """Return all runs if a look at each is kept or they are few, and otherwise a random sample of at least ``most``.
 
-    Beyond so many, only those of which a look is kept are in it. In the order that the runs have.
+    Beyond ``most``, it holds only runs with a stored look. It keeps the order of the runs.
     """
     chosen: set[str] = set()
     wanted = list(records)
@@ -54,7 +54,7 @@ def sample_of(runs: RunSet, records: Iterable[RunRecord], most: int) -> list[Run
 
 
 def collision_causes(runs: RunSet, *, with_rate: bool = True) -> CollisionCauses | None:
-    """Who hit whom, and how many of the collisions no reference driver prevents; None where none is known.
+    """Return the kinds of collisions and how many no reference driver prevents, or None if no collision is known.
 
     ``with_rate``: whether one rate over all these runs is meant.
     """
@@ -102,9 +102,9 @@ def _is_among(run_ids: Sequence[str]) -> Callable[[RunRecord], bool]:
 
 
 def _estimated_without(runs: RunSet, hits: int, unpreventable: Rate) -> Rate:
-    """The rate of goals without unpreventable collisions, estimated from a sample of the collisions.
+    """Return the rate of goals without unpreventable collisions, estimated from a sample of the collisions.
 
-    Its interval is that of both together: each end takes the end of the sample's interval that is farther.
+    Its interval covers both uncertainties: each end uses the farther end of the sample's interval.
     """
     goals, valid = len(runs.successes), len(runs.valid)
     if unpreventable.share is None or unpreventable.low is None or unpreventable.high is None:
@@ -116,7 +116,7 @@ def _estimated_without(runs: RunSet, hits: int, unpreventable: Rate) -> Rate:
 
 
 def known_contacts(runs: RunSet) -> dict[str, Contact]:
-    """Who hit whom by run id, of all collisions with another or of a random sample; unknown courses are left out."""
+    """Return contacts by run id for all collisions with another or a random sample, without unknown courses."""
     return _contacts(runs, sample_of(runs, (one for one in runs.valid if hit_another(one)), MOST_COLLISIONS))
 
 
@@ -126,7 +126,7 @@ def _contacts(runs: RunSet, records: Iterable[RunRecord]) -> dict[str, Contact]:
 
 
 def trivial_goals(runs: RunSet, *, with_rate: bool = True) -> TrivialGoals | None:
-    """The reached goals that asked for no driving; None where there is none.
+    """Return the reached goals that required no driving, or None if there are no such goals.
 
     ``with_rate``: whether one rate over all these runs is meant.
     """

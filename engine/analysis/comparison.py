@@ -2,9 +2,9 @@
 
 The scenario is the unit of all tests (``statistics.py``). Success is tested by McNemar's exact test or, where scenarios
 have several pairs, by flipping the signs of scenarios; each metric by Wilcoxon's signed-rank test on the means of
-scenarios. All p values of one answer are adjusted together (``_with_holm``), those between the sides of a ranking
-included, so that headline, table and ranking cannot contradict each other. The verdict states what happened, then what
-the tests allow to say of it.
+scenarios. All p values of one answer are adjusted together (``_with_holm``), including those between the sides of a
+ranking, so that headline, table and ranking cannot contradict each other. The verdict states what happened, then what
+the tests show about it.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -46,7 +46,7 @@ _MARGIN = 0.10
 _EXPLAINED = 6
 """Flips whose collision is looked at (chosen): each reads its scenario, and an answer has 50 s."""
 _CHECKED = 8
-"""Runs that stand for a headline (chosen)."""
+"""Number of runs listed as evidence for a headline (chosen)."""
 _LISTED_EDITED = 10
 """Pairs by lineage whose edits the structured answer holds (chosen)."""
 _COST: MetricName = "mean_total_cost"
@@ -103,7 +103,7 @@ def compare(request: CompareRequest, report: ProgressReporter) -> CompareResults
 
 
 def _is_shown(test: "SuccessTest") -> bool:
-    """Whether success differs: by the exact test after Holm's adjustment, and by the interval."""
+    """Return whether success differs: by the exact test after Holm's adjustment, and by the interval."""
     if test.p_holm is None or test.low is None or test.high is None:
         return False
     return test.p_holm < LEVEL and not test.low <= 0 <= test.high
@@ -112,7 +112,7 @@ def _is_shown(test: "SuccessTest") -> bool:
 def _ranking(
     sides: Sequence[Side], runs: RunSet, records: dict[str, RunRecord], tests: Mapping[tuple[int, int], SuccessTest]
 ) -> tuple[RankedSide, ...]:
-    """The sides by success, with ties, by the adjusted tests of every side against every other."""
+    """Return the sides by success, with ties, by the adjusted tests of every side against every other."""
     worse: dict[int, list[int]] = {}
     for (first, second), test in tests.items():
         if _is_shown(test):
@@ -132,7 +132,7 @@ def _ranking(
 
 @dataclass(frozen=True)
 class _Draft:
-    """A comparison whose tests are not adjusted yet: what is paired, and the tests of success and of each metric."""
+    """A comparison with tests that are not adjusted yet: the pairing, and the tests of success and of each metric."""
 
     sides: tuple[Side, Side]
     pairing: "_Pairing"
@@ -164,7 +164,7 @@ def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunReco
 def _finished(
     draft: _Draft, adjusted: "Iterator[SuccessTest | MetricTest]", runs: RunSet, request: CompareRequest
 ) -> Comparison:
-    """The comparison of a draft, whose adjusted tests come next."""
+    """Return the comparison of a draft; its adjusted tests come next."""
     (before, after), pairing = draft.sides, draft.pairing
     own = list(islice(adjusted, 1 + len(draft.metrics)))
     (success,) = (test for test in own if isinstance(test, SuccessTest))
@@ -201,7 +201,7 @@ def _finished(
 
 
 def _versions(before: Side, after: Side) -> tuple[str, ...]:
-    """That another version of the same planner drove on either side; empty where that is not so or not known."""
+    """Return a note if different versions of the same planner drove on the two sides; empty if not, or if unknown."""
     versions = (before.planner_version, after.planner_version)
     if (
         "" in versions
@@ -213,7 +213,7 @@ def _versions(before: Side, after: Side) -> tuple[str, ...]:
 
 
 def _paired(before: Side, after: Side, pairing: "_Pairing") -> str:
-    """What was paired with what, where the sides come from two results."""
+    """Return what was paired with what if the sides come from two results."""
     if before.result_id == after.result_id:
         return ""
     named = [f"{side.config_name} of {side.result_id}" for side in (before, after)]
@@ -223,7 +223,7 @@ def _paired(before: Side, after: Side, pairing: "_Pairing") -> str:
 
 
 def _evidence(flipped: _Pairs, metrics: Sequence[MetricTest], pairs: _Pairs) -> tuple[str, ...]:
-    """Runs by which a headline can be checked: those that flipped, else the pairs that differ most, else the first."""
+    """Return runs to check a headline by: those that flipped, else the pairs that differ most, else the first pair."""
     told = [pair for one in metrics if one.run_ids for pair in pairs if pair[0].run_id == one.run_ids[0]]
     chosen = {pair[0].run_id: pair for pair in (flipped or told or pairs)}
     return tuple(record.run_id for pair in list(chosen.values())[: _CHECKED // 2] for record in pair)
@@ -258,7 +258,7 @@ def _notes(request: CompareRequest) -> tuple[str, ...]:
 
 
 def _across_rules(request: CompareRequest, records: dict[str, RunRecord]) -> tuple[str, ...]:
-    """What to bear in mind where the sides' runs were judged by different rules of success."""
+    """Return what to bear in mind if the sides' runs were judged by different rules of success."""
     rules = {side.label: sorted({records[run_id].success_rule for run_id in side.run_ids}) for side in request.sides}
     if len({rule for named in rules.values() for rule in named}) < 2:
         return ()
@@ -397,7 +397,7 @@ def _single(pair: tuple[RunRecord, RunRecord], request: CompareRequest) -> tuple
 
 
 def _with_holm(tests: "Sequence[SuccessTest | MetricTest]") -> "list[SuccessTest | MetricTest]":
-    """The tests of one answer with Holm's adjustment within success and within the metrics.
+    """Return the tests of one answer with Holm's adjustment within success and within the metrics.
 
     These two families share the level evenly (Bonferroni), so that an answer with many metrics can still show a
     difference in success, and states anything wrongly in at most 5 % of all answers in which nothing differs. A test
@@ -418,7 +418,7 @@ def _with_holm(tests: "Sequence[SuccessTest | MetricTest]") -> "list[SuccessTest
 
 
 def _can_show(test: "SuccessTest | MetricTest") -> bool:
-    """Whether the test can be significant at all: enough scenarios differ."""
+    """Return whether the test can be significant at all: enough scenarios differ."""
     differing = test.differing if isinstance(test, SuccessTest) else test.higher + test.lower
     return test.p is not None and differing >= FEWEST_PAIRS
 
@@ -427,7 +427,7 @@ _SPECS = {spec.name: spec for spec in METRICS}
 
 
 def _judged(test: MetricTest, pairs: _Pairs) -> MetricTest:
-    """The test with the side that did better, and with the pair that differs most, where a difference is shown."""
+    """Return the test; if it shows a difference, with the better side and the pair that differs most."""
     if not _tells(test):
         return test
     spec, shift = _SPECS[test.name], test.shift or 0.0
@@ -444,14 +444,14 @@ def _judged(test: MetricTest, pairs: _Pairs) -> MetricTest:
 
 
 def _tells(test: MetricTest) -> bool:
-    """Whether a metric is shown to differ: beyond chance (Holm), by an interval without 0, beyond its resolution."""
+    """Return whether a metric is shown to differ beyond chance (Holm) and its resolution, by an interval without 0."""
     if test.p_holm is None or test.low is None or test.high is None or test.shift is None:
         return False
     return test.p_holm < LEVEL and not test.low <= 0 <= test.high and abs(test.shift) > _SPECS[test.name].tolerance
 
 
 def _counts(spec: MetricSpec, pair: tuple[RunRecord, RunRecord]) -> bool:
-    """Whether a pair is one that the metric is compared on."""
+    """Return whether a pair is one that the metric is compared on."""
     return spec.basis == "valid" or _mastered(pair) == (True, True)
 
 
@@ -572,7 +572,7 @@ def _by_key(label: str, side: list[RunRecord], conditions: tuple[str, ...]) -> d
 
 
 def _headline_code(success: SuccessTest, pairs: _Pairs, strata: Sequence[Stratum]) -> HeadlineCode:
-    """The code of what the pairs say of success (``HeadlineCode``)."""
+    """Return the code for what the pairs show about success (``HeadlineCode``)."""
     if not pairs:
         return "no_valid_pair"
     if len(pairs) == 1:
@@ -590,12 +590,12 @@ def _headline_code(success: SuccessTest, pairs: _Pairs, strata: Sequence[Stratum
 
 
 def _is_alike(test: SuccessTest) -> bool:
-    """Whether the interval of the difference lies within the margin on either side of 0."""
+    """Return whether the interval of the difference lies within the margin on either side of 0."""
     return test.low is not None and test.high is not None and -_MARGIN <= test.low <= test.high <= _MARGIN
 
 
 def _metrics_code(metrics: Sequence[MetricTest]) -> MetricsCode:
-    """The code of what the metrics say that are shown to differ (``MetricsCode``)."""
+    """Return the code for the metrics that are shown to differ (``MetricsCode``)."""
     if all(test.p is None for test in metrics):
         return "untested"
     telling = [test for test in metrics if _tells(test)]
@@ -606,7 +606,7 @@ def _metrics_code(metrics: Sequence[MetricTest]) -> MetricsCode:
 
 
 def _verdict(success: SuccessTest, metrics: Sequence[MetricTest], pairs: _Pairs, strata: Sequence[Stratum]) -> str:
-    """What happened and what the tests allow to say of it: success first, then metrics that are shown to differ."""
+    """Return what happened and what the tests show: success first, then the metrics that are shown to differ."""
     code = _headline_code(success, pairs, strata)
     if code == "no_valid_pair":
         return "No valid pair: nothing can be compared."
@@ -616,7 +616,7 @@ def _verdict(success: SuccessTest, metrics: Sequence[MetricTest], pairs: _Pairs,
 
 
 def _about_one(pair: tuple[RunRecord, RunRecord]) -> str:
-    """What one pair shows of itself; which metrics moved stands below, as no test is behind it."""
+    """Return what one pair shows on its own; the metrics follow below, because no test supports them."""
     only = "one pair shows what happened here, nothing in general."
     mastered = _mastered(pair)
     if mastered[0] != mastered[1]:
@@ -630,7 +630,7 @@ def _both_fail(pair: tuple[RunRecord, RunRecord]) -> str:
 
 
 def _about_success(code: HeadlineCode, test: SuccessTest) -> str:
-    """The flips, then what the exact test makes of them."""
+    """Return the flips, and then the result of the exact test."""
     fact = _flipped(test)
     if code in ("better", "worse", "mixed"):
         return f"{code.capitalize()}: {fact}."
@@ -650,7 +650,7 @@ def _about_success(code: HeadlineCode, test: SuccessTest) -> str:
 
 
 def _flipped(test: SuccessTest) -> str:
-    """``3 of 4 pairs flipped to success, 1 to failure``, or that none did."""
+    """Return ``3 of 4 pairs flipped to success, 1 to failure``, or that no pair flipped."""
     if test.only_after == test.only_before == 0:
         return f"None of {test.pairs} pairs flipped"
     if test.only_after == 0:
@@ -660,7 +660,7 @@ def _flipped(test: SuccessTest) -> str:
 
 
 def _turned(test: SuccessTest, strata: Sequence[Stratum]) -> list[str]:
-    """The strata in which the difference has the other sign."""
+    """Return the strata in which the difference has the other sign."""
     whole = test.difference or 0.0
     return [stratum.name for stratum in strata if stratum.difference * whole < 0]
 
@@ -675,7 +675,7 @@ def _about_strata(test: SuccessTest, strata: Sequence[Stratum]) -> list[str]:
 
 
 def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[str]:
-    """The metrics that are shown to differ, with who did better; those that differ in some scenarios only apart."""
+    """Return the metrics shown to differ, with the better side; separately those that differ in some scenarios."""
     telling = [test for test in metrics if _tells(test)]
     sides = {"after": ", better", "before": ", worse", None: ""}
     words = [

@@ -34,7 +34,7 @@ from .run_set import RunSet, ego_track, hit_another, mean_terms, reached_goal, s
 from .statistics import LEVEL, fisher_exact, holm
 
 _MOST_LOOKED_AT = 60
-"""Runs of a kind without a kept look that are looked at (chosen): an answer has 50 s. They are a random sample."""
+"""How many runs of a kind without a stored look are examined, at random (chosen): an answer has 50 s."""
 
 
 class Evidence:
@@ -47,30 +47,30 @@ class Evidence:
         self._paces: dict[str, tuple[PaceMoment, ...]] = {}
 
     def contact(self, record: RunRecord) -> Contact | None:
-        """How the collision of a run came about; None without one, and of one that is not in the sample."""
+        """Return how a run's collision came about, or None without a collision or if it is not in the sample."""
         if record.run_id not in self._contacts:
             sampled = not hit_another(record) or record.run_id in self._sampled_hits
             self._contacts[record.run_id] = contact_of(self.runs, record) if sampled else None
         return self._contacts[record.run_id]
 
     def review(self, record: RunRecord) -> RunReview:
-        """The moments of a run."""
+        """Return the moments of a run."""
         if record.run_id not in self._reviews:
             self._reviews[record.run_id] = review(self.runs, record)
         return self._reviews[record.run_id]
 
     def pace(self, record: RunRecord) -> tuple[PaceMoment, ...]:
-        """Where the ego of a run stood, was held up or braked, and why."""
+        """Return where the ego of a run stood, was held up or braked, and why."""
         if record.run_id not in self._paces:
             self._paces[record.run_id] = pace_of(self.runs, record)
         return self._paces[record.run_id]
 
     def sample(self, records: Iterable[RunRecord]) -> list[RunRecord]:
-        """All of some runs, or a random sample of them if they are many."""
+        """Return all of some runs, or a random sample of them if they are many."""
         return sample_of(self.runs, records, _MOST_LOOKED_AT)
 
     def hits(self) -> list[RunRecord]:
-        """Runs that ended in a collision with another: all, or a random sample of them."""
+        """Return runs that ended in a collision with another: all, or a random sample of them."""
         return [one for one in self.runs.failures if hit_another(one) and one.run_id in self._sampled_hits]
 
     @cached_property
@@ -78,7 +78,7 @@ class Evidence:
         return frozenset(one.run_id for one in self.sample(filter(hit_another, self.runs.failures)))
 
     def is_known(self, record: RunRecord) -> bool:
-        """Whether a collision is in the sample that is looked at."""
+        """Return whether a collision is in the sample that is looked at."""
         return record.run_id in self._sampled_hits
 
     @cached_property
@@ -88,9 +88,9 @@ class Evidence:
         return "" if len(self._sampled_hits) == hits else f" (a random {len(self._sampled_hits)} of {hits} collisions)"
 
     def is_the_others(self, record: RunRecord) -> bool:
-        """Whether another drove into the ego from behind, or no reference driver prevents the collision.
+        """Return whether another drove into the ego from behind, or no reference driver prevents the collision.
 
-        What the ego made by itself is not the others'.
+        A collision that the ego caused by itself is not attributed to the others.
         """
         contact = self.contact(record)
         if contact is None or contact.laid_to == "ego":
@@ -99,9 +99,9 @@ class Evidence:
 
 
 def find_all(runs: RunSet) -> tuple[Finding, ...]:
-    """What every finding states of these runs, in the order of the registry.
+    """Return the findings on these runs, in the order of the registry.
 
-    One that is about no moment of its own has the ends of its runs.
+    A finding without moments of its own lists the ends of its runs.
     """
     evidence = Evidence(runs)
     ends = {
@@ -275,14 +275,14 @@ _LATE: tuple[tuple[str, tuple[PaceCode, ...], str, str], ...] = (
         "an ego that overtakes, or that starts nearer to it, would be on time",
     ),
 )
-"""Why a run is late by its stretches: name of the finding, what counts for it, its words, and what else it may be."""
+"""Why a run is late, by its stretches: name of the finding, codes that count, words, and alternative explanations."""
 
 
 def _late(evidence: Evidence) -> Iterator[Finding]:
-    """Runs that came too late: goals that nothing reaches in time, what the egos waited for, and what cost the rest.
+    """Yield findings on late runs: goals out of reach, what the egos waited for, and what delayed the others.
 
-    Each run is laid to the first that holds: a goal out of reach; that of ``_LATE`` which took most of the drive, if it
-    took 40 % of it. For the rest, per configuration, the largest cost term of the median run:
+    Each run counts for the first cause that holds: a goal out of reach; then the cause in ``_LATE`` that took most of
+    the drive, if it took 40 % of it. The rest is reported per configuration by the median run's largest cost term:
     where it is the speed offset itself, the planner pays for being slow and still is, so its weight is too small
     against the rest; where it is another, that one is what holds the ego back.
     """
@@ -322,7 +322,7 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _late_by(evidence: Evidence, record: RunRecord) -> str:
-    """The name of what took most of a late drive, if it took 40 % of it; else empty."""
+    """Return the name of what took most of a late drive, if it took 40 % of it; else empty."""
     if record.metrics is None or record.metrics.duration_s <= 0:
         return ""
     moments = evidence.pace(record)
@@ -335,7 +335,7 @@ def _late_by(evidence: Evidence, record: RunRecord) -> str:
 
 
 def _own_doing(evidence: Evidence) -> Iterator[Finding]:
-    """Per configuration: failures in which the ego stood, or braked hard, while nothing on the road asked for it."""
+    """Yield, per configuration, failures in which the ego stood or braked hard without a reason on the road."""
     runs = evidence.runs
     failed = [one for one in runs.failures if one.outcome in _SLOW_ENDS or hit_another(one)]
     looked_at = evidence.sample(failed)
@@ -373,7 +373,7 @@ _OWN: tuple[tuple[str, tuple[PaceCode, ...], str], ...] = (
 
 
 def _paces_of(evidence: Evidence, records: Iterable[RunRecord], codes: Iterable[PaceCode]) -> tuple[FindingMoment, ...]:
-    """The first stretch with one of these codes of each run."""
+    """Return the first stretch with one of these codes of each run."""
     wanted = tuple(codes)
     found = []
     for record in records:
@@ -384,7 +384,7 @@ def _paces_of(evidence: Evidence, records: Iterable[RunRecord], codes: Iterable[
 
 
 def _hits_of(evidence: Evidence, records: Iterable[RunRecord]) -> tuple[FindingMoment, ...]:
-    """The moments of the collisions of runs."""
+    """Return the moments of the collisions of runs."""
     return tuple(
         FindingMoment(run_id=record.run_id, time_s=record.collision.time_s, code=contact.kind)
         for record in records
@@ -484,12 +484,12 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _came_near(looked_at: RunReview) -> bool:
-    """Whether the ego itself brought about one of the moments that make a run close."""
+    """Return whether the ego itself brought about one of the moments that make a run close."""
     return bool(_own_near(looked_at))
 
 
 def _own_near(looked_at: RunReview) -> list[Encounter]:
-    """The moments that make a run close and that the ego itself brought about."""
+    """Return the moments that make a run close and that the ego itself brought about."""
     closest, urgent = looked_at.closest, looked_at.most_urgent
     near = closest is not None and closest.gap_m < CRITICAL_GAP_M and _is_the_egos(closest)
     time = None if urgent is None else urgent.time_to_collision_s
@@ -530,7 +530,7 @@ def _uncomfortable_turns(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _sharpest(runs: RunSet, run_ids: Iterable[str]) -> tuple[FindingMoment, ...]:
-    """When the lateral acceleration of runs was largest."""
+    """Return when the lateral acceleration of runs was largest."""
     found = []
     for record in runs.valid:
         steps = runs.steps.get(record.run_id)
@@ -566,10 +566,10 @@ def _dominating_cost(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _idle_weights(evidence: Evidence) -> Iterator[Finding]:
-    """Per configuration: positive weights whose term was 0 in every chosen candidate of every run.
+    """Yield, per configuration, positive weights with a cost term of 0 in every chosen candidate of every run.
 
-    Parameters that are no weights of a cost have no term. Where no weight is named as any term is, the planner names
-    its terms otherwise, and nothing is known of its weights.
+    Parameters that are not cost weights have no term. If no weight has the name of a term, the planner names its terms
+    differently, and nothing is known about its weights.
     """
     runs = evidence.runs
     for config_id, records in runs.by_config(runs.valid).items():

@@ -47,7 +47,7 @@ _MASSES_KG = {"pedestrian": 75.0, "bicycle": 90.0, "motorcycle": 250.0, "truck":
 _CAR_KG = 1500.0
 """Chosen, with driver: files hold no masses. All other classes count as cars."""
 MOST_MEASURED = 60
-"""Runs of a set that are measured (chosen): each reads its scenario, and an answer has 50 s. Drawn at random."""
+"""How many runs of a set are measured, drawn at random (chosen): each reads its scenario; an answer has 50 s."""
 
 
 def measures_of(runs: RunSet, record: RunRecord) -> tuple[MeasuredValue, ...]:
@@ -67,7 +67,7 @@ def measures_of(runs: RunSet, record: RunRecord) -> tuple[MeasuredValue, ...]:
 
 
 def measure_spreads(runs: RunSet, report: ProgressReporter) -> tuple[MeasureSpread, ...]:
-    """Every measure over the valid runs of a set, or a random sample of them, with the run in which it is worst."""
+    """Return every measure over the valid runs of a set or a random sample of them, with the worst run."""
     records = drawn(runs.valid)[:MOST_MEASURED] if len(runs.valid) > MOST_MEASURED else runs.valid
     measured: dict[str, list[tuple[str, MeasuredValue]]] = {measure.name: [] for measure in MEASURES}
     for number, record in enumerate(records):
@@ -294,7 +294,7 @@ class MeasuredDrive:
         times = led.times_to_collision_s
         if times.min() <= LONGEST_S:
             yield self._of_leader("leader_time_to_collision_s", times, times.argmin())
-        exposed = (times <= EXPOSED_S) & (led.state > 0)  # a step ends at its state, so that the first one ends none
+        exposed = (times <= EXPOSED_S) & (led.state > 0)  # a step ends at its state, so the first state ends no step
         duration, depth = self.step_s * exposed.sum(), self.step_s * np.where(exposed, EXPOSED_S - times, 0.0).sum()
         for name, total in (("time_exposed_s", duration), ("time_integrated_s2", depth)):
             if exposed.any():

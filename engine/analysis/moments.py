@@ -113,7 +113,7 @@ def contact_of(runs: RunSet, record: RunRecord) -> Contact | None:
 
 
 def _blamed(runs: RunSet, record: RunRecord, contact: Contact | None) -> Contact | None:
-    """The contact, laid to the ego if it made the collision by what reference drivers on its path cannot undo."""
+    """Return the contact; it is laid to the ego if reference drivers on its path cannot undo what the ego did."""
     fault = None if contact is None else _fault(runs, record, contact)
     return (
         contact if contact is None or fault is None else contact.model_copy(update={"laid_to": "ego", "fault": fault})
@@ -151,7 +151,7 @@ def _drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Drive":
 
 
 def _lane_in(path: Path, record: RunRecord, vehicle: VehicleParameters) -> Points | None:
-    """The line that keeps to the ego's lane and route; None where no route is known."""
+    """Return the line that keeps to the ego's lane and route, or None if no route is known."""
     loaded = kept_recording(path).loaded
     try:
         problem = loaded.problem(record.problem_id)
@@ -204,7 +204,7 @@ class _Motion:
 
 
 def plans_on_predictions(record: RunRecord) -> bool:
-    """Whether the planner of a run is known to plan on predictions of others; the built-in ones do."""
+    """Return whether the planner of a run is known to plan on predictions of others; the built-in ones do."""
     return record.planner in PLANNERS if record.uses_prediction is None else record.uses_prediction
 
 
@@ -337,7 +337,7 @@ class _Drive:
         )
 
     def _laid_to(self, kind: ContactKind, prevention: Prevention | None, predicted_m: float | None) -> LaidTo | None:
-        """What the collision is laid to, the first that holds: the recording, nothing, prediction, planning.
+        """Return what the collision is laid to, the first that holds: the recording, nothing, prediction, planning.
 
         Nothing: neither UN R157's careful driver nor its fuzzy one prevents it from both starts.
         """
@@ -352,12 +352,12 @@ class _Drive:
         return None if predicted_m is None else "prediction" if predicted_m > 0 else "planning"
 
     def _surroundings(self, other: Track, *, evades: bool) -> Surroundings:
-        """What is around the encounter with another; the road only if the ego may evade and the road is known."""
+        """Return the surroundings of an encounter; with the road only if the ego may evade and the road is known."""
         others = [track for track in self._tracks.values() if track is not other]
         return Surroundings(others, self._road() if evades else None, self._lane())
 
     def _road(self) -> "BaseGeometry | None":
-        """What an evading ego must not leave; None without the road network."""
+        """Return the area that an evading ego must not leave, or None without the road network."""
         import shapely
 
         if self._network is None:

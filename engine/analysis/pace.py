@@ -1,8 +1,8 @@
-"""Why an ego stood, drove slowly or braked: by lights, signs, others, the goal, the road, or by nothing of these.
+"""Why an ego stood, drove slowly or braked: for lights, signs, others, the goal, the road, or without any of these.
 
-Each stretch of a run gets one code (``PaceCode``; the rules are in ``docs/runs.md``). What is looked at is what was on
-the ego's way: the path that it drove, and from there the reference path to its goal. A cause is anything that would
-excuse the ego, so that ``without_cause`` is told only where there is nothing of the kind.
+Each stretch of a run gets one code (``PaceCode``; the rules are in ``docs/runs.md``). Only what was on the ego's
+way counts: the path that it drove, and then the reference path to its goal. Anything that would excuse the ego is a
+cause, so that ``without_cause`` is reported only if there is no excuse at all.
 """
 
 import math
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from commonroad.scenario.traffic_light import TrafficLight
 
 STANDING_MPS = 0.1
-"""As in CommonRoad's own monitor of traffic rules: who is slower stands."""
+"""As in CommonRoad's own monitor of traffic rules: a slower vehicle counts as standing."""
 FOLLOWS_S = 3.0
 """Highway Capacity Manual 2010, chapter 15: a vehicle with a headway of at most 3 s, front to front, is following (the
 seventh edition says 2.5 s)."""
@@ -47,16 +47,16 @@ QUEUE_GAP_M = 12.5
 """Measured: of 343 vehicles that stand behind a standing one in the recordings of 195 public scenarios, 97.5 % keep a
 gap of at most 12.4 m (median 2.5 m)."""
 START_UP_S = 2.0
-"""Highway Capacity Manual 2010, chapter 18: the default of the start-up lost time. Shorter stands are no delay."""
+"""Highway Capacity Manual 2010, chapter 18: default start-up lost time. A shorter stop is not a delay."""
 CRITICAL_HEADWAY_S = 7.5
 """Highway Capacity Manual 2010, exhibit 19-10: the largest base critical headway, of a left turn from a minor street
-onto four lanes. A driver who gives way does not go before one who comes sooner."""
+onto four lanes. A driver who gives way does not go in front of a vehicle that arrives sooner."""
 STARTING_MPS2 = 2.0
-"""ISO 15622:2018, as openpilot quotes it: how strongly cruise control may accelerate. It bounds how far ahead a
-standing ego has to look."""
+"""ISO 15622:2018, as openpilot quotes it: how strongly cruise control may accelerate. It limits how far
+ahead of a standing ego is examined."""
 DELAY_S = 0.75
-"""UN Regulation 157, Annex 3, table 1: the delay until a careful driver brakes. What was there so long before is a
-reason."""
+"""UN Regulation 157, Annex 3, table 1: the delay until a careful driver brakes. A reason may lie this long
+before it."""
 ABRUPT_MPS2 = 2.0
 """As in CommonRoad's own monitor: harder braking needs a reason (rule R_G2)."""
 CLOSE_S = 3.0
@@ -72,14 +72,14 @@ LATERAL_MPS2 = 3.0
 STOP_SIGN_S = 3.0
 """As in CommonRoad's own monitor: how long a stop sign asks to stand."""
 SLOWER = 0.9
-"""Chosen: one ahead that is a tenth slower than the ego needs to be makes it late."""
+"""Chosen: a vehicle ahead that is a tenth slower than the ego needs to be makes the ego late."""
 _AHEAD_M, _ASIDE_M, _ONTO_M = 80.0, 0.5, 4.0
-"""Chosen: how far the way goes on behind the driven end, how near to the ego's body another is in its way, and how far
+"""Chosen: how far the way continues after the driven end, how near to the ego's body another is in its way, and how far
 from the reference path an ego is on another way."""
 
 
 def pace_of(runs: RunSet, record: RunRecord) -> tuple[PaceMoment, ...]:
-    """Where the ego of a run stood, was held up or braked, and why; empty without its steps or its scenario."""
+    """Return where the ego of a run stood, was held up or braked, and why; empty without its steps or its scenario."""
     kept = runs.look(record)
     if kept is not None:
         return kept.review.pace
@@ -90,9 +90,9 @@ def pace_of(runs: RunSet, record: RunRecord) -> tuple[PaceMoment, ...]:
 
 
 def own_doing(runs: RunSet, record: RunRecord, time_s: float) -> PaceMoment | None:
-    """What nothing on the road asked of the ego, up to three seconds before a moment; None without it.
+    """Return what the ego did by itself up to three seconds before a moment, or None.
 
-    Of several, a stand, or else the braking that took most of the speed.
+    If there are several, a stop comes first, and otherwise the braking that reduced the speed most.
     """
     moments = (moment for moment in pace_of(runs, record) if moment.is_the_egos)
     return max(
@@ -103,7 +103,7 @@ def own_doing(runs: RunSet, record: RunRecord, time_s: float) -> PaceMoment | No
 
 
 def on_opposite_lane_since_s(runs: RunSet, record: RunRecord, time_s: float) -> float | None:
-    """Since when the ego's centre is on no lanelet of its direction but on one of the opposite; None if it is not."""
+    """Return since when the ego's centre is only on lanelets of the opposite direction, or None if it is not."""
     steps, path = runs.steps.get(record.run_id), runs.scenario_path(record)
     if steps is None or not steps.x_m or path is None or not path.is_file():
         return None
@@ -140,7 +140,7 @@ def _pace(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Pace":
 
 
 def _onward(reference: ReferencePath, ego: Track) -> Points | None:
-    """The path behind the driven end; None if the ego ended beside it. The driven stations are followed in order."""
+    """Return the path after the driven end, or None if the ego ended off it. Stations are followed in order."""
     path = reference.points
     driven, offsets = project_along(path, ego.positions, reference.start_m)
     if abs(float(offsets[-1])) > _ONTO_M:
@@ -151,7 +151,7 @@ def _onward(reference: ReferencePath, ego: Track) -> Points | None:
 
 @dataclass(frozen=True)
 class _Line:
-    """A line across the way at which lights or a stop sign ask to stand; its station is that of the way."""
+    """A line across the way at which lights or a stop sign require a stop, with its station on the way."""
 
     lanelet: "Lanelet"
     station_m: float
@@ -172,7 +172,7 @@ class _Cause:
 
 @dataclass(frozen=True)
 class _InWay:
-    """Another that is in the ego's way at some time: by step whether, where along it, and whether it heads along it."""
+    """Another in the ego's way at some time: by step whether it is there, where, and whether it heads along it."""
 
     track: Track
     inside: NDArray[np.bool_]
@@ -181,7 +181,7 @@ class _InWay:
 
 
 class _Pace:
-    """A drive with its goal, as one asks it for reasons."""
+    """A drive with its goal, to be asked for reasons."""
 
     def __init__(self, drive: RuledDrive, goal: Goal | None, reference: ReferencePath | None) -> None:
         self._drive, self._goal, self._reference = drive, goal, reference
@@ -192,7 +192,7 @@ class _Pace:
         self._stations = self._along[: drive.count]
 
     def moments(self) -> tuple[PaceMoment, ...]:
-        """All stretches, in order of their beginning."""
+        """Return all stretches, in order of their beginning."""
         found = [*self._stands(), *self._followed(), *self._brakings()]
         return tuple(sorted(found, key=lambda one: (one.since_s, one.code)))
 
@@ -207,7 +207,7 @@ class _Pace:
             yield from self._settled(first, causes)
 
     def _settled(self, first: int, causes: list[_Cause]) -> Iterator[PaceMoment]:
-        """Stretches of one code; what lasts less than a start takes belongs to the one before it, or after it."""
+        """Yield stretches of one code; one shorter than a start belongs to the stretch before or after it."""
         runs: list[list[int]] = []
         for index, cause in enumerate(causes):
             if runs and causes[runs[-1][0]].code == cause.code:
@@ -227,7 +227,7 @@ class _Pace:
             yield self._moment(cause, first + run[0], first + run[-1])
 
     def _followed(self) -> Iterator[PaceMoment]:
-        """Where a slower vehicle was ahead within the time gap that a follower keeps, while the ego drove."""
+        """Yield where a slower vehicle was ahead within the time gap that a follower keeps, while the ego drove."""
         wanted = self.wanted_mps
         slow = np.zeros(self._drive.count, dtype=bool)
         ids = np.full(self._drive.count, -1)
@@ -242,7 +242,7 @@ class _Pace:
                 yield self._moment(_Cause("held_up", most), first, last)
 
     def _brakings(self) -> Iterator[PaceMoment]:
-        """Where the ego slowed down, at some moment by 2 m/s² or more."""
+        """Yield where the ego slowed down, at some moment by 2 m/s² or more."""
         felt = self._drive.acceleration_mps2.copy()
         felt[:1] = 0.0  # how the run began is not the planner's
         for first, last in _stretches(felt <= -GENTLE_MPS2):
@@ -254,7 +254,7 @@ class _Pace:
             yield self._moment(cause, begins, last).model_copy(update={"largest_mps2": round(hardest, 6)})
 
     def _cause_of_braking(self, first: int, last: int, hardest_mps2: float) -> _Cause:
-        """The first reason that there is in a stretch. Hard braking is explained by strong reasons only."""
+        """Return the first reason that there is in a stretch. Hard braking is explained by strong reasons only."""
         earlier = max(first - round(DELAY_S / self._step_s), 0)
         causes = [cause for index in range(earlier, last + 1) for cause in self._why_it_brakes(index)]
         causes.sort(key=lambda cause: (not cause.strong, _REASONS.index(cause.code)))
@@ -316,7 +316,7 @@ class _Pace:
         return None
 
     def _why_it_brakes(self, index: int) -> Iterator[_Cause]:
-        """All that would explain braking at a state, what is most urgent on the road first."""
+        """Yield all that would explain braking at a state, what is most urgent on the road first."""
         speed = float(self._speeds[index])
         leader = self._leader(index)
         if leader is not None:
@@ -355,7 +355,7 @@ class _Pace:
                 yield _Cause("braked_for_stop_sign", distance_m=before, strong=strong)
 
     def _places_to_brake_for(self, index: int, speed: float) -> Iterator[_Cause]:
-        """The curves, limits and end of the way, and the goal."""
+        """Yield the curves, limits and end of the way, and the goal."""
         here = float(self._stations[index])
         away = np.maximum(self._curves[0] - here, 0.5)
         there = (self._curves[0] >= here - 1.0) & (self._curves[1] > 1e-6)
@@ -401,19 +401,19 @@ class _Pace:
     # the others
 
     def _leader(self, index: int) -> Ahead | None:
-        """The nearest one ahead on the way."""
+        """Return the nearest one ahead on the way."""
         if not self._drive.near:
             return None
         nearest = self._drive.near[int(self._drive.nearest_ahead[index])]
         return nearest if np.isfinite(nearest.gap_m[index]) else None
 
     def _follows(self, index: int, leader: Ahead) -> bool:
-        """Whether the ego is so near to the one ahead as followers are."""
+        """Return whether the ego is so near to the one ahead as followers are."""
         length = self._drive.others[leader.obstacle_id].length_m
         return float(leader.gap_m[index]) <= max(FOLLOWS_S * float(self._speeds[index]) - length, QUEUE_GAP_M)
 
     def _is_queued(self, leader: Ahead, index: int) -> bool:
-        """Whether the one ahead stands behind another, or at a light that asks it to."""
+        """Return whether the one ahead stands behind another, or at a light that asks it to."""
         if leader.speed_mps[index] >= STANDING_MPS:
             return False
         gap, length = float(leader.gap_m[index]), self._drive.others[leader.obstacle_id].length_m
@@ -426,7 +426,7 @@ class _Pace:
         return line is not None and self._stops(line, index) and self._before_m(line, index) > gap
 
     def _is_behind(self, obstacle_id: int, index: int) -> bool:
-        """Whether another drives behind the ego in its direction, if it is there."""
+        """Return whether another drives behind the ego in its direction, if it is there."""
         track = self._drive.others[obstacle_id]
         at = track.index_at(self._ego.first_step + index)
         if at is None:
@@ -439,7 +439,7 @@ class _Pace:
 
     @cached_property
     def _in_way(self) -> list[_InWay]:
-        """The others whose body is in the ego's way at some time, until some time after the run."""
+        """The others with their body in the ego's way at some time, until some time after the run."""
         import shapely
 
         line = shapely.LineString(self._way) if len(self._way) > 1 and self._along[-1] > 0 else None
@@ -475,7 +475,7 @@ class _Pace:
         return found
 
     def _who_crosses(self, index: int) -> int | None:
-        """The one for which a standing ego waits: in its way across, or comes into it sooner than drivers accept."""
+        """Return the road user a standing ego waits for: it crosses the way or enters it sooner than drivers accept."""
         front = float(self._stations[index]) + self._ego.length_m / 2
         until = index + round(CRITICAL_HEADWAY_S / self._step_s)
         for other in self._in_way:
@@ -491,7 +491,7 @@ class _Pace:
         return None
 
     def _who_comes(self, index: int) -> _Cause | None:
-        """The one that a driving ego would meet if it kept its speed: both in one place within three seconds."""
+        """Return the one that a driving ego would meet if it kept its speed: both in one place within three seconds."""
         here, speed = float(self._stations[index]), max(float(self._speeds[index]), STANDING_MPS)
         until = index + round(CRITICAL_HEADWAY_S / self._step_s)
         best: _Cause | None = None
@@ -539,18 +539,18 @@ class _Pace:
         return sorted(found, key=lambda line: line.station_m)
 
     def _any_stops(self, lights: "tuple[TrafficLight, ...]") -> bool:
-        """Whether any of some lights asks to stop at some time of the run."""
+        """Return whether any of some lights asks to stop at some time of the run."""
         return any(not self._drive.shown(light, _GO).all() for light in lights)
 
     def _line_ahead(self, index: int) -> _Line | None:
-        """The first line that the ego's front has not passed by more than a metre."""
+        """Return the first line that the ego's front has not passed by more than a metre."""
         return next((line for line in self._lines if self._before_m(line, index) > -1.0), None)
 
     def _before_m(self, line: _Line, index: int) -> float:
         return line.station_m - float(self._stations[index]) - self._ego.length_m / 2
 
     def _stops(self, line: _Line, index: int) -> bool:
-        """Whether a light of the line asks to stop at a state, or at one after the run."""
+        """Return whether a light of the line asks to stop at a state, or at one after the run."""
         step = self._ego.first_step + index
         return any(light.get_state_at_time_step(step).name not in _GO for light in line.lights)
 
@@ -588,7 +588,7 @@ class _Pace:
 
     @cached_property
     def _goal_top_mps(self) -> float | None:
-        """The highest speed that the goal allows; None where it names none."""
+        """The highest speed that the goal allows, or None if it does not limit the speed."""
         if self._goal is None:
             return None
         speeds = [state.speeds_mps[1] for state in self._goal.states if state.speeds_mps is not None]
@@ -625,16 +625,16 @@ _REASONS: tuple[PaceCode, ...] = (
     "braked_for_limit",
     "braked_for_goal",
 )
-"""The reasons to brake, in the order in which they are told."""
+"""The reasons to brake, in the order in which they are reported."""
 _NOT_ON_THE_WAY: tuple[PaceCode, ...] = ("braked_for_limit", "braked_for_goal")
 _GO = ("GREEN", "INACTIVE")
-"""CommonRoad's names of the states of lights that ask for nothing."""
+"""CommonRoad's names of the light states that require nothing."""
 _HARD_MPS2 = 8.0
-"""The hardest braking that is counted on, as in the measures of conflicts."""
+"""The hardest braking that can be relied on, as in the measures of conflicts."""
 
 
 def _stretches(holds: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
-    """First and last index of every stretch in which a condition holds."""
+    """Yield the first and last index of every stretch in which a condition holds."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(int)))
     for first, end in zip(edges[::2], edges[1::2], strict=True):
         yield int(first), int(end) - 1

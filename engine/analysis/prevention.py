@@ -3,15 +3,15 @@
 The drivers are those of ``engine/planners/reference_drivers``: UN R157's careful driver, the fuzzy safety model, RSS,
 full braking, and a driver that keeps its lane and speed. Each is judged from two starts:
 
-* ``before_contact``: it follows the way that the ego drove, straight on behind its end, at the ego's speeds, until it
-  reacts to the one that was hit. This says what an ego could have done about the encounter that it was in.
-* ``start``: it keeps its lane and the speed of the start until it reacts to anyone. This says whether the encounter is
-  of the ego's own making.
+* ``before_contact``: it follows the way that the ego drove, straight on after its end, at the ego's speeds, until it
+  reacts to the road user that was hit. This says what an ego could have done in the encounter that it was in.
+* ``start``: it keeps its lane and the speed of the start until it reacts to any other. This says whether the ego
+  caused the encounter.
 
 A drive is followed until the ego stands or has passed the other. A driver prevents the collision if it touches neither
-the one that was hit nor anyone that it drives into. The others do not react to it. Besides the drivers that brake,
-there is a manoeuvre of another kind: steering aside by a lane's width at the speed that the ego had (``evading``), on
-the road and clear of all others. It does not make a collision preventable.
+the road user that was hit nor any other that it drives into. The others do not react to it. In addition to
+the drivers that brake, there is one manoeuvre: steering aside by a lane's width at the speed that the ego had
+(``evading``), on the road and clear of all others. It does not make a collision preventable.
 """
 
 import math
@@ -44,21 +44,22 @@ if TYPE_CHECKING:
 
 _RSS = RssDriver()
 RSS_RESPONSE_S, RSS_OWN_MPS2, RSS_FRONT_MPS2 = _RSS.response_s, _RSS.own_mps2, _RSS.front_mps2
-"""Parameters of RSS that its measure shares with its driver."""
+"""RSS parameters that the RSS measure shares with the RSS driver."""
 FOLLOWED_S = 30.0
-"""How long after a collision a drive is followed at most. From 50 m/s, braking by 2 m/s² ends before that."""
+"""How long a drive is followed after a collision, at most. From 50 m/s, braking by 2 m/s² ends before that."""
 STEERING_MPS2, ASIDE_M, STEERING_WITHIN_S, STEERING_EVERY_S = 5.0, 3.5, 4.0, 0.2
 """Chosen: lateral acceleration of an emergency manoeuvre, a lane's width, and when before a collision it is tried."""
 STEERING_FOLLOWED_S = 3.0
-"""How long after the collision an ego that steered aside has to stay on the road and clear of all (chosen)."""
+"""How long after the collision an ego that steered aside has to stay on the road and clear of all others (chosen)."""
 
 
 @dataclass(frozen=True)
 class Surroundings:
     """What is around an encounter: all others but the one that was hit, the road, and the ego's lane.
 
-    ``road``: what an ego that steers aside must not leave; None: steering is not tried. ``lane``: points (n, 2) of the
-    way that keeps to the ego's lane and route; None: a driver from the start keeps to the way that the ego drove.
+    ``road``: the area that an ego that steers aside must not leave; if None, steering is not tried. ``lane``: points
+    (n, 2) of the way that keeps to the ego's lane and route; if None, a driver from the start follows the way that the
+    ego drove.
     """
 
     others: Sequence[Track]
@@ -153,7 +154,7 @@ class _Encounters:
         return None if index is None else round(index * self.step_s, 9)
 
     def verdicts(self) -> Iterator[DriverVerdict]:
-        """One verdict for each driver and start."""
+        """Yield one verdict for each driver and start."""
         for start, scene in (("before_contact", self._as_driven), ("start", self._on_lane)):
             yield from self._of(start, scene)  # type: ignore[arg-type]
 
@@ -174,7 +175,7 @@ class _Encounters:
             )
 
     def _full_braking(self, start: DriverStart, scene: DriverScene) -> DriverVerdict:
-        """The latest moment at which full braking keeps clear of the one that was hit, tried one by one."""
+        """Return the latest moment at which full braking keeps clear of the one that was hit, tried one by one."""
         latest = next(
             (step for step in range(self._last, -1, -1) if scene.is_clear_of_met(scene.drive(FullBraking(), step))),
             None,
@@ -208,7 +209,7 @@ class _Steering:
     road: "BaseGeometry"
 
     def latest(self, last: int) -> int | None:
-        """The latest state from which steering aside, to either side, prevents the collision; None: none does."""
+        """Return the latest state from which steering to either side prevents the collision, or None."""
         every = max(round(STEERING_EVERY_S / self.scene.step_s), 1)
         first = max(0, last - round(STEERING_WITHIN_S / self.scene.step_s))
         for index in range(last, first - 1, -every):
@@ -217,7 +218,7 @@ class _Steering:
         return None
 
     def _evades(self, begins: int, side: float) -> bool:
-        """Whether steering aside from a state on touches nobody and does not leave the road."""
+        """Return whether steering aside from a state on touches no other road user and does not leave the road."""
         import shapely
 
         count = min(self.hit + round(STEERING_FOLLOWED_S / self.scene.step_s) + 1, self.scene.count)

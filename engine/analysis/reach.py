@@ -1,4 +1,4 @@
-"""Whether an ego that keeps to the speed limit can reach a goal in time, by what is certain: a straight way."""
+"""Whether an ego that keeps to the speed limit can reach a goal in time, bounded by a straight way."""
 
 import math
 from typing import Any
@@ -11,11 +11,11 @@ from .run_set import RunSet
 
 
 def cannot_be_reached(runs: RunSet, record: RunRecord) -> bool:
-    """Whether the ego is at no goal's place in time even if it drives straight at it and up to the speed limit.
+    """Return whether the ego is at no goal's place in time even if it drives straight at it and up to the speed limit.
 
     It accelerates as hard as its vehicle can (:func:`~..vehicles.farthest_m`) to the highest limit that is posted on
-    its lane, or to its vehicle's largest speed if there is none; an ego that begins faster keeps its speed. False
-    where the file, the goal's place or its time is not known: what is told is certain.
+    its lane, or to its vehicle's largest speed if no limit is posted; an ego that begins faster keeps its speed. False
+    if the file, the goal's place or its time is unknown, so that True is certain.
     """
     kept = runs.look(record)
     if kept is not None:

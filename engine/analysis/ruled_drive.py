@@ -225,7 +225,7 @@ class RuledDrive:
         return self.turn_after(lanelet_id, Counter(key for under in self.lanelets for key in under))
 
     def turn_after(self, lanelet_id: int, steps_on: Counter[int]) -> str:
-        """The turn from a lanelet of one who is on these lanelets for so long; empty where it is not known."""
+        """Return which way a road user on these lanelets for so long turns from a lanelet; empty if unknown."""
         for intersection in self.network.intersections:
             for incoming in intersection.incomings:
                 if lanelet_id in incoming.incoming_lanelets:
@@ -286,7 +286,7 @@ class RuledDrive:
         yield from self.lights_for_turn(line.lanelet, line.turn)
 
     def lights_for_turn(self, lanelet: "Lanelet", turn: str) -> Iterator["TrafficLight"]:
-        """The active lights of a lanelet that are for a turn."""
+        """Yield the active lights of a lanelet that are for a turn."""
         for light in self.lights_of([lanelet.lanelet_id]):
             if light.direction.value in _TURNS[turn]:
                 yield light

@@ -30,7 +30,7 @@ def reached_goal(record: RunRecord) -> bool:
 
 
 def hit_another(record: RunRecord) -> bool:
-    """Whether a run ended in a collision with another; leaving the road is none."""
+    """Return whether a run ended in a collision with another; leaving the road does not count."""
     return record.collision is not None and record.collision.obstacle_id is not None
 
 
@@ -75,11 +75,11 @@ class RunSet:
 
     @cached_property
     def contacts(self) -> dict[str, Contact | None]:
-        """Who hit whom by run id, as far as it was computed: a collision is looked at once, whoever asks."""
+        """Contacts by run id as far as they were computed: each collision is examined once."""
         return {}
 
     def look(self, record: RunRecord) -> RunLook | None:
-        """What was kept of an earlier look at a run; None without it."""
+        """Return the kept result of an earlier look at a run, or None."""
         return self._looks.get(record.run_id)
 
     @cached_property
@@ -127,7 +127,7 @@ class RunSet:
         return next((config.weights for config in self.configs if config.config_id == config_id), {})
 
     def cost_weights(self, config_id: str) -> dict[str, float]:
-        """The weights of a configuration that are factors on cost terms, by name."""
+        """Return the weights of a configuration that are factors on cost terms, by name."""
         parameters = {name for config in self.configs if config.config_id == config_id for name in config.parameters}
         return {name: value for name, value in self.weights(config_id).items() if name not in parameters}
 
@@ -167,7 +167,7 @@ def read_steps(source: RunSource) -> RunSteps | None:
 
 
 def read_series(source: RunSource) -> RunSeries | None:
-    """The series of a run, which lie beside its steps; None for a run that was stored without them.
+    """Return a run's series, stored next to its steps, or None for a run that was stored without them.
 
     Raises:
         ResourceFailure: the file is there but cannot be read.
@@ -201,7 +201,7 @@ def driven_tracks(steps: RunSteps) -> dict[int, Track]:
 
 
 def tracks_in(runs: RunSet, record: RunRecord, steps: RunSteps) -> dict[int, Track]:
-    """All others as they moved in a run, static obstacles included; without a file only those of reactive traffic."""
+    """Return all others as they moved in a run, with static obstacles; without a file, only reactive traffic."""
     path = runs.scenario_path(record)
     if path is None:
         return driven_tracks(steps)
@@ -211,7 +211,7 @@ def tracks_in(runs: RunSet, record: RunRecord, steps: RunSteps) -> dict[int, Tra
 
 
 def ego_track(record: RunRecord, steps: RunSteps) -> Track:
-    """The driven states as a track with the ego's size; its id is of no obstacle."""
+    """Return the driven states as a track with the ego's size; its id belongs to no obstacle."""
     return Track(
         obstacle_id=-1,
         kind=vehicle_classes()[record.ego_class].commonroad_type,

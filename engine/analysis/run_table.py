@@ -4,7 +4,7 @@ One row a cell: what is stored of a run, its measures, weights and settings. A c
 ``lost`` and the error as its reason, so that nothing is missing from the table without being said.
 
 The table of a run has one row for each driven state. What belongs to a planning step (cost terms, rejections, desired
-speed, debug values) stands in the row of that step and is empty in the others.
+speed, debug values) is in the row of that step and empty in the other rows.
 """
 
 import csv
@@ -74,7 +74,7 @@ Column = Sequence[Value]
 
 
 def _state_columns(steps: RunSteps, series: RunSeries, step_s: float) -> dict[str, Column]:
-    """One value for each driven state; columns of series that were not kept are empty."""
+    """Return one value for each driven state; columns of series that were not kept are empty."""
     count = len(steps.x_m)
     named: dict[str, Column] = {
         "step": [steps.first_step + index for index in range(count)],
@@ -86,7 +86,7 @@ def _state_columns(steps: RunSteps, series: RunSeries, step_s: float) -> dict[st
 
 
 def _planned_columns(steps: RunSteps, series: RunSeries) -> dict[str, Column]:
-    """One value for each driven state at which was planned."""
+    """Return one value for each driven state at which was planned."""
     rows = [step - steps.first_step for step in steps.plan_steps]
     planned: dict[str, Column] = {
         "desired_speed_mps": series.desired_speed_mps,
@@ -107,7 +107,7 @@ def _planned_columns(steps: RunSteps, series: RunSeries) -> dict[str, Column]:
 
 
 def _kind_of(values: Column) -> type:
-    """The type of a column's values; of a column without any, a number."""
+    """Return the type of a column's values; of a column without any, a number."""
     return next((type(value) for value in values if value is not None), float)
 
 

@@ -140,7 +140,7 @@ def _costs(runs: RunSet, detail: AnalysisDetail) -> tuple[CostShare, ...]:
 
 
 _OFF_ROAD_RISK = 1
-"""Where a run that left the road stands among those by risk: behind collisions, beside the extreme ones (chosen)."""
+"""The risk rank of a run that left the road: below collisions, level with the extreme ones (chosen)."""
 
 
 def _ease(record: RunRecord) -> tuple[float, ...]:
@@ -211,7 +211,7 @@ def _notes(
 
 
 def _by_any_motion(runs: RunSet) -> Rate | None:
-    """The rate of goals by the paper's rule; None where no motion to the goal was refused."""
+    """Return the rate of goals by the paper's rule, or None if no motion to the goal was refused."""
     refused = any(record.outcome == "goal_refused" for record in runs.valid)
     return runs.rate(runs.valid, lambda record: record.outcome in AT_GOAL) if refused else None
 
@@ -261,10 +261,10 @@ def _undefined(runs: RunSet) -> tuple[UndefinedMetric, ...]:
 
 
 def _groups(runs: RunSet, breakdown: Breakdown, *, is_one: bool) -> tuple[Group, ...]:
-    """Outcome rates by group; a scenario with several obstacle classes is in the group of each.
+    """Return outcome rates by group; a scenario with several obstacle classes is in the group of each.
 
-    Several configurations are groups of their own where nothing else was asked for, and apart within each group of
-    scenarios.
+    Without a requested breakdown, several configurations are groups of their own; in a breakdown by scenarios they are
+    separate within each group.
     """
     if breakdown == "pooled" or (breakdown == "none" and is_one):
         return ()
@@ -314,7 +314,7 @@ def _class_groups(runs: RunSet, record: RunRecord) -> list[str]:
 
 
 _OF_SCENARIOS = ("country", "scenario", "obstacle_count", "obstacle_class")
-"""Breakdowns that say nothing of configurations."""
+"""Breakdowns that do not distinguish configurations."""
 _GROUPERS: dict[str, Callable[[RunSet, RunRecord], list[str]]] = {
     "planner": lambda _, record: [record.planner],
     "config": lambda _, record: [f"{record.config_name} ({record.config_id})"],

@@ -89,8 +89,8 @@ def judged_by_rules(drive: RuledDrive) -> tuple[RuleVerdict, ...]:
 def rule_shares(runs: RunSet) -> tuple[RuleShare, ...]:
     """By configuration and rule: how many runs broke it, of those of which it asked something.
 
-    Of more than 200 runs those of scenarios that are drawn at random are looked at, so that configurations drive the
-    same.
+    Of more than 200 runs, only those of randomly drawn scenarios are examined, so that all configurations have the same
+    scenarios.
     """
     by_scenario = list(runs.valid)
     if len(by_scenario) > MOST_RUNS:

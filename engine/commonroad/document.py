@@ -8,10 +8,10 @@ moving obstacles, each the bytes that it takes up, and the rest. Only files are 
 would find: in UTF-8, without comments, CDATA sections, processing instructions (but for the one below), document types,
 namespaces and carriage returns.
 
-What class of vehicle the ego is, CommonRoad's format cannot say. A processing instruction in the planning problem does,
-``<?plannerforge ego-class="truck"?>``: XML has these for what concerns one program, the schema does not see them, and
-every other reader passes over them. A file without one has a car. commonroad-io's writer, which makes a file anew from
-its objects, leaves it out.
+CommonRoad's format has no field for the ego's class of vehicle. A processing instruction in the planning problem
+holds it: ``<?plannerforge ego-class="truck"?>``. XML provides these for data that concerns one program; the schema does
+not see them, and other readers ignore them. Without it, the ego is a car. commonroad-io's writer, which writes a file
+from its objects, drops it.
 """
 
 import re
@@ -59,7 +59,7 @@ def moving_obstacle(root: "etree._Element") -> str:
 
 
 def ego_classes_of(root: "etree._Element") -> dict[int, str]:
-    """What the egos of a document are, by the id of their planning problem; those that are cars are left out."""
+    """Return the classes of a document's egos by planning problem id; cars are left out."""
     found: dict[int, str] = {}
     for problem in root.iterchildren("planningProblem"):
         words = [match[1] for each in _instructions(problem) if (match := _EGO_CLASS.fullmatch(each.text or ""))]
@@ -69,7 +69,7 @@ def ego_classes_of(root: "etree._Element") -> dict[int, str]:
 
 
 def ego_class_instruction(vehicle_class: str) -> "etree._ProcessingInstruction":
-    """The processing instruction that says what the ego is."""
+    """Return the processing instruction that says what the ego is."""
     return etree.ProcessingInstruction(_INSTRUCTION, f'ego-class="{vehicle_class}"')
 
 

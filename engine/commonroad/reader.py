@@ -69,7 +69,7 @@ class LoadedScenario:
     """A CommonRoad scenario in memory, with its planning problems and the file it came from.
 
     ``plain_states``: by obstacle id, the states after the initial one of those that were read as arrays: points and
-    exact headings. ``ego_classes``: by planning problem, what the ego is where that is no car.
+    exact headings. ``ego_classes``: the ego's class by planning problem, without cars.
     """
 
     scenario: "Scenario"
@@ -80,7 +80,7 @@ class LoadedScenario:
     ego_classes: Mapping[int, str] = field(default_factory=dict)
 
     def ego_class(self, problem_id: int) -> str:
-        """What the ego of a planning problem is, as the file says it; a car where it does not."""
+        """Return the class of a planning problem's ego by the file, or a car if the file does not say."""
         return self.ego_classes.get(problem_id, "car")
 
     @cached_property
@@ -241,7 +241,7 @@ def _recordings() -> RecordingStore | None:
 
 
 def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[int, PlainStates], dict[int, str]]:
-    """The checked document, the states that were taken out of it, and what its egos are.
+    """Return the checked document, the states that were taken out of it, and what its egos are.
 
     commonroad-io fails on a scenario without lanelets, and its error does not say why.
     """
@@ -265,7 +265,7 @@ def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[
 
 
 def _known_ego_classes(path: Path, found: dict[int, str]) -> dict[int, str]:
-    """The classes of a file's egos, all of which there are."""
+    """Return the classes of a file's egos after checking that each of them exists."""
     for word in found.values():
         if word not in EGO_CLASSES:
             raise UnsafeInput(
@@ -510,7 +510,7 @@ def _is_surely_within(content: bytes, limits: XmlLimits, most_tags: int) -> bool
 
 
 def _parser(*, keeps_instructions: bool = False) -> etree.XMLParser:
-    """Elements and their texts, and processing instructions where they are asked for.
+    """Return a parser for elements and their texts, and for processing instructions if requested.
 
     Size was looked at, and a document type is refused.
     """

@@ -158,7 +158,7 @@ def car_at_start(ego: Ego, key: int) -> Track:
 def car_plan(
     scene: Scene, ego: Ego, key: int, route: tuple[int, ...], edges: tuple[str, ...], targets: frozenset[int]
 ) -> DrivePlan:
-    """The plan of an ordinary driver who starts where and as the ego does, along a route of lanelets and of edges."""
+    """Return the plan of an ordinary driver with the ego's start, along a route of lanelets and of edges."""
     own = vehicle_classes()[ego.vehicle_class]
     return DrivePlan(
         start=car_at_start(ego, key),

@@ -191,13 +191,13 @@ def _speeds(text: str | None, ego: Ego) -> tuple[float, float] | None:
 def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Start the ego at another place or speed, as another class, or in the place of a recorded vehicle, which goes.
 
-    In the place of a vehicle the ego is of its class, unless another is named, and the goal becomes the end of that
-    vehicle's recording. The former ego vanishes, or becomes a vehicle that SUMO drives to the former goal.
+    If the ego replaces a vehicle, it takes that vehicle's class unless another is named, and its goal becomes the end
+    of that vehicle's recording. The former ego vanishes, or becomes a vehicle that SUMO drives to the former goal.
 
     Raises:
-        InvalidRequest: no vehicle, start or class, or a vehicle and a start, or a former ego that stays where the ego
-            still starts.
-        UnknownName: a class that no ego can be.
+        InvalidRequest: there is no vehicle, start or class, or both a vehicle and a start, or the former ego would stay
+            where the ego still starts.
+        UnknownName: an ego cannot be of this class.
         NotPossible: no ego, no such vehicle at the ego's first step, a place that is taken, or a lanelet that is not
             open to the class.
     """
@@ -231,10 +231,10 @@ def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _class_asked(edit: Edit, otherwise: str) -> str:
-    """The class that an edit names for the ego, in our word.
+    """Return the class that an edit names for the ego, in our word.
 
     Raises:
-        UnknownName: no ego can be that.
+        UnknownName: an ego cannot be of this class.
     """
     if edit.vehicle_class is None:
         return otherwise
@@ -242,7 +242,7 @@ def _class_asked(edit: Edit, otherwise: str) -> str:
 
 
 def _check_class(ego: Ego, scene: Scene, changes: Changes, edit: Edit) -> None:
-    """Refuse a start whose lanelet is closed to the ego's class, where it is too fast for it, or has no room for it."""
+    """Refuse a start that is closed to the ego's class, too fast for it, or too small for it."""
     name = ego.vehicle_class
     top_mps, lanelets = ego.vehicle.maximum_speed_mps, ego.lanelets[:1]
     check_speed(ego.speed_mps, top_mps, f"a {name} does not drive {ego.speed_mps:.1f} m/s", "choose another speed")
@@ -337,7 +337,7 @@ def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Chan
 
 
 def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
-    """The former ego as a vehicle of its class that drives to the former goal, or straight on."""
+    """Return the former ego as a vehicle of its class that drives to the former goal, or straight on."""
     if not ego.lanelets:
         raise NotPossible("the former ego stands on no lanelet", valid=["former_ego=vanish"], next_step=_LET_VANISH)
     goals = tuple(key for key in _goal_lanelet_ids(scene, changes, ego) if key in scene.layout.table.lanes)

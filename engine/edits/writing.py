@@ -230,7 +230,7 @@ def _write_ego_start(document: ScenarioDocument, ego: Ego) -> None:
 
 
 def _starts_elsewhere(ego: Ego, loaded: LoadedScenario) -> bool:
-    """Whether an ego starts at another place, heading or speed than its planning problem says."""
+    """Return whether an ego starts at another place, heading or speed than its planning problem says."""
     state = loaded.problem(ego.problem_id).initial_state
     is_there = bool(np.array_equal(ego.position, np.asarray(center_of(state.position), dtype=float)))
     is_as_fast = ego.speed_mps == middle_of(state.velocity) and ego.heading_rad == middle_of(state.orientation)

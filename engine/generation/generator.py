@@ -81,7 +81,7 @@ def _no_collection() -> Iterator[None]:
 
 
 def _with_ego_class(request: GenerationRequest, spec: TaskSpec) -> tuple[list[str], GenerationRequest]:
-    """Notes on the ego, and the request with the class that was asked for as ego among the others too.
+    """Return notes on the ego, and the request with the ego's class among the other vehicles too.
 
     Raises:
         InvalidRequest: a class that no ego can be, and that is kept out of the traffic.

@@ -2,10 +2,10 @@
 
 A request names the ego and the goal in words (``first``, ``index:2``; ``through``, ``steps:50``, ``distance_m:40``,
 ``lanelet:7:middle``), which become a :class:`TaskSpec`. The ego is a car, or a vehicle of the class that was asked for
-(``type:truck``); below, "car" means either. Of the cars that can have such a goal, the one is chosen whose
-recorded path can be driven, passes what the site is about, and runs along lanes that a planner with a reference path
-can follow: maps have corners, and sideways jogs where netconvert joins lanes that do not face each other. Recorded cars
-cut them; a planner that follows the lanes' centre lines may find no trajectory there.
+(``type:truck``); below, "car" means either. Among the cars that can have such a goal, it chooses one with a
+recorded path that can be driven, passes what the site is about, and runs along lanes that a planner with a reference
+path can follow: maps have corners, and sideways jogs where netconvert joins lanes that do not face each other. Recorded
+cars cut them; a planner that follows the lanes' centre lines may find no trajectory there.
 """
 
 import itertools
@@ -96,7 +96,7 @@ class _GoalSpec:
 class TaskSpec:
     """Goal and ego as asked: the n-th car (None: any), or any vehicle of ``ego_class``.
 
-    ``other_class``: a class that was asked for as ego and that no ego is: a car stands in.
+    ``other_class``: a requested class that cannot be an ego, so that a car replaces it.
     """
 
     goal: _GoalSpec
@@ -197,7 +197,7 @@ class PlanningTask:
 def choose_task(
     spec: TaskSpec, vehicles: Sequence[GeneratedVehicle], network: RoadNetwork, focus: SiteFocus, step_s: float
 ) -> PlanningTask:
-    """The planning task of the asked car, or of the best vehicle of the ego's class that can have the asked goal.
+    """Return the planning task of the requested car, or of the best vehicle of the class that can have the goal.
 
     Where the car of the asked index has no such goal, because it waits in a queue for instance, the best of those after
     it stands in.
@@ -446,7 +446,7 @@ def follows_smooth_lanes(
 
 
 def _has_room(car: GeneratedVehicle, last_step: int, network: RoadNetwork) -> bool:
-    """Whether the recorded body stays on the road up to a step: a long one sweeps over corners. A car is not asked."""
+    """Return whether the recorded body stays on the road up to a step; long ones cut corners, cars always pass."""
     if car.vehicle_class.name == "car":
         return True
     from shapely import contains_xy

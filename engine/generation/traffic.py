@@ -54,7 +54,7 @@ MORE_FOR_EACH_ABSENT = 2
 FEW_ABSENT, ABSENT_SHARE = 10, 0.05
 """Where more vehicles than both are absent, the site is full: further attempts never found room for all (measured)."""
 EGO_CANDIDATES = 4
-"""More vehicles of the ego's class are simulated, if it is no car (chosen): not every one of them has a goal."""
+"""How many more vehicles of the ego's class are simulated unless it is a car (chosen): some of them have no goal."""
 NO_ROOM = "no_room"
 """Reason of the refusal of a site that is full."""
 LASTING_S = 30.0
@@ -257,7 +257,7 @@ def _too_large(duration_s: float) -> NotPossible:
 
 
 def _absent(demand: Demand, counts: Mapping[str, int]) -> dict[str, int]:
-    """How many vehicles of the classes asked for are not among so many; one is the ego and does not count."""
+    """Return how many vehicles of the classes asked for are not among so many; one is the ego and does not count."""
     here = Counter(counts)
     here[demand.ego_class] -= 1
     absent = {name: least - here[name] for name, least in demand.least.items() if here[name] < least}

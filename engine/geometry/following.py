@@ -23,11 +23,11 @@ _WINDOW_M = 20.0
 """How far beyond the track's reach a follower looks at first. A place that is farther along costs more than half of
 that in distance, so it cannot win against one that is nearer to the line than 10 m."""
 _MOST_BEGINNINGS = 8
-"""How many places are tried as the beginning of a track whose lap is not known: the nearest ones."""
+"""How many of the nearest places are tried as the beginning of a track on an unknown lap."""
 _SAME_M = 0.01
-"""Beginnings whose tracks are equally near to the line, to a centimetre, fit equally well: the first of them counts."""
+"""If tracks from several beginnings are equally near to the line, to a centimetre, the first beginning counts."""
 _LEAST_SQUARED_M2 = 1e-12
-"""Stands for the squared length of a segment between equal points, so that no projection divides by zero."""
+"""Replaces the squared length of a segment between equal points, so that no projection divides by zero."""
 
 
 class PathFollower:
@@ -79,7 +79,7 @@ class PathFollower:
         return stations[np.argsort(distances, kind="stable")[:_MOST_BEGINNINGS]]
 
     def _near_the_last(self, x: float, y: float, last_m: float, reach_m: float) -> tuple[int, float, float] | None:
-        """The best place in the window around the last one; None if a place outside may be better."""
+        """Return the best place in the window around the last one, or None if a place outside may be better."""
         window_m = reach_m + _WINDOW_M
         low = max(int(np.searchsorted(self._stations, last_m - window_m)) - 1, 0)
         high = min(int(np.searchsorted(self._stations, last_m + window_m)) + 1, len(self._squared))
@@ -93,7 +93,7 @@ class PathFollower:
         return int(segments[best]), float(stations[best]), float(distances[best])
 
     def _feet(self, x: float, y: float, low: int, high: int) -> tuple[NDArray[np.intp], Values, Values]:
-        """Segments from ``low`` to before ``high`` at which the distance from a point is smallest for its lap.
+        """Return segments from ``low`` to before ``high`` at which the distance from a point is smallest for its lap.
 
         Returns:
             The segments, and the station and the distance of the nearest point of each.
@@ -111,7 +111,7 @@ class PathFollower:
 
 
 def _costs(stations: Values, distances: Values, last_m: float, reach_m: float) -> Values:
-    """What places cost as the next one of a track: their distance, and how far they are beyond its reach."""
+    """Return what places cost as the next one of a track: their distance, and how far they are beyond its reach."""
     return distances + _COST_PER_M * np.maximum(np.abs(stations - last_m) - reach_m, 0.0)
 
 

@@ -14,7 +14,7 @@
 ``DesiredSpeed``: How fast to drive to a goal, in m/s, and why.
 ``ReferenceDesiredSpeed``: The same by the rule of the Frenetix reference loop.
 ``progress_to_goal``: The share of the reference path to the goal that positions came along; None without one.
-``DebugValues``: Named numbers, texts and polygons that a planner reports beside a plan.
+``DebugValues``: Named numbers, texts and polygons that a planner reports together with a plan.
 ``Goal``: The goal region of a planning problem; one of its states has to be met.
 ``ReferencePath``: Points of a path about one metre apart, and the lanelets of its route.
 ``goal_with_path``: The goal state that an ego drives to and the reference path there; None without a route.
@@ -33,13 +33,13 @@
 ``planner_version``: A digest of the source of a planner of others; empty for built-in ones.
 ``built_in_version``: The version of a built-in planner, from those of packages.
 ``version_that_drives``: The version of a planner in words and as a digest, for workers.
-``source_that_drives``: That digest alone, for any process.
+``source_that_drives``: Only that digest, for any process.
 ``Found``: A planner of others that was found, and where.
 ``check_on``: What a planner of others breaks on a scenario, in words.
 ``PlannerCheck``: What came out of it.
 ``OwnPlanner``: What an entry point of the group ``plannerforge.planners`` names: the class and its declaration.
 ``ScenarioFile``: The file that a program plans on.
-``planner_driver``: A planner of others as the loop drives it, for a ``with`` block.
+``planner_driver``: A user's planner as the loop drives it, for a ``with`` block.
 ``programs_named``: Makes the programs of the settings known as planners while a block runs, in workers too.
 ``known_planner``: A planner's name as registered; ``UnknownName`` where there is none.
 ``make_planner``: A new planner by its name.

@@ -34,7 +34,7 @@ _EDGE_M = 1e-6
 _AHEAD_M = 120.0
 """Chosen: how far the paths that are compared go on beyond the goal."""
 PASSED_M = 5.0
-"""Chosen: a goal whose end the ego has left behind by more than this is passed."""
+"""Chosen: a goal counts as passed if the ego is farther than this beyond its end."""
 _SLOWEST_GOAL_MPS = 0.01
 """An end of the goal's speed interval counts as at least this."""
 
@@ -127,7 +127,7 @@ class Goal:
         return np.array([chosen.x, chosen.y])
 
     def stations_on(self, path: Points, from_m: float = 0.0) -> tuple[float, float] | None:
-        """Where a path first comes through the goal's area: first and last arc length in m; None if it never does.
+        """Return the first and last arc length in m of a path's first passage of the goal's area, or None.
 
         A path that comes back, in a roundabout for instance, may pass the area again: only the first passage that does
         not end before ``from_m`` counts, for each goal state by itself. Gaps shorter than those after which a goal
@@ -142,7 +142,7 @@ class Goal:
 
 
 def _first_passage(area: Any, path: Points, from_m: float) -> tuple[float, float] | None:
-    """The first stretch of a path inside an area that does not end before a station; else the last one before it."""
+    """Return a path's first stretch inside an area that does not end before a station, or the last one before it."""
     import shapely
 
     stations = arc_length(path)
@@ -161,7 +161,7 @@ def _first_passage(area: Any, path: Points, from_m: float) -> tuple[float, float
 
 
 def _inside_m(area: Any, ends: Points) -> float:
-    """How much of the straight line between two points (2, 2) is inside an area; 0 for fewer points."""
+    """Return how much of the straight line between two points (2, 2) is inside an area; 0 for fewer points."""
     import shapely
 
     inside_m = float(shapely.intersection(area, shapely.linestrings(ends)).length) if len(ends) > 1 else 0.0
@@ -368,7 +368,7 @@ def progress_to_goal(
 def goal_with_path(
     scenario: "Scenario", problem: "PlanningProblem", vehicle: VehicleParameters
 ) -> tuple[Goal, ReferencePath] | None:
-    """The goal state that an ego drives to and the reference path of its route; None if no route leads there."""
+    """Return the goal state that an ego drives to and its route's reference path, or None without a route."""
     if not problem.goal.state_list:
         return None
     ego, network = EgoState.of(problem.initial_state), scenario.lanelet_network

@@ -189,7 +189,7 @@ class _Driven:
     trajectory: PlannedTrajectory
 
     def going_on(self, ego: EgoState) -> tuple[RearAxleCurve, float] | None:
-        """The curve and the station of the ego's rear axle on it, if it is on this plan."""
+        """Return the curve and the station of the ego's rear axle on it, if it is on this plan."""
         index = ego.step - self.first_step
         if not is_on_plan(self.trajectory, index, ego, FOLLOWED_WITHIN_M):
             return None
@@ -197,7 +197,7 @@ class _Driven:
 
 
 def _first_near(squared_m2: Values) -> NDArray[np.intp]:
-    """For each row the first local minimum that is about as small as the smallest value."""
+    """Return for each row the first local minimum that is about as small as the smallest value."""
     lowest = squared_m2.min(axis=1, keepdims=True) + _SAME_PASSAGE_M2
     falls = np.diff(squared_m2, axis=1, append=np.inf) < 0.0
     first: NDArray[np.intp] = np.argmax((squared_m2 <= lowest) & ~falls, axis=1)
@@ -318,7 +318,7 @@ class IntelligentDriver:
         return math.sqrt(self._goal.speed_mps**2 + 2.0 * self._weights["deceleration_mps2"] * left)
 
     def _on_path(self, obstacle: PredictedObstacle, here_m: float) -> _OnPath:
-        """Projected on the nearest point of the path, whose points are about one metre apart.
+        """Return the projection onto the nearest point of the path; its points are about one metre apart.
 
         Where the path passes the obstacle more than once, the passage that is next ahead of the ego counts.
         """

@@ -29,8 +29,8 @@ PlanKind = Literal["regular", "standstill", "stopping"]
 class EgoState:
     """The ego at one time step: centre (2,) in m, heading in rad, and its derivatives.
 
-    ``steering_rad``: the steering angle, where the ego moves as a vehicle does (``driving/following.py``); None where
-    it is not known, as at the first step of a run.
+    ``steering_rad``: the steering angle if the ego moves as a vehicle does (``driving/following.py``); None if it is
+    unknown, as at the first step of a run.
     """
 
     step: int
@@ -131,7 +131,7 @@ class PlannedTrajectory:
         return self._part(slice(count))
 
     def since(self, index: int) -> "PlannedTrajectory":
-        """The states from an index on."""
+        """Return the states from an index on."""
         return self._part(slice(index, None))
 
     def _part(self, part: slice) -> "PlannedTrajectory":
@@ -161,7 +161,7 @@ class PlannedTrajectory:
 
 @dataclass(frozen=True)
 class DebugValues:
-    """What a planner reports of a planning step beside its plan, by names of its own choice.
+    """What a planner reports of a planning step in addition to its plan, under names of its own choice.
 
     ``polygons``: outlines of shape (n, 2) in m. What is reported is kept with the run up to the bounds of
     ``schemas/runs.py``, shown in the player and exported; it never affects the run.

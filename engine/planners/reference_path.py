@@ -166,7 +166,7 @@ def blended_start(reference: ReferencePath, rear: Points, heading_rad: float, ov
 
 
 def _thinned(line: Points) -> Points:
-    """The points of a line with some left out if they are close to one another, its last one kept."""
+    """Return the points of a line with some left out if they are close to one another, its last one kept."""
     count = max(int(arc_length(line)[-1] / _TRACKED_M), 1)
     return resample(line, count + 1)[1:]
 

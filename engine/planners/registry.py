@@ -142,15 +142,15 @@ def planner_version(name: str) -> str:
 
 
 CORES: dict[str, tuple[str, ...]] = {"frenetix": ("frenetix",), "fiss": ("fiss-planner",)}
-"""Of built-in planners that drive the core of another package, its name."""
+"""The names of the packages with the core of a built-in planner."""
 _OURS = "plannerforge-mcp"
 
 
 @dataclass(frozen=True)
 class PlannerVersion:
-    """The version of a planner: ``words`` for people, ``source``: a digest of what drives, by which two are told apart.
+    """The version of a planner: ``words`` for people, ``source``: a digest of what drives, which tells versions apart.
 
-    Of a planner of others that is its source; of a built-in one the versions of our package and of its core.
+    For a user's planner the digest is of its source, for a built-in one of the versions of our package and of its core.
     """
 
     words: str
@@ -158,18 +158,18 @@ class PlannerVersion:
 
 
 def built_in_version(name: str, versions: Mapping[str, str]) -> PlannerVersion:
-    """The version of a built-in planner, given the versions of packages by their names."""
+    """Return the version of a built-in planner, given the versions of packages by their names."""
     named = [package for package in (*CORES.get(name, ()), _OURS) if package in versions]
     words = ", ".join(f"{package} {versions[package]}" for package in named)
     return PlannerVersion(words, hashlib.sha256(words.encode()).hexdigest()[:12])
 
 
 def version_that_drives(name: str) -> PlannerVersion:
-    """The version of the planner that drives under this name now; for workers, as its class is imported.
+    """Return the version of the planner that drives under this name now; for workers, as its class is imported.
 
     Raises:
         UnknownName: no such planner.
-        PlannerFailure: a planner of others that cannot be imported.
+        PlannerFailure: a user's planner cannot be imported.
     """
     folded = known_planner(name)
     if folded in PLANNERS:
@@ -181,7 +181,7 @@ def version_that_drives(name: str) -> PlannerVersion:
 
 
 def source_that_drives(name: str) -> str:
-    """The digest of :func:`version_that_drives`, without importing anything.
+    """Return the digest of :func:`version_that_drives`, without importing anything.
 
     Raises:
         UnknownName: no such planner.
@@ -197,7 +197,7 @@ def _built_in_here(name: str) -> PlannerVersion:
 
 
 def uses_prediction(name: str) -> bool:
-    """Whether a planner plans on predictions of others: all built-in ones, and others that declare it."""
+    """Return whether a planner plans on predictions of others: all built-in ones, and others that declare it."""
     folded = known_planner(name)
     if folded in PLANNERS:
         return True

@@ -56,8 +56,8 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     Raises:
         UnsafeInput: the file cannot be read.
         UnknownName: no such planning problem or planner.
-        InvalidRequest: a prediction that does not go with the traffic, or a vehicle that cannot be.
-        NotPossible: the ego is a vehicle with a trailer, which no planner here drives.
+        InvalidRequest: a prediction that does not go with the traffic, or an impossible vehicle.
+        NotPossible: the ego is a vehicle with a trailer, which the planners here cannot drive.
         PlannerFailure: a planner of others broke its contract.
     """
     began = perf_counter()
@@ -159,7 +159,7 @@ _REFUSALS: dict[Refusal, str] = {
 
 
 def _judged_by_benchmark(verdict: Verdict, steps: RunSteps, start: _Start) -> _Ending:
-    """The verdict of the loop; a goal that it says is reached only if CommonRoad's benchmark accepts the motion."""
+    """Return the loop's verdict; a reached goal counts only if CommonRoad's benchmark accepts the motion."""
     if verdict.outcome != "goal_reached":
         return _Ending(verdict.outcome, verdict.reason)
     loaded, vehicle = start.loaded, start.vehicle
@@ -261,7 +261,7 @@ def run_steps(driven: DrivenRun) -> RunSteps:
 
 
 def _normal(value: float) -> float:
-    """A number, 0 for one that is smaller than normal ones: that is what underflow leaves."""
+    """Return a number, 0 for one that is smaller than normal ones: that is what underflow leaves."""
     return 0.0 if abs(value) < sys.float_info.min else float(value)
 
 
@@ -285,13 +285,13 @@ def _driven_obstacle(track: Track) -> DrivenObstacle:
 def replay_plans(request: ReplayRequest, report: ProgressReporter) -> Replayed:
     """Drive a run again and write its plans as JSON (``RunPlans``) to the request's path.
 
-    If the run comes out otherwise here than it is stored, by more than rounding on another machine does
-    (:func:`_difference`), nothing is shown, and the note says by how much.
+    If the run differs from the stored one by more than rounding on another machine explains (:func:`_difference`),
+    nothing is shown, and the note says by how much.
 
     Raises:
         UnsafeInput: the scenario's file cannot be read.
         UnknownName: no such planning problem or planner.
-        PlannerFailure: a planner of others was edited since, or broke its contract.
+        PlannerFailure: a user's planner was edited since, or broke its contract.
     """
     start = _Start.of(request.run)
     file = ScenarioFile(Path(request.run.scenario_path), str(start.loaded.scenario.scenario_id))
@@ -309,11 +309,11 @@ def replay_plans(request: ReplayRequest, report: ProgressReporter) -> Replayed:
 
 
 def _difference(here: RunSteps, stored: RunSteps) -> str | None:
-    """How a run that was driven again differs from the stored one, in words; None if it is the same.
+    """Return how a run that was driven again differs from the stored one, in words, or None if it is the same.
 
     It is the same if it has as many states, was planned at the same steps, and every state of the ego and of those that
     reactive traffic moved is within :data:`_SAME_M`, :data:`_SAME_RAD` and :data:`_SAME_MPS` of the stored one. Other
-    processors and libraries round otherwise in the last digits, from which no plan of the picture differs.
+    processors and libraries round the last digits differently, which does not change the plans of the picture.
     """
     if (here.first_step, len(here.x_m), here.plan_steps) != (stored.first_step, len(stored.x_m), stored.plan_steps):
         counts = [f"{len(one.x_m)} states planned in {len(one.plan_steps)} steps" for one in (here, stored)]

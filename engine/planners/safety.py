@@ -34,9 +34,9 @@ class SafetyCheck:
     def followed(
         self, trajectory: PlannedTrajectory, most_m: float, counted: int | None = None, *, is_safe: bool = False
     ) -> "FollowedPlan | Objection":
-        """The motion with which the vehicle follows a trajectory, or why it must not.
+        """Return the motion with which the vehicle follows a trajectory, or why it must not.
 
-        ``counted``: only so many of its first states have to be safe; None: all. ``is_safe``: the trajectory itself
+        ``counted``: how many of its first states have to be safe; if None, all. ``is_safe``: the trajectory itself
         has been checked by the planner's core, and only the motion that follows it is checked here.
 
         ``steering_rate``: its wheels turn too slowly to stay within ``most_m`` of it; ``friction``: tyres or engine do

@@ -1,4 +1,4 @@
-"""What is kept of a run over time beside its motion: its place on the route, its steering, and debug values."""
+"""What is kept of a run over time besides its motion: its place on the route, its steering, and debug values."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from .simulation import DrivenRun
 
 _DIGITS = 4
-"""Series are kept to 0.1 mm, 0.1 mm/s and 0.1 mrad, as the motion of others is."""
+"""Series are kept to 0.1 mm, 0.1 mm/s and 0.1 mrad, like the motion of others."""
 _T = TypeVar("_T")
 
 
 def run_series(driven: "DrivenRun", vehicle: VehicleParameters, step_s: float) -> RunSeries | None:
-    """The series of a run; None for a run that never began to drive along a route."""
+    """Return the series of a run; None for a run that never began to drive along a route."""
     task, states = driven.task, driven.states
     if task is None:
         return None
@@ -65,7 +65,7 @@ def _rounded(values: Values) -> tuple[float, ...]:
 def _kept(
     reported: Sequence[DebugValues], steps: Sequence[int]
 ) -> tuple[dict[str, tuple[float | None, ...]], dict[str, tuple[str, ...]], tuple[DebugPolygon, ...], int]:
-    """The debug values of all planning steps within the bounds, and how many were beyond them."""
+    """Return the debug values of all planning steps within the bounds, and how many were beyond them."""
     numbers, no_numbers = _columns([each.numbers for each in reported], _number, None)
     texts, no_texts = _columns([each.texts for each in reported], _text, "")
     polygons, no_polygons = _polygons(reported, steps)
@@ -75,7 +75,7 @@ def _kept(
 def _columns(
     reported: Sequence[Mapping[str, object]], read: Callable[[object], _T], absent: _T
 ) -> tuple[dict[str, tuple[_T, ...]], int]:
-    """A column for each name, with a value for each step; and how many values were beyond the bounds."""
+    """Return a column for each name, with a value for each step; and how many values were beyond the bounds."""
     columns: dict[str, list[_T]] = {}
     left_out = 0
     for row, values in enumerate(reported):
@@ -115,6 +115,6 @@ def _text(text: object) -> str:
 
 
 def _number(value: object) -> float | None:
-    """A number; None where it is not finite, such as the time to a collision that there is not."""
+    """Return a number, or None if it is not finite, such as the time to a collision that never comes."""
     number = float(value) if isinstance(value, int | float | np.number | np.bool_) else math.nan
     return number if math.isfinite(number) else None

@@ -37,7 +37,7 @@ class DrivenRun:
     """The states, plans and verdict of a run.
 
     ``plan_s`` and ``rejections`` hold the last attempt too where it gave no trajectory; ``plans`` does not.
-    ``task``: what the planner was asked; None where it was asked nothing.
+    ``task``: what the planner was asked, or None if it was not asked.
     ``blended_over_m``: length of the curve by which the reference path leads the ego onto its route, where it needs
     one (``eased_over_m`` of the record).
     """

@@ -157,9 +157,9 @@ def _term_hatch(number: int) -> str:
 
 
 def timeline(runs: RunSet) -> Drawing:
-    """One run over time: speed, accelerations, gap and time to collision, and its place on the route if it has series.
+    """Draw a run over time: speed, accelerations, gap, time to collision, and with series its place on the route.
 
-    Its decisive moments are marked. Of several runs the first that failed is drawn.
+    Its decisive moments are marked. If there are several runs, the first that failed is drawn.
 
     Raises:
         NotPossible: no run has recorded steps.

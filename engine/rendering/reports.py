@@ -86,13 +86,13 @@ def _compared(comparison: CompareResultsResult | None) -> tuple[Comparison, ...]
 
 
 def _verdict(comparison: Comparison) -> str:
-    """The verdict with the names of metrics as people say them."""
+    """Return the verdict with the names of metrics as people say them."""
     words = {name: metric_words(name) for name in sorted(RunMetrics.model_fields, key=len, reverse=True)}
     return re.sub("|".join(map(re.escape, words)), lambda found: words[found[0]], comparison.verdict)
 
 
 def _came_out(result: AnalyzeResultsResult) -> str:
-    """The runs that reached the goal, of each configuration by itself."""
+    """Return the runs that reached the goal, of each configuration by itself."""
     if result.success is not None:
         return f"{_reached(result.success)} reached the goal"
     return "; ".join(f"{group.name}: {_reached(group.success)} reached the goal" for group in result.groups)
@@ -114,7 +114,7 @@ def _failed(result: AnalyzeResultsResult) -> str:
 
 
 def _by_any_motion(result: AnalyzeResultsResult) -> str:
-    """The rate by the paper's rule, where it is another one."""
+    """Return the rate by the paper's rule if it differs."""
     rate = result.by_any_motion
     return "" if rate is None else f" By the paper's rule, a goal by any motion, {_reached(rate)}."
 

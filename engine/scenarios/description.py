@@ -236,7 +236,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
 
 
 def vehicle_words(name: str) -> str:
-    """What an ego of a class is, its motion model, and where its limits come from."""
+    """Return what an ego of a class is, its motion model, and where its limits come from."""
     known = ego_class(name)
     return f"{known.in_words}, {MODEL_WORDS[known.motion_model]}; limits: {known.source}"
 

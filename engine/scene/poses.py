@@ -1,7 +1,7 @@
 """Which lanelets a pose lies on: the one answer for starts of routes, edits, descriptions and checks.
 
-A vehicle drives on a lanelet that leads its way. One whose centre is a few centimetres over the centre line of a
-two-way road lies on the oncoming lanelet by its position alone, and on its own by position and heading.
+A vehicle drives on a lanelet that leads in its direction. If its centre is a few centimetres over the centre line of a
+two-way road, it lies on the oncoming lanelet by position only, and on its own lanelet by position and heading.
 """
 
 import math
@@ -15,22 +15,22 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
 
 REACH_M = 2.5
-"""A lanelet farther from a position is none that the vehicle may be on (chosen: a vehicle half beside its lane)."""
+"""A vehicle cannot be on a lanelet farther from its position (chosen: a vehicle half off its lane)."""
 COST_PER_M_OUTSIDE, COST_PER_M_BESIDE, COST_PER_RAD = 3.0, 0.6, 2.0
-"""What a pose costs on a lanelet: outside of it, beside its centre line, and turned from it. Weighed by hand on
+"""Costs of a pose on a lanelet: outside it, off its centre line, and turned from it. Weighted by hand on
 recorded traffic; the match of a whole track (``map_matching.py``) uses the same costs."""
 COST_OF_NO_DIFFERENCE = 0.5
-"""A pose that fits another lanelet worse by no more (0.8 m beside, or 14° across) lies on that one as well (chosen)."""
+"""A pose also lies on another lanelet that fits worse by no more than this (0.8 m off, or 14° turned; chosen)."""
 _FARTHEST_CENTER_M = 3.0
-"""A pose that lies on no lanelet counts as on those whose centre line is nearer (chosen: nearly a lane's width)."""
+"""A pose off all lanelets counts as on those with a centre line within this (chosen: nearly a lane's width)."""
 
 
 def lanelets_of_pose(network: "LaneletNetwork", position: Points, heading_rad: float) -> tuple[int, ...]:
     """Return the lanelets that a pose lies on, the one that fits best first; empty if there are none.
 
-    They lie under the position and lead in the direction of the heading, within 90°. A lanelet beside the position is
+    They lie under the position and lead in the direction of the heading, within 90°. An adjacent lanelet is
     among them if it fits better than each of those: the vehicle then hangs over its edge. If no lanelet within reach
-    leads in the direction of the heading, they are the lanelets under the position, or those whose centre line is near,
+    leads in the direction of the heading, they are the lanelets under the position, or those with a near centre line,
     whatever their direction.
 
     Args:
@@ -63,7 +63,7 @@ def lanelets_of_pose(network: "LaneletNetwork", position: Points, heading_rad: f
 
 
 def _pose_on(lanelet: "Lanelet", position: Points, heading_rad: float) -> tuple[float, float]:
-    """How far a pose is turned from a lanelet, in rad, and how far it is beside the lanelet's centre line, in m."""
+    """Return a pose's angle to a lanelet in rad and its distance from the lanelet's centre line in m."""
     line = without_repeats(np.asarray(lanelet.center_vertices, dtype=float))
     if len(line) < 2:
         return abs(wrap_angle(heading_rad)), float(np.linalg.norm(line[0] - position))

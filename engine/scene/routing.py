@@ -65,7 +65,7 @@ def find_route(
 
 
 def start_lanelets(network: "LaneletNetwork", position: Points, heading_rad: float) -> tuple[int, ...]:
-    """The lanelets of a pose, the one that fits best first (:func:`~.poses.lanelets_of_pose`).
+    """Return the lanelets of a pose, the one that fits best first (:func:`~.poses.lanelets_of_pose`).
 
     Raises:
         NotPossible: no lanelet is there.

@@ -38,7 +38,7 @@ NOT_DRIVEN = ("pedestrian",)
 class Ego:
     """A planning problem's start, the middle of an uncertain one.
 
-    The centre (2,) in m, heading in rad, speed, the lanelets there (best first), and what class of vehicle it is.
+    The centre (2,) in m, heading in rad, speed, the lanelets there (best first), and the class of vehicle.
     """
 
     problem_id: int

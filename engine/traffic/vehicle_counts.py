@@ -26,7 +26,7 @@ class Demand:
     """Vehicles wanted by class; ``least`` and ``most`` are the request's own bounds, the ego not counted.
 
     ``bounded_by``: in words, what keeps the vehicles from being as many as the density asks for, where something does.
-    ``ego_class``: the class of which one vehicle is the ego.
+    ``ego_class``: the class of the vehicle that is the ego.
     """
 
     counts: dict[str, int]
@@ -46,7 +46,7 @@ class Demand:
         return {name: self.least.get(name, 0) + (name == self.ego_class) for name in self.counts}
 
     def with_ego(self, vehicle_class: str) -> "Demand":
-        """The same with one vehicle of a class as the ego, in the place of the car that it would be otherwise."""
+        """Return the same demand with one vehicle of a class as the ego instead of the car that it would be."""
         if vehicle_class == self.ego_class:
             return self
         counts = self.counts | {"car": self.counts["car"] - 1}

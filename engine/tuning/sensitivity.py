@@ -5,9 +5,9 @@ random ways through the space; μ* (Campolongo, Cariboni and Saltelli 2007) is t
 index is the share of the objective's variance in which a weight has a part. Intervals are SALib's bootstraps.
 
 A change of a weight that turns some scenarios to success and as many to failure moves the mean a little too. So a
-weight matters only where its effect is larger than it would be if each scenario's changes could as well have had the
-other sign (a permutation test with the scenario as the unit), and where its bootstrapped interval lies above 0; both
-for as many weights as are tested (Bonferroni).
+weight matters only if its effect is larger than expected if each scenario's changes were as likely to have the opposite
+sign (a permutation test with the scenario as the unit), and if its bootstrapped interval lies above 0; both conditions
+are adjusted for the number of tested weights (Bonferroni).
 """
 
 from collections.abc import Sequence
@@ -26,22 +26,22 @@ if TYPE_CHECKING:
 _LEVELS = 4
 """Levels of a Morris design, as usual."""
 _FEWEST_WAYS = 4
-"""Ways of a Morris design at least (Saltelli et al. 2008, "Global Sensitivity Analysis: The Primer": four to ten)."""
+"""Fewest ways of a Morris design (Saltelli et al. 2008, "Global Sensitivity Analysis: The Primer": four to ten)."""
 _FEWEST_SAMPLES = 2
-"""Base samples of a Sobol design at least: with one there is no variance."""
+"""Fewest base samples of a Sobol design: with one there is no variance."""
 _MOST_EXACT = 13
 """Scenarios up to which all signs are tried: 2¹³ are fewer than the drawn ones."""
 _DRAWN = 9_999
-"""Signs that are drawn above; with the observed ones p is a multiple of 1/10,000 (Davison and Hinkley 1997)."""
+"""Signs that are drawn beyond that; with the observed ones p is a multiple of 1/10,000 (Davison and Hinkley 1997)."""
 
 
 def fewest_configurations(method: Literal["morris", "sobol"], weights: int) -> int:
-    """How many configurations the smallest design over so many weights drives."""
+    """Return how many configurations the smallest design over so many weights drives."""
     return _FEWEST_WAYS * (weights + 1) if method == "morris" else _FEWEST_SAMPLES * (weights + 2)
 
 
 def sensitivity_design(request: DesignRequest, report: ProgressReporter) -> Proposals:
-    """An operation: the points of a design, at most as many as are asked for but those of the smallest design."""
+    """Return the points of a design (an operation): at most as many as requested, at least the smallest design."""
     points = _points(request)
     report(1.0, f"{len(points)} points")
     return Proposals(points=tuple(tuple(float(place) for place in point) for point in points))
@@ -72,7 +72,7 @@ def sensitivity_effects(request: EffectsRequest, report: ProgressReporter) -> Ef
 
 
 def _analysed(design: DesignRequest, points: Any, values: "NDArray[np.float64]") -> tuple[list[float], list[float]]:
-    """The effect of each weight with half of its 95 % interval; all are 0 where the objective never changes."""
+    """Return the effect of each weight with half of its 95 % interval; all are 0 where the objective never changes."""
     if values.std() == 0:
         return [0.0] * len(design.names), [0.0] * len(design.names)
     problem, seed = _problem(design), legacy_seed(design.seed)
@@ -88,7 +88,7 @@ def _analysed(design: DesignRequest, points: Any, values: "NDArray[np.float64]")
 
 
 def _effect(name: str, effect: float, margin: float, p: float | None, tested: int) -> Effect:
-    """The effect of a weight with what may be said of it, one of so many that are tested."""
+    """Return the effect of a weight with what may be said of it, one of so many that are tested."""
     if effect == 0 and p is None:
         return Effect(name=name, effect=0.0, margin=0.0, verdict="none")
     normal = NormalDist()
@@ -101,7 +101,7 @@ def _effect(name: str, effect: float, margin: float, p: float | None, tested: in
 
 
 def _couples(design: DesignRequest, place: int) -> list[tuple[int, int]]:
-    """The pairs of points of a design that differ in one weight alone."""
+    """Return the pairs of points of a design that differ in only one weight."""
     count = len(design.names)
     points = _points(design)
     if design.method == "sobol":  # A, then A with each weight of B, then B
@@ -111,9 +111,9 @@ def _couples(design: DesignRequest, place: int) -> list[tuple[int, int]]:
 
 
 def _changes(request: EffectsRequest) -> "dict[str, NDArray[np.float64]]":
-    """By weight, the change of each scenario's objective in each pair of points that differ in it alone, (pairs, s).
+    """Return by weight each scenario's change of objective between points that differ only in it, (pairs, s).
 
-    Scenarios that miss a score at any point are left out; empty where no scores are given.
+    Scenarios that lack a score at any point are left out; empty if no scores are given.
     """
     import numpy as np
 
@@ -129,7 +129,7 @@ def _changes(request: EffectsRequest) -> "dict[str, NDArray[np.float64]]":
 
 
 def _chance(changes: "NDArray[np.float64]", units: Sequence[str], design: DesignRequest) -> float:
-    """How often signs of scenarios by chance give an effect as large as the observed one; never 0."""
+    """Return how often signs of scenarios by chance give an effect as large as the observed one; never 0."""
     import numpy as np
 
     names = list(dict.fromkeys(units))
@@ -150,7 +150,7 @@ def _chance(changes: "NDArray[np.float64]", units: Sequence[str], design: Design
 
 
 def _largest(design: DesignRequest, place: int, changes: "NDArray[np.float64] | None") -> tuple[int, int, int] | None:
-    """The two points and the scenario between which a weight changed most; None where it changed nothing."""
+    """Return the two points and the scenario between which a weight changed most, or None if it changed nothing."""
     import numpy as np
 
     if changes is None or not changes.any():

@@ -287,7 +287,7 @@ _FISS_WEIGHTS = (
     Weight("reaction_time_s", "grace after one cuts in, s", "hard distances hold later", "core", 0.0, 5.0),
     Weight("crossing_gap_s", "smallest time to crossing traffic, s; hard", "waits for larger gaps", "core", 0.0, 5.0),
 )
-"""The weights and distances of FISS's core that are set; meanings from its documentation, defaults of version 1.0.0."""
+"""The settable weights and distances of FISS's core; meanings from its documentation, defaults of version 1.0.0."""
 _KEPT = (10.0, 5.0, 5.0, 3.0, 1.5, 4.0, 1.0, 3.0, 2.0, 0.3, 1.5, 0.5, 0.75)
 _NOT_KEPT = (0.0, 0.0, 0.0, 3.0, 1.5, 4.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0)
 _FISS_DEFAULT = (1.0, 1.0, 0.1, 0.1, 2.0, 5.0, 10.0, 1.0, *_KEPT)
@@ -343,7 +343,7 @@ _RSS = (
 
 
 def _reference(weights: tuple[Weight, ...], values: tuple[float, ...], summary: str) -> "PlannerTuning":
-    """The tuning of a reference driver: its source's parameters, with and without following others."""
+    """Return the tuning of a reference driver: its source's parameters, with and without following others."""
     presets = (
         _preset(weights, "Default", "Default", "its source's parameters; follows others like idm", (1.0, 2.0, *values)),
         _preset(weights, "Verdict", "Verdict", "as in verdicts: keeps its speed until it reacts", (0.0, 2.0, *values)),
@@ -352,7 +352,7 @@ def _reference(weights: tuple[Weight, ...], values: tuple[float, ...], summary: 
 
 
 _PATH_FOLLOWERS_IGNORE = ("sampling_level", "search")
-"""Settings that do nothing in planners that follow the reference path."""
+"""Settings without effect in planners that follow the reference path."""
 _NO_PARAMETERS = {"Default": Preset("Default", "Default", "it has no parameters", {})}
 
 TUNINGS = {

@@ -8,7 +8,7 @@
 ``can_be_there``: Whether a vehicle can be between two distances ahead after n times at m speeds, shape (n, m).
 ``centers``: Positions of the centre, shape (n, 2) in m, for positions of the rear axle and headings.
 ``farthest_m``: The longest distance in m that a vehicle covers in a time.
-``latest_passing_s``: The time after which a vehicle has certainly driven a distance; infinite where it can stop before.
+``latest_passing_s``: The time after which a vehicle has certainly driven a distance; infinite if it can stop before.
 ``least_time_s``: The shortest time in which a car covers a distance from a speed.
 ``rear_axle``: The position of the rear axle, shape (2,) in m, for a centre and heading.
 ``EgoClass``: What an ego of a class is and can do: its vehicle, motion model, and where its limits come from.

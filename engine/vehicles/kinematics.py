@@ -1,8 +1,8 @@
 """Where a vehicle's centre and rear axle are, and where a vehicle can be after a time and how fast.
 
-The second part gives bounds that no such vehicle beats. Its largest acceleration is taken at every speed, forwards and
-braking, and its top speed; the extreme motions between two speeds are one phase of braking and one of accelerating, in
-either order. CommonRoad's vehicle 2 (11.5 m/s², 50.8 m/s) stands for every car. Lengths in m, times in s, speeds in
+The second part gives bounds that a vehicle cannot exceed. Its largest acceleration is taken at every speed, forwards
+and braking, and its top speed; the extreme motions between two speeds are one phase of braking and one of accelerating,
+in either order. CommonRoad's vehicle 2 (11.5 m/s², 50.8 m/s) stands for every car. Lengths in m, times in s, speeds in
 m/s, headings in rad.
 """
 
@@ -31,7 +31,7 @@ def farthest_m(speed_mps: float, duration_s: float, vehicle: VehicleParameters, 
     """Return the longest distance in m that a vehicle covers in a time.
 
     It accelerates with its largest acceleration up to its largest speed and keeps that. The power of its engine, the
-    road and other vehicles are left aside, so no drive is longer. An infinite time gives an infinite distance.
+    road and other vehicles are ignored, so no drive is longer. An infinite time gives an infinite distance.
 
     Args:
         speed_mps: the vehicle's speed at the beginning.
@@ -55,7 +55,7 @@ def can_be_there(
     finals_mps: Values,
     vehicle: VehicleParameters = BMW_320I,
 ) -> NDArray[np.bool_]:
-    """Whether a vehicle can be between two distances ahead after each of n times at each of m speeds, shape (n, m)."""
+    """Return whether a vehicle can be between two distances ahead for each of n times and m speeds, shape (n, m)."""
     nearest, farthest = _spans_m(speed_mps, times_s[:, None], finals_mps[None], vehicle)
     change_mps = vehicle.maximum_acceleration_mps2 * times_s[:, None]
     in_time = np.abs(finals_mps[None] - speed_mps) <= change_mps + 1e-9
@@ -64,7 +64,7 @@ def can_be_there(
 
 
 def least_time_s(speed_mps: float, distance_m: float, vehicle: VehicleParameters = BMW_320I) -> float:
-    """The time in s that a vehicle needs at least for a distance, from a speed."""
+    """Return the time in s that a vehicle needs at least for a distance, from a speed."""
     largest_mps2, top_mps = vehicle.maximum_acceleration_mps2, vehicle.maximum_speed_mps
     speed, ahead = min(speed_mps, top_mps), max(distance_m, 0.0)
     gaining_m = (top_mps**2 - speed**2) / (2 * largest_mps2)
@@ -74,7 +74,7 @@ def least_time_s(speed_mps: float, distance_m: float, vehicle: VehicleParameters
 
 
 def latest_passing_s(speed_mps: float, distance_m: float, vehicle: VehicleParameters = BMW_320I) -> float:
-    """The time in s after which a vehicle has certainly driven a distance in m; infinite where it can stop before."""
+    """Return the time in s after which a vehicle must have driven a distance in m; infinite if it can stop before."""
     left = speed_mps**2 - 2 * vehicle.maximum_acceleration_mps2 * max(distance_m, 0.0)
     return math.inf if left <= 0.0 else (speed_mps - math.sqrt(left)) / vehicle.maximum_acceleration_mps2
 

@@ -40,7 +40,7 @@ class VehicleParameters:
         return self.length_m, self.width_m
 
     def most_acceleration_mps2(self, speed_mps: float) -> float:
-        """The largest acceleration at a speed: what the tyres hold, and above the switching speed what power gives."""
+        """Return the largest acceleration at a speed: up to the switching speed by the tyres, above it by the power."""
         return self.maximum_acceleration_mps2 * min(1.0, self.switching_speed_mps / max(speed_mps, 1e-6))
 
     @property
@@ -127,14 +127,14 @@ _MOPED_W_PER_KG = 4_000 / 155
 
 
 def _steering_on_circle_rad(known: VehicleClass, outer_radius_m: float) -> float:
-    """The steering angle at which the outer front corner of a rigid body runs on a circle of a radius."""
+    """Return the steering angle at which the outer front corner of a rigid body runs on a circle of a radius."""
     front_m = known.length_m / 2 + known.rear_axle_m  # of the bumper before the rear axle
     rear_axle_radius_m = math.sqrt(outer_radius_m**2 - front_m**2) - known.width_m / 2
     return math.atan(known.wheelbase_m / rear_axle_radius_m)
 
 
 def _as_traffic(known: VehicleClass, limits: VehicleParameters) -> VehicleParameters:
-    """The limits with size and axles of a class of traffic."""
+    """Return the limits with size and axles of a class of traffic."""
     return replace(
         limits,
         length_m=known.length_m,
@@ -148,7 +148,7 @@ def _as_traffic(known: VehicleClass, limits: VehicleParameters) -> VehicleParame
 def _own_limits(
     known: VehicleClass, hardest_mps2: float, power_w_per_kg: float, steering_rad: float, steering_rate_radps: float
 ) -> VehicleParameters:
-    """A class with limits of its own: power holds from the speed on at which tyres no longer limit the acceleration."""
+    """Return a class with its own limits; power applies above the speed at which tyres cease to limit acceleration."""
     limits = VehicleParameters(
         maximum_acceleration_mps2=hardest_mps2,
         maximum_speed_mps=known.maximum_speed_mps,
@@ -161,7 +161,7 @@ def _own_limits(
 
 @cache
 def ego_classes() -> Mapping[str, EgoClass]:
-    """What the ego can be, by the word for it in requests: every motor vehicle of the traffic's classes."""
+    """Return what the ego can be, by the word for it in requests: every motor vehicle of the traffic's classes."""
     known = vehicle_classes()
     heavy_rate_radps = VEHICLES[4].maximum_steering_rate_radps
     light_rate_radps = BMW_320I.maximum_steering_rate_radps
@@ -233,10 +233,10 @@ def ego_classes() -> Mapping[str, EgoClass]:
 
 
 def ego_class(name: str) -> EgoClass:
-    """The class of an ego by its word.
+    """Return the class of an ego by its word.
 
     Raises:
-        UnknownName: the ego cannot be that.
+        UnknownName: an ego cannot be of this class.
     """
     if name not in ego_classes():
         valid = closest(name, ego_classes()) or list(ego_classes())
@@ -245,20 +245,20 @@ def ego_class(name: str) -> EgoClass:
 
 
 def ego_class_of(commonroad_type: str, length_m: float) -> EgoClass | None:
-    """What an ego is in the place of a recorded vehicle of a CommonRoad type and length; None if it cannot be one."""
+    """Return the ego's class in place of a recorded vehicle of a CommonRoad type and length, or None."""
     known = nearest_class(commonroad_type, length_m)
     return ego_classes().get(known.name) if known.commonroad_type == commonroad_type else None
 
 
 def commonroad_vehicle(settings: PlannerSettings, vehicle_class: str = "car") -> int | None:
-    """The id of CommonRoad's vehicle that an ego of a class is; None for one with parameters of its own."""
+    """Return the id of CommonRoad's vehicle that an ego of a class is; None for one with parameters of its own."""
     if _own_parameters(settings):
         return None
     return settings.vehicle if settings.states_vehicle else ego_class(vehicle_class).commonroad_vehicle
 
 
 def vehicle_of(settings: PlannerSettings, vehicle_class: str = "car") -> VehicleParameters:
-    """The vehicle of a run: what the configuration states of it, otherwise that of the ego's class.
+    """Return the vehicle of a run: what the configuration states of it, otherwise that of the ego's class.
 
     Raises:
         NotPossible: the class is a vehicle with a trailer, which is two bodies, and the configuration states no other.
@@ -290,12 +290,12 @@ def vehicle_of(settings: PlannerSettings, vehicle_class: str = "car") -> Vehicle
 
 
 def fits_together(length_m: float, wheelbase_m: float, rear_axle_behind_center_m: float) -> bool:
-    """Whether a body of a length can have such axles."""
+    """Return whether a body of a length can have such axles."""
     return wheelbase_m <= length_m and rear_axle_behind_center_m <= min(length_m / 2, wheelbase_m)
 
 
 def parameter_values(vehicle: VehicleParameters) -> dict[str, float]:
-    """A vehicle's parameters by name, in their order."""
+    """Return a vehicle's parameters by name, in their order."""
     return {name: getattr(vehicle, name) for name in PARAMETER_NAMES}
 
 

@@ -35,7 +35,7 @@ _ENDINGS = {
 }
 """Where files of a format come from: stored, written from the record, drawn, or made by kind; endings that differ."""
 _WITH = {"openscenario": ("opendrive",), "json": ("steps", "series")}
-"""What is written beside a format's file: what that file names, and of a run what its record does not hold."""
+"""What is written in addition to a format's file: files it names, and for a run what its record does not hold."""
 REPORT_NAME = "report.html"
 _READABLE = 0o644
 """Temporary files are private; what a user asked for may be read by others."""

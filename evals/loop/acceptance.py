@@ -48,14 +48,14 @@ def measure(bench: LoopBench) -> Figures:
 
 
 def _motions(run: JudgedRun, generator: np.random.Generator) -> Iterator[tuple[str, RunSteps]]:
-    """The driven motion and changed ones."""
+    """Yield the driven motion and changed ones."""
     yield "driven", run.response.steps
     for name in generator.choice(sorted(_CHANGES), size=_CHANGED, replace=False).tolist():
         yield name, _CHANGES[name](run, generator)
 
 
 def _bulge(run: JudgedRun, generator: np.random.Generator) -> RunSteps:
-    """A way that bulges to the side by 3 mm to 3 m, with the headings as they were."""
+    """Return a way that bulges to the side by 3 mm to 3 m, with the headings as they were."""
     steps = run.response.steps
     aside = _size(generator, 3e-3, 3.0) * _hump(len(steps.x_m), generator)
     heading = np.array(steps.heading_rad)
@@ -85,7 +85,7 @@ def _wavering_places(run: JudgedRun, generator: np.random.Generator) -> RunSteps
 
 
 def _other_steering(run: JudgedRun, generator: np.random.Generator) -> RunSteps:
-    """Steering angles that are off by 0.01 to 1 rad at some moments."""
+    """Return steering angles that are off by 0.01 to 1 rad at some moments."""
     vehicle = vehicle_of(run.configuration.settings)
     angles = np.array(run.response.steps.steering_rad)
     off = _size(generator, 1e-2, 1.0) * _hump(len(angles), generator)
@@ -93,7 +93,7 @@ def _other_steering(run: JudgedRun, generator: np.random.Generator) -> RunSteps:
 
 
 def _without_end(run: JudgedRun, generator: np.random.Generator) -> RunSteps:
-    """Without its last steps, one or more."""
+    """Return the steps without the last one or more."""
     count = len(run.response.steps.x_m)
     kept = max(count - int(generator.integers(1, max(count // 2, 2))), 2)
     return _with(run, kept=kept)
@@ -114,7 +114,7 @@ def _size(generator: np.random.Generator, low: float, high: float) -> float:
 
 
 def _hump(count: int, generator: np.random.Generator) -> Column:
-    """A smooth hump between two moments, 0 at the start."""
+    """Return a smooth hump between two moments, 0 at the start."""
     begin = generator.uniform(0.0, 0.6) * count
     share = np.clip((np.arange(count) - begin) / max(0.4 * count, 1.0), 0.0, 1.0)
     hump: Column = np.sin(np.pi * share) ** 2
@@ -122,7 +122,7 @@ def _hump(count: int, generator: np.random.Generator) -> Column:
 
 
 def _with(run: JudgedRun, kept: int | None = None, **columns: Column) -> RunSteps:
-    """The run's steps with other columns, or only so many of them; the planning steps play no part."""
+    """Return the run's steps with other columns, or only so many of them; the planning steps play no part."""
     steps = run.response.steps
     names = ("x_m", "y_m", "heading_rad", "speed_mps", "acceleration_mps2", "steering_rad")
     told = {name: tuple(np.asarray(columns.get(name, getattr(steps, name)), dtype=float)[:kept]) for name in names}
@@ -132,7 +132,7 @@ def _with(run: JudgedRun, kept: int | None = None, **columns: Column) -> RunStep
 
 
 def _ours(run: JudgedRun, steps: RunSteps) -> str:
-    """What the product's closed form says."""
+    """Return what the product's closed form says."""
     loaded = read_scenario(run.path)
     problem = loaded.problem(run.response.record.problem_id)
     vehicle = vehicle_of(run.configuration.settings)
@@ -142,7 +142,7 @@ def _ours(run: JudgedRun, steps: RunSteps) -> str:
 
 
 def _theirs(run: JudgedRun, steps: RunSteps) -> str:
-    """What ``valid_solution`` says of it on an empty road."""
+    """Return what ``valid_solution`` says of it on an empty road."""
     scenario, problems = run.opened
     for obstacle in list(scenario.obstacles):
         scenario.remove_obstacle(obstacle)

@@ -2,8 +2,8 @@
 
 The folder is meant to be the public CommonRoad database, of over 2,000 scenarios, which whoever runs this fetches; any
 folder of CommonRoad files does. A run goes the way of the product's runs: one request to a warm worker process. Rows go
-to a journal (``--out``), one JSON line a run; a run whose row is there is not made again, so a bench that was stopped
-goes on. A file that is refused is named with the reason, and counts in no share.
+to a journal (``--out``), one JSON line a run; a run with a row in the journal is not repeated, so a bench that was
+stopped goes on. A file that is refused is named with the reason, and counts in no share.
 
 Success is a goal that was reached and that CommonRoad's benchmark accepts (``success_rule`` of the run). A table by
 kind of scenario goes to standard error: the first folder below the given one, or, for files directly in it, what their
@@ -51,7 +51,7 @@ from ..harness import Figures, built_in, drawn, existing, print_figures
 _HEAD_BYTES = 4000
 """The root element of a scenario file ends within these."""
 _OTHER_XML = (".net.xml", ".rou.xml", ".add.xml", ".edg.xml", ".nod.xml", ".con.xml", ".typ.xml")
-"""Files of SUMO that lie beside interactive scenarios."""
+"""SUMO files that accompany interactive scenarios."""
 _SOURCES = {
     "ngsim": "NGSIM",
     "next generation simulation": "NGSIM",
@@ -70,7 +70,7 @@ _AUTHORS_SEARCHES = {"fop": 0, "fiss": 2}
 
 
 def authors_scenarios() -> frozenset[str]:
-    """The names, without ending, of the 280 scenarios on which FISS's authors measured."""
+    """Return the names, without ending, of the 280 scenarios on which FISS's authors measured."""
     text = package_files(__package__).joinpath("fiss_scenarios.txt").read_text("utf-8")
     return frozenset(line for line in text.splitlines() if line and not line.startswith("#"))
 
@@ -86,7 +86,7 @@ class Turn:
     traffic: Traffic
 
     def key(self, path: Path) -> tuple[str, str, str, str]:
-        """What a run of this turn is known by in the journal."""
+        """Return what a run of this turn is known by in the journal."""
         return self.configuration.config_id, self.prediction, self.traffic, str(path)
 
 
@@ -99,7 +99,7 @@ class Journal:
 
     @classmethod
     def read(cls, path: Path) -> "Journal":
-        """The journal of a file, empty where there is none."""
+        """Return the journal of a file; it is empty if there is no file."""
         journal = cls(path)
         if path.exists():
             whole = [line for line in path.read_bytes().splitlines(keepends=True) if line.endswith(b"\n")]
@@ -115,7 +115,7 @@ class Journal:
             file.write(json.dumps(row) + "\n")
 
     def of(self, turn: Turn) -> list[dict[str, Any]]:
-        """The rows of a turn, in the order of its files."""
+        """Return the rows of a turn, in the order of its files."""
         return [self.rows[turn.key(path)] for path in turn.files if turn.key(path) in self.rows]
 
 
@@ -124,14 +124,14 @@ def _key(row: Mapping[str, Any]) -> tuple[str, str, str, str]:
 
 
 def scenarios_in(folder: Path, limit: int | None) -> list[Path]:
-    """The CommonRoad files below a folder, by name; with a limit always the same sample."""
+    """Return the CommonRoad files below a folder, by name; with a limit always the same sample."""
     found = [path for path in folder.rglob("*.xml") if not path.name.endswith(_OTHER_XML) and _is_commonroad(path)]
     by_name = {str(path.relative_to(folder)): path for path in sorted(found)}
     return [by_name[name] for name in (drawn(by_name, limit) if limit else by_name)]
 
 
 def _is_commonroad(path: Path) -> bool:
-    """Whether a file says that it is CommonRoad's, or says nothing: a broken one is to be refused, not overlooked."""
+    """Return whether a file is, or may be, CommonRoad's: a broken file has to be refused, not overlooked."""
     head = _head(path)
     root = re.search(r"<([A-Za-z][\w:.-]*)[\s>/]", re.sub(r"<!--.*?-->", "", head, flags=re.DOTALL))
     return root is None or root.group(1) == "commonRoad"
@@ -143,7 +143,7 @@ def _head(path: Path) -> str:
 
 
 def kind_of(path: Path, folder: Path) -> str:
-    """The kind of a scenario: the first folder below the given one, else what its file's source says."""
+    """Return the kind of a scenario: the first folder below the given one, else what its file's source says."""
     parts = path.relative_to(folder).parts[:-1]
     if parts:
         return parts[0]
@@ -153,7 +153,7 @@ def kind_of(path: Path, folder: Path) -> str:
 
 
 def top_folder(folder: Path) -> Path:
-    """The folder itself, or the deepest folder that holds all that it holds."""
+    """Return the folder itself, or the deepest folder that holds all that it holds."""
     while True:
         inside = [child for child in folder.iterdir() if not child.name.startswith(".")]
         if len(inside) != 1 or not inside[0].is_dir():
@@ -164,7 +164,7 @@ def top_folder(folder: Path) -> Path:
 def turns_for(
     scenarios: Sequence[Path], planners: Iterable[str], prediction: Prediction, traffic: Traffic
 ) -> Iterator[Turn]:
-    """Every planner over all scenarios, then FISS as its authors ran it over theirs."""
+    """Yield every planner over all scenarios, then FISS as its authors ran it over theirs."""
     for planner in planners:
         yield Turn(planner, built_in(f"{planner}:Default"), scenarios, prediction, traffic)
     theirs = authors_scenarios()
@@ -245,7 +245,7 @@ def _measured(response: RunResponse) -> dict[str, Any]:
 
 
 def figures_of(turns: Sequence[Turn], journal: Journal) -> dict[str, float | int | str]:
-    """The keys above, from the journal alone."""
+    """Return the figures of the keys above, only from the journal."""
     rows = {turn.name: journal.of(turn) for turn in turns}
     every = [row for own in rows.values() for row in own]
     planners = [turn for turn in turns if not turn.name.startswith(AUTHORS)]
@@ -273,7 +273,7 @@ def figures_of(turns: Sequence[Turn], journal: Journal) -> dict[str, float | int
 
 
 def _beside_authors(search: str, turn: Turn, done: Sequence[Mapping[str, Any]]) -> dict[str, float | int]:
-    """On the authors' scenarios nothing is left out: what could not be attempted is no success."""
+    """Return the figures on the authors' scenarios; a scenario that could not be attempted is not a success."""
     figures: dict[str, float | int] = {
         "authors_scenarios": len(turn.files),
         f"authors_success_{search}": _share(done, "goal_reached"),
@@ -299,7 +299,7 @@ def _runs_per_second(rows: Sequence[Mapping[str, Any]]) -> float:
 
 
 def table_of(turns: Sequence[Turn], journal: Journal) -> str:
-    """Outcomes by turn and kind of scenario, as Markdown."""
+    """Return outcomes by turn and kind of scenario, as Markdown."""
     lines = ["| planner | kind | runs | outcomes |", "| --- | --- | --- | --- |"]
     for turn in turns:
         by_kind: dict[str, Counter[str]] = defaultdict(Counter)

@@ -1,6 +1,6 @@
 """Whether an ego of a class is that class everywhere: in files, judge, planners, answers and pictures.
 
-Requests for egos of six classes (car, taxi, motorcycle, bus, truck, semi-trailer) go through the tools alone. They come
+Requests for egos of six classes (car, taxi, motorcycle, bus, truck, semi-trailer) go only through the tools. They come
 in every way in which a class can be said: a generation, a file that names it, an edit that names it, an edit that puts
 the ego in the place of a recorded vehicle, and a configuration that states another vehicle. The scenarios are drawn by
 the seed: where the ego starts, how fast, and on which road.
@@ -9,7 +9,8 @@ A request counts as right if all of this holds:
 
 - the file that is kept for the scenario names the class, and the description and the picture's words name class and
   size;
-- the judge finds an initial collision with a body 6 cm inside the class's length or width, and none 6 cm outside;
+- the judge finds an initial collision with a body 6 cm inside the class's length or width, and no collision with
+  one 6 cm outside;
 - in the picture the ego is as long and as wide as the class, measured in pixels against a bus of known size;
 - every planner's run states class and size, its motion keeps the class's limits of speed, acceleration (friction and
   power), steering angle and steering rate, and its rear axle, where the class has it, does not slide: the kinematic
@@ -87,7 +88,7 @@ TRUTHS = (
     _Truth("bus", 12.0, 2.5, 5.9, 2.65, 7.0, 23.6, 210 / 18 / 7, math.radians(49.5), 0.7103, "bus", (12.0, 2.5)),
     # SUMO's emergencyDecel of 7 m/s²; an Atego 818: 130 kW, 7.5 t; steering of CommonRoad's vehicle 4.
     _Truth("truck", 7.1, 2.4, 4.2, 1.9, 7.0, 36.1, 130 / 7.5 / 7, 0.55, 0.7103, "truck", (7.1, 2.4)),
-    # CommonRoad's vehicle 4 with its trailer; alone, the tractor is 5.1 m long.
+    # CommonRoad's vehicle 4 with its trailer; without it, the tractor is 5.1 m long.
     _Truth("trailer", 16.5, 2.55, 3.6, 1.8, 11.5, 22.22, 7.824, 0.55, 0.7103, "truck", (16.5, 2.55)),
 )
 _BY_WORD = {truth.word: truth for truth in TRUTHS}
@@ -111,7 +112,7 @@ _PLACES = ("Musterstadt", "Fahrhausen", "Quadratstadt")
 
 
 def measure(bench: LoopBench) -> Figures:
-    """The keys above."""
+    """Return the figures of the keys above."""
     verdicts = anyio.run(_measured, bench)
     return {"ego_classes_right": share(verdicts), "ego_requests": len(verdicts)}
 
@@ -163,7 +164,7 @@ class _Asking:
     made: int = 0
 
     async def named(self, truth: _Truth) -> Any:
-        """A file that names its ego's class."""
+        """Return a file that names its ego's class."""
         scenario = await self._imported(self._straight(truth.word))
         async for text in self._is(scenario, truth, in_picture=True):
             yield text
@@ -176,7 +177,7 @@ class _Asking:
             yield text
 
     async def edited(self, truth: _Truth) -> Any:
-        """An edit that names the class, in another word where there is one."""
+        """Return an edit that names the class, in another word where there is one."""
         base = await self._imported(self._straight(""))
         word = SPOKEN.get(truth.word, truth.word)
         scenario = await self._modified(base, {"op": "set_ego", "vehicle_class": word})
@@ -186,7 +187,7 @@ class _Asking:
             yield text
 
     async def replaced(self, truth: _Truth) -> Any:
-        """An edit that puts the ego in the place of a recorded vehicle of the class."""
+        """Return an edit that puts the ego in the place of a recorded vehicle of the class."""
         plain = self._straight("")
         ahead_m = self.choice.uniform(60.0, 80.0)
         place_m = plain.ego_x + ahead_m
@@ -199,7 +200,7 @@ class _Asking:
             yield text
 
     async def generated(self, truth: _Truth) -> Any:
-        """A generation that asks for the class."""
+        """Return a generation that asks for the class."""
         word = self.choice.choice([truth.word, SPOKEN.get(truth.word, truth.word)])
         asked = {"place": self.choice.choice(_PLACES), "ego": f"type:{word}", "seed": self.choice.randrange(1000)}
         answer = await self.client.call_tool("generate_scenarios", {**asked, "duration_s": 15})
@@ -217,7 +218,7 @@ class _Asking:
             yield text
 
     async def stated(self, truth: _Truth) -> Any:
-        """A configuration that states a vehicle, which comes before the class."""
+        """Return a configuration that states a vehicle, which comes before the class."""
         scenario = await self._imported(self._straight(truth.word))
         number, vehicle = (4, _TRACTOR) if truth is _TRAILER else (2, _CAR)
         settings = {"planner": "frenetix", "settings": [f"vehicle={number}"]}
@@ -230,7 +231,7 @@ class _Asking:
         return self.made
 
     def _straight(self, word: str) -> _Made:
-        """An empty straight road but for a bus on the next lane, far enough ahead to be in nobody's way."""
+        """Return an empty straight road but for a bus on the next lane, too far ahead to be in the way."""
         start = self.choice.uniform(40.0, 60.0)
         bus = ("bus", (12.0, 2.5), start + self.choice.uniform(20.0, 26.0), 7.0)
         speed = self.choice.uniform(6.0, 9.0)
@@ -251,7 +252,7 @@ class _Asking:
         return str(answer.structured_content["scenario_id"])
 
     async def _is(self, scenario: str, truth: _Truth, *, in_picture: bool) -> Any:
-        """What is wrong with the file, the description and the picture of a scenario."""
+        """Return what is wrong with the file, the description and the picture of a scenario."""
         text = (self.workspace / "scenarios" / scenario / "scenario.xml").read_text(encoding="utf-8")
         words = re.findall(r'<\?plannerforge ego-class="(\w+)"\?>', text)
         if words != ([] if truth is _CAR else [truth.word]):
@@ -272,7 +273,7 @@ class _Asking:
                 yield f"in the picture it measures {found}"
 
     async def _judged(self, truth: _Truth) -> Any:
-        """What is wrong with initial collisions beside and ahead of the class's body; a box of 2 m by 2 m is there."""
+        """Return what is wrong with initial collisions with a 2 m by 2 m box next to and ahead of the class's body."""
         for gap_m, hits in ((-_INSIDE_M, True), (_INSIDE_M, False)):
             for along in (True, False):
                 made = replace(self._straight(truth.word), number=self._number())
@@ -293,7 +294,7 @@ class _Asking:
     async def _driven(
         self, scenario: str, truth: _Truth, configs: Sequence[str] = PLANNERS, *, refused: bool | None = None
     ) -> Any:
-        """What is wrong with runs on a scenario."""
+        """Return what is wrong with runs on a scenario."""
         for config in configs:
             record, told = await self._run(scenario, config)
             if truth is _TRAILER if refused is None else refused:
@@ -317,12 +318,12 @@ class _Asking:
                 yield f"{config} on {scenario} ({record['outcome']}): {', '.join(wrong)}"
 
     async def _shown(self, artifact_id: str) -> Any:
-        """The data that a player shows of a scenario or run."""
+        """Return the data that a player shows of a scenario or run."""
         answer = await self.client.read_resource(f"plannerforge://view/{artifact_id}")
         return json.loads(answer.contents[0].text)  # type: ignore[union-attr]
 
     async def _run(self, scenario: str, config: str) -> tuple[dict[str, Any] | None, str]:
-        """The record of a run, None if it was refused, and what was told."""
+        """Return the record of a run, None if it was refused, and what was told."""
         answer = await self.client.call_tool("run_planner", {"scenarios": [scenario], "configs": [config]})
         if answer.is_error or not answer.structured_content["runs"]:
             return None, _text(answer)
@@ -332,7 +333,7 @@ class _Asking:
 
 
 def _beyond(steps: dict[str, Any], truth: _Truth) -> Iterator[str]:
-    """The limits that a driven motion exceeds, in words."""
+    """Yield the limits that a driven motion exceeds, in words."""
     speed, heading = np.array(steps["speed_mps"]), np.unwrap(np.array(steps["heading_rad"]))
     center = np.column_stack([steps["x_m"], steps["y_m"]])
     if len(speed) < 3:
@@ -368,7 +369,7 @@ def _text(answer: object) -> str:
 
 
 def _image(answer: object) -> Array:
-    """The picture of an answer, shape (height, width, 3)."""
+    """Return the picture of an answer, shape (height, width, 3)."""
     from PIL import Image
 
     data = next(part.data for part in getattr(answer, "content", ()) if getattr(part, "type", "") == "image")
@@ -376,7 +377,7 @@ def _image(answer: object) -> Array:
 
 
 def _measured_in(picture: Array) -> tuple[float, float] | None:
-    """Length and width of the ego in m, by the bus of 12 m by 2.5 m on the next lane; both head along the picture.
+    """Return the ego's length and width in m, scaled by the 12 m by 2.5 m bus on the next lane, parallel to it.
 
     The outline takes as many pixels off every side, which the two sides of the bus tell beside the scale.
     """
@@ -389,7 +390,7 @@ def _measured_in(picture: Array) -> tuple[float, float] | None:
 
 
 def _body(picture: Array, colour: tuple[int, int, int]) -> tuple[float, float] | None:
-    """Length and width in pixels of the largest body of a colour above the legend; its nose parts it into patches."""
+    """Return length and width in pixels of the largest body of a colour above the legend; its nose divides it."""
     from scipy.ndimage import find_objects, label
 
     like = np.abs(picture - np.array(colour, dtype=float)).max(axis=2) < 12.0
@@ -413,7 +414,7 @@ _WIDTH_M = 7.0
 
 
 def _line(made: _Made) -> list[tuple[float, float, float]]:
-    """Points and headings of the middle of the ego's lane: straight, or with a quarter of a circle in it."""
+    """Return points and headings of the middle of the ego's lane: straight, or with a quarter of a circle in it."""
     straight = [(float(x), 0.0, 0.0) for x in range(0, 401, 5)]
     radius = made.bend_radius_m
     if not radius:
@@ -427,7 +428,7 @@ def _line(made: _Made) -> list[tuple[float, float, float]]:
 
 
 def _goal_at(made: _Made) -> tuple[float, float, float]:
-    """Where the goal lies along the lane, by the distance from the ego's start."""
+    """Return where the goal lies along the lane, by the distance from the ego's start."""
     left = made.goal_m
     points = [point for point in _line(made) if made.bend_radius_m or point[0] >= made.ego_x]
     points = [point for point in points if point[0] >= made.ego_x or point[2] > 0]
@@ -439,7 +440,7 @@ def _goal_at(made: _Made) -> tuple[float, float, float]:
 
 
 def _xml(made: _Made) -> str:
-    """The scenario as a CommonRoad file, with a second lane to the left where the road is straight."""
+    """Return the scenario as a CommonRoad file, with a second lane to the left where the road is straight."""
     lines = [
         "<?xml version='1.0' encoding='UTF-8'?>",
         (
@@ -485,7 +486,7 @@ def _point(x: float, y: float) -> str:
 
 
 def _vehicle(number: int, made: _Made, kind: str, size_m: tuple[float, float], x: float, y: float) -> str:
-    """A vehicle that drives straight on as fast as the ego starts; a parked one stands."""
+    """Return a vehicle that drives straight on as fast as the ego starts; a parked one stands."""
     head = (
         f"<type>{kind}</type><shape><rectangle><length>{size_m[0]}</length><width>{size_m[1]}</width></rectangle>"
         "</shape>"

@@ -27,7 +27,7 @@ _COMPARED = ("frenetix:Default", "fiss:Default")
 
 
 class _Both:
-    """Frenetix, and FISS asked beside it; the times of their plans in s, in the order of the planning steps."""
+    """Frenetix, with FISS asked in parallel; times of their plans in s, in the order of the planning steps."""
 
     def __init__(self) -> None:
         self._drives, self._asked = (make_planner(built_in(name).planner) for name in _COMPARED)
@@ -41,7 +41,7 @@ class _Both:
         self._asked.reset(replace(task, configuration=built_in(_COMPARED[1])))
 
     def plan(self, observation: Observation) -> Plan:
-        """Frenetix's plan."""
+        """Return Frenetix's plan."""
         chosen, took_s = _timed(self._drives.plan, observation)
         other, other_s = _timed(self._asked.plan, observation)
         self.frenetix_s.append(took_s)
@@ -51,7 +51,7 @@ class _Both:
 
 
 def measure(bench: LoopBench) -> Figures:
-    """The keys above; with a limit, on so many scenarios."""
+    """Return the figures of the keys above; with a limit, on so many scenarios."""
     both = _Both()
     planner: Planner = both
     for path in scenario_files(bench.shared / "data" / "commonroad", bench.limit or SCENARIOS):

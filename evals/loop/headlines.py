@@ -1,18 +1,17 @@
-"""Whether the headlines of comparisons and studies say what the runs show, by code apart.
+"""Whether the headlines of comparisons and studies say what the runs show, checked by independent code.
 
-Comparisons are made of stored runs whose outcomes and metrics are drawn, and asked for through the tools: few pairs
+Comparisons use stored runs with drawn outcomes and metrics, and are requested through the tools: few pairs
 with flips, ties, few flips among many pairs, flips both ways, differences below the resolution of the metrics, metrics
-that differ by chance alone and in fact, three configurations, two and three batches, two versions of one planner, and
+that differ only by chance or really, three configurations, two and three batches, two versions of one planner, and
 calls that leave out what is compared. Studies are sensitivity analyses in which a weight decides, in which scenarios
-change by chance alone, and in which nothing changes, and searches with IDM on public scenarios.
+change only by chance, and in which nothing changes, and searches with IDM on public scenarios.
 
-Right is a comparison whose sides and pairs are those that are alike (or that is refused where none are), whose code is
-the one that ``docs/statistics.md`` gives to the counted flips, whose headline has these counts and never says that
-there is no difference where pairs flipped, which names a side as better in exactly those metrics that differ beyond
-resolution and chance, and whose runs are those of pairs that were counted. The tests are those of
-``analysis/recomputed.py``, which shares no code with the product. Right is a study whose headline names exactly the
-weights that decide, or whose code follows from the held-out runs, and that drove no more configurations than it was
-allowed.
+A comparison is right if it pairs the matching sides (or is refused if no sides match), has the code that
+``docs/statistics.md`` gives to the counted flips, states these counts in its headline, never says that there is no
+difference although pairs flipped, names a side as better in exactly those metrics that differ beyond resolution and
+chance, and lists runs of pairs that were counted. The tests are those of ``analysis/recomputed.py``, which shares no
+code with the product. A study is right if its headline names exactly the weights that decide, or its code follows from
+the held-out runs, and if it drove no more configurations than it was allowed.
 
 Keys: ``headlines_right``: share of the comparisons and studies that are right; ``headlines``: how many there are.
 """
@@ -99,7 +98,7 @@ class _Maker:
         self.draw = random.Random(seed)  # noqa: S311 - no secret
 
     def cases(self) -> Iterator[_Case]:
-        """All cases in their order."""
+        """Yield all cases in their order."""
         for pairs, flips in ((2, 2), (3, 2), (4, 3), (4, 1), (5, 5), (5, 4), (1, 1), (1, 0)):
             yield self._two("few pairs", *self._flipped(pairs, flips, back=False))
             yield self._two("few pairs", *self._flipped(pairs, flips, back=True))
@@ -196,7 +195,7 @@ class _Maker:
 
 
 def measure(bench: LoopBench) -> Figures:
-    """The keys above, over all cases or of each sort the bench's limit."""
+    """Return the figures of the keys above, over all cases or up to the bench's limit of each sort."""
     right = anyio.run(_compared, bench)
     right += [_sensitivity_right(bench.seed + number) for number in range(bench.limit or 12)]
     right += anyio.run(_searched, bench)
@@ -272,7 +271,7 @@ def _records(side: _Side, number: int, scenarios: Sequence[str]) -> list[RunReco
 
 
 async def _faults(client: Client, case: _Case, made: Sequence[Sequence[RunRecord]], number: int) -> list[str]:
-    """What of the answer is not as it has to be."""
+    """Return what of the answer is not as it has to be."""
     given = {} if case.is_left_out else {"results": [_batch_id(number, batch) for batch in case.named]}
     answer = await client.call_tool("compare_results", given)
     text = "\n".join(getattr(part, "text", "") for part in answer.content)
@@ -303,7 +302,7 @@ class _Expected:
     runs: frozenset[str]
 
     def faults(self, comparison: Mapping[str, Any], sides: Sequence[Mapping[str, Any]], text: str) -> Iterator[str]:
-        """What of a comparison is otherwise."""
+        """Yield what is wrong in a comparison."""
         by_label = {side["label"]: side for side in sides}
         for end, side, batch in zip(("before", "after"), self.sides, self.batches, strict=True):
             found = by_label[comparison[end]]
@@ -337,7 +336,7 @@ class _Expected:
 
 
 def _told_counts(verdict: str) -> tuple[int, int, int] | None:
-    """Pairs, flips to success and flips to failure, as a headline tells them."""
+    """Return pairs, flips to success and flips to failure as a headline states them."""
     if (none := re.search(r"None of (\d+) pairs flipped", verdict)) is not None:
         return int(none[1]), 0, 0
     if (gained := re.search(r"(\d+) of (\d+) pairs flipped to success(?:, (\d+) to failure)?", verdict)) is not None:
@@ -359,7 +358,7 @@ def _pairs(before: Sequence[RunRecord], after: Sequence[RunRecord]) -> Pairs:
 
 
 def _judged(case: _Case, made: Sequence[Sequence[RunRecord]], number: int) -> list[_Expected]:
-    """What has to be said of each comparison of a case, in the order of the answer."""
+    """Return what has to be said of each comparison of a case, in the order of the answer."""
     couples = case.couples or ()
     all_pairs = {couple: _pairs(made[couple[0]], made[couple[1]]) for couple in couples}
     tests = {couple: pairs.success() for couple, pairs in all_pairs.items()}
@@ -410,7 +409,7 @@ def _ways(pairs: Pairs) -> tuple[int, int]:
 
 
 def _code(pairs: Pairs, test: Mapping[str, float], adjusted: float | None) -> str:
-    """The code of a headline by the rules of docs/statistics.md."""
+    """Return the code of a headline by the rules of docs/statistics.md."""
     gained, lost = _ways(pairs)
     if len(pairs.pairs) == 1:
         return "one_pair_better" if gained else "one_pair_worse" if lost else "one_pair_same"
@@ -424,7 +423,7 @@ def _code(pairs: Pairs, test: Mapping[str, float], adjusted: float | None) -> st
 
 
 def _sensitivity_right(seed: int) -> bool:
-    """Whether the headline of a sensitivity analysis names the weight that decides, and no other one."""
+    """Return whether the headline of a sensitivity analysis names only the weight that decides."""
     draw = random.Random(seed)  # noqa: S311 - no secret
     names = ("prediction", "velocity_offset", "jerk", "path_length", "distance_to_obstacles")
     kind = ("decides", "chance", "nothing", "decides among chance")[seed % 4]
@@ -477,7 +476,7 @@ def _study(effects: tuple[Effect, ...], scenarios: int) -> OptimizePlannerResult
 
 
 async def _searched(bench: LoopBench) -> list[bool]:
-    """Searches with IDM: whether each drove no more than it was allowed, and says what its held-out runs show."""
+    """Return for searches with IDM whether each kept its limit and reports what its held-out runs show."""
     files = _of_several_places(scenario_files(bench.shared / "data" / "commonroad", None))
     right = []
     for most in (3, 6, 11, 16)[: bench.limit]:
@@ -504,7 +503,7 @@ async def _searched(bench: LoopBench) -> list[bool]:
 
 
 def _of_several_places(files: Sequence[Path]) -> list[Path]:
-    """One file of each of some places."""
+    """Return one file of each of some places."""
     by_place: dict[str, Path] = {}
     for path in files:
         by_place.setdefault(path.name.removeprefix("C-").partition("-")[0], path)
@@ -512,7 +511,7 @@ def _of_several_places(files: Sequence[Path]) -> list[Path]:
 
 
 def _recounted(study: Mapping[str, Any], records: Sequence[RunRecord]) -> tuple[int, str]:
-    """How many configurations were driven over a half of the scenarios, and the code of what the runs show."""
+    """Return how many configurations were driven over a half of the scenarios, and the code of what the runs show."""
     seen = {(record.config_id, record.scenario_id.partition("-")[0] in study["training"]) for record in records}
     if study["best_id"] == study["base_id"]:
         return len(seen), "nothing_better"

@@ -1,9 +1,9 @@
 """Progress and the distance to the goal on roundabouts, loops and crossings of a road with itself.
 
-Made roads whose centre line is known in closed form: it is composed of straight lines and arcs that meet in the same
-direction, so every place on it has an arc length without any projection. An ego drives a part of the way, at an offset
-from the centre line, and stands then until its time is over. What the product says of that drive is compared with the
-arc lengths of the closed form:
+The roads are synthetic, with a centre line in closed form: it is composed of straight lines and arcs that meet in the
+same direction, so every place on it has an arc length without any projection. An ego drives a part of the way, at an
+offset from the centre line, and stands then until its time is over. What the product says of that drive is compared
+with the arc lengths of the closed form:
 
 - ``lap_error_m_max``: the largest error in metres, over all cases, of the progress (the share of the way to the goal's
   beginning, times that way) and of the distance to the goal's end in the verdict "ran out of time".
@@ -58,7 +58,7 @@ class _Way:
         return sum(piece.length_m for piece in self.pieces)
 
     def pose(self, station_m: float, offset_m: float = 0.0) -> tuple[float, float, float]:
-        """The place (x, y) in m at an arc length and an offset to the left, and the heading there in rad."""
+        """Return the place (x, y) in m at an arc length and an offset to the left, and the heading there in rad."""
         x = y = heading = 0.0
         left_m = station_m
         for piece in self.pieces:
@@ -76,7 +76,7 @@ class _Way:
         return x - offset_m * math.sin(heading), y + offset_m * math.cos(heading), heading
 
     def network(self) -> LaneletNetwork:
-        """A lanelet for each piece, joined in their order."""
+        """Return a lanelet for each piece, joined in their order."""
         lanelets, begin_m = [], 0.0
         for number, piece in enumerate(self.pieces):
             count = max(math.ceil(piece.length_m / _SPACING_M), 2) + 1
@@ -107,7 +107,7 @@ class Case:
     offset_m: float
 
     def problem(self) -> PlanningProblem:
-        """The planning problem: the goal region lies across the lane."""
+        """Return the planning problem: the goal region lies across the lane."""
         x, y, heading = self.way.pose(self.begin_m, self.offset_m)
         start = InitialState(
             time_step=0,
@@ -124,7 +124,7 @@ class Case:
         return PlanningProblem(1, start, GoalRegion([CustomState(time_step=Interval(10, over), position=region)]))
 
     def passes_goal_before(self) -> bool:
-        """Whether the way comes through the goal's region before it comes to the goal: then that counts as the goal."""
+        """Return whether the way passes the goal's region before the goal, so that this passage counts as the goal."""
         x, y, heading = self.way.pose(self.goal_m + _GOAL_LENGTH_M / 2)
         for station in np.arange(0.0, self.goal_m - 2.0, 0.25):
             dx, dy = (a - b for a, b in zip(self.way.pose(float(station))[:2], (x, y), strict=True))
@@ -135,14 +135,14 @@ class Case:
         return False
 
     def driven(self) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """The poses (n, 3) at every step of the drive, 8 m/s along the centre line."""
+        """Return the poses (n, 3) at every step of the drive, 8 m/s along the centre line."""
         count = max(round((self.end_m - self.begin_m) / 8.0 / _STEP_S), 1) + 1
         stations = np.linspace(self.begin_m, self.end_m, count)
         return np.array([self.way.pose(float(station), self.offset_m) for station in stations])
 
 
 def cases(seed: int, count: int) -> list[Case]:
-    """Roundabouts, ring roads, loops that cross themselves and hairpins, drawn evenly."""
+    """Return roundabouts, ring roads, loops that cross themselves and hairpins, drawn evenly."""
     draw = random.Random(f"{seed}: laps")  # noqa: S311 - a sample
     kinds = (_roundabout, _ring_road, _loop, _hairpin)
     found: list[Case] = []
@@ -154,7 +154,7 @@ def cases(seed: int, count: int) -> list[Case]:
 
 
 def _roundabout(draw: random.Random) -> Case:
-    """Onto a ring along a tangent, round it by up to nearly a whole turn, and off it along another."""
+    """Return a way onto a ring along a tangent, round it by up to nearly a whole turn, and off along another."""
     radius_m, turn = draw.uniform(13.0, 28.0), draw.uniform(math.radians(60), math.radians(340))
     parts = [turn * share for share in (0.3, 0.4, 0.3)]
     ring = [_Piece(radius_m * part, part) for part in parts]
@@ -163,7 +163,7 @@ def _roundabout(draw: random.Random) -> Case:
 
 
 def _ring_road(draw: random.Random) -> Case:
-    """Round a ring from one place to the place just behind it, with a road that goes on round the ring again."""
+    """Return a way round a ring from one place to just behind it, with a road that goes on round the ring again."""
     radius_m = draw.uniform(14.0, 30.0)
     turn = math.tau / 4
     ring = [_Piece(radius_m * turn, turn) for _ in range(6)]
@@ -171,7 +171,7 @@ def _ring_road(draw: random.Random) -> Case:
 
 
 def _loop(draw: random.Random) -> Case:
-    """A road that turns by 270° and crosses itself: a loop ramp."""
+    """Return a road that turns by 270° and crosses itself: a loop ramp."""
     radius_m = draw.uniform(13.0, 25.0)
     turn = math.radians(270)
     ring = [_Piece(radius_m * turn / 3, turn / 3) for _ in range(3)]
@@ -180,14 +180,14 @@ def _loop(draw: random.Random) -> Case:
 
 
 def _hairpin(draw: random.Random) -> Case:
-    """There and back, with a road that lies 20 to 32 m beside itself."""
+    """Return a way there and back on a road with its two arms 20 to 32 m apart."""
     radius_m = draw.uniform(10.0, 16.0)
     way = _Way((_Piece(80.0), _Piece(math.pi * radius_m, math.pi), _Piece(80.0), _Piece(60.0)))
     return _drawn("hairpin", way, way.length_m - 70.0, draw)
 
 
 def _drawn(name: str, way: _Way, farthest_m: float, draw: random.Random, *, ring: bool = False) -> Case:
-    """A case whose goal begins no farther than ``farthest_m``, and whose ego stops before it."""
+    """Return a case whose goal begins no farther than ``farthest_m``, and whose ego stops before it."""
     begin_m = draw.uniform(2.0, 6.0) if ring else draw.uniform(5.0, 30.0)
     goal_m = draw.uniform(0.55, 1.0) * (farthest_m - _GOAL_LENGTH_M)
     end_m = begin_m + draw.choice((draw.uniform(0.2, 0.9), 0.95)) * (goal_m - 4.0 - begin_m)
@@ -205,7 +205,7 @@ class _Follower:
         self._horizon = round(task.configuration.settings.horizon_s / task.step_s) + 1
 
     def plan(self, observation: Observation) -> Plan:
-        """The poses from the present step on."""
+        """Return the poses from the present step on."""
         at = np.minimum(observation.ego.step + np.arange(self._horizon), len(self._poses) - 1)
         poses = self._poses[at]
         speeds = np.append(np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1) / _STEP_S, 0.0)
@@ -213,7 +213,7 @@ class _Follower:
 
 
 def errors_m(case: Case) -> tuple[float, float]:
-    """The errors of the progress and of the distance to the goal's end, in m; infinite where there is none."""
+    """Return the errors of the progress and of the distance to the goal's end, in m; infinite if missing."""
     scenario, problem, poses = Scenario(dt=_STEP_S), case.problem(), case.driven()
     scenario.add_objects(case.way.network())
     progress = progress_to_goal(scenario, problem, BMW_320I, poses[:, :2])

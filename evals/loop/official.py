@@ -4,12 +4,13 @@
 ``valid_solution`` accepts, of all runs on problems that can be solved, with ground-truth and constant-velocity
 prediction. A problem can be solved if it is not invalid and the checker does not refuse its very first state.
 
-``beyond_limits``: the share of driven motions of all built-in planners (whatever their outcome) that no vehicle drives.
+``beyond_limits``: the share of driven motions of all built-in planners (whatever their outcome) that exceed their
+vehicle's limits.
 
-The judge knows a run by its exported solution file alone. It is the checker itself, with its triangulation of what is
-off the road if the package ``triangle`` is installed (it is not free, so it is no dependency), else with the checker's
-other boundary, rectangles along the outline of the lanelets. The limits are recomputed from positions, headings and
-speeds, without the steering angles that the file states.
+The judge knows a run only by its exported solution file. It is the checker itself, with its triangulation of what is
+off the road if the package ``triangle`` is installed (it is not free, so it is not a dependency), otherwise with the
+checker's other boundary, rectangles along the outline of the lanelets. The limits are recomputed from positions,
+headings and speeds, without the steering angles that the file states.
 """
 
 import importlib.util
@@ -82,7 +83,7 @@ def measure(bench: LoopBench) -> Figures:
 
 
 def scenario_files(bench: LoopBench) -> list[Path]:
-    """The public scenarios, or evenly many of them for a sample."""
+    """Return the public scenarios, or evenly many of them for a sample."""
     files = sorted((bench.shared / "data" / "commonroad").glob("*.xml"))
     if bench.limit is None or bench.limit >= len(files):
         return files
@@ -90,7 +91,7 @@ def scenario_files(bench: LoopBench) -> list[Path]:
 
 
 def runs(bench: LoopBench, name: str, prediction: Prediction) -> "Iterator[JudgedRun]":
-    """A run on each scenario, but for invalid problems."""
+    """Yield a run on each scenario, but for invalid problems."""
     configuration = built_in(name)
     for path in scenario_files(bench):
         request = RunRequest(
@@ -163,7 +164,7 @@ class JudgedRun:
 
 
 def official_verdict(scenario: Any, problems: PlanningProblemSet, solution: Solution) -> str:
-    """What ``valid_solution`` says of a solution: valid, infeasible, or the name of what it raises."""
+    """Return what ``valid_solution`` says of a solution: valid, infeasible, or the name of what it raises."""
     try:
         with patch.object(solution_checker, "_construct_boundary_checker", _boundary):
             accepted, _ = solution_checker.valid_solution(scenario, problems, solution)
@@ -180,7 +181,7 @@ _TRIANGULATED = solution_checker._construct_boundary_checker
 
 
 def _boundary(scenario: Any) -> Any:
-    """What is off the road, as the checker sees it."""
+    """Return what is off the road, as the checker sees it."""
     if _has_triangles():
         return _TRIANGULATED(scenario)
     checker = pycrcc.CollisionChecker()
@@ -190,7 +191,7 @@ def _boundary(scenario: Any) -> Any:
 
 
 def is_beyond_vehicle(solution: Solution, step_s: float) -> bool:
-    """Whether a motion exceeds the limits of its vehicle, by its positions, headings and speeds alone.
+    """Return whether a motion exceeds the limits of its vehicle, judged only by positions, headings and speeds.
 
     The rear axle has to move where it heads, as far as the speeds say; the steering angle of a step is the one that
     turns the vehicle as it turned, and changes from one moving step to the next within the largest rate.

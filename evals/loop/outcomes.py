@@ -71,7 +71,7 @@ def _driver(checkout: Path) -> "subprocess.Popen[str]":
 
 
 def _asked(process: "subprocess.Popen[str]", cell: Row) -> Row | None:
-    """The driver's row for a cell; None if the driver has ended."""
+    """Return the driver's row for a cell, or None if the driver has ended."""
     if process.stdin is None or process.stdout is None:
         return None
     try:

@@ -10,7 +10,7 @@ so both read everything that they are told. While it is measured, both processes
 allows it (``SCHED_FIFO``): a message wakes the other process, and what is measured is not how long other work on the
 machine keeps it waiting.
 
-Keys: ``protocol_named``: share of the programs whose runs are named so; ``protocol_kinds``: how many programs;
+Keys: ``protocol_named``: share of the programs with runs reported so; ``protocol_kinds``: how many programs;
 ``protocol_slowest_s``: the longest of their runs beyond the limit that it may use; ``protocol_left``: processes left;
 ``protocol_step_ms``: median over the steps of the program's time less the class's time; ``protocol_program_ms`` and
 ``protocol_class_ms``: both medians.
@@ -140,7 +140,7 @@ def measure(bench: LoopBench) -> Figures:
 
 
 def _reason(behaviour: str, path: Path, marker: str) -> str:
-    """The reason by which the run of a program fails; empty if it does not fail."""
+    """Return the reason by which the run of a program fails; empty if it does not fail."""
     program = Path(__file__).with_name("stepwise_program.py")
     declared = CommandPlanner(
         summary=f"a program that {behaviour}",
@@ -165,7 +165,7 @@ def _configuration(planner: str) -> PlannerConfiguration:
 
 
 def _left(marker: str) -> Iterator[psutil.Process]:
-    """Processes that were started with a marker among their variables and still run."""
+    """Yield processes that were started with a marker among their variables and still run."""
     for process in psutil.process_iter(["environ", "status"]):
         variables = process.info["environ"] or {}
         if variables.get(_MARKER) == marker and process.info["status"] != psutil.STATUS_ZOMBIE:
@@ -194,7 +194,7 @@ class _Straight:
 
 
 def _step_ms(path: Path) -> tuple[list[float], list[float]]:
-    """The times of every planning step in ms, of the class and of the program."""
+    """Return the times of every planning step in ms, of the class and of the program."""
     loaded = read_recorded(path).loaded
     straight = _Straight()
     made = OwnPlanner(lambda: straight, PlannerDeclaration(summary="goes straight on"))
@@ -249,7 +249,7 @@ def _taken_ms(planner: Planner, observation: Observation) -> float:
 
 
 def _road(users: int) -> str:
-    """A CommonRoad file: a straight road of five lanes, the ego on the middle one, others ahead of it on the rest."""
+    """Return a CommonRoad file with a straight five-lane road: the ego in the middle, others ahead on other lanes."""
     lanes = [number for number in range(_LANES) if number != _LANES // 2]
     cars = [
         _car(100 + number, _FIRST_M + _SPACING_M * (number // len(lanes)), lanes[number % len(lanes)])

@@ -1,15 +1,15 @@
 """Whether traffic that reacts to the ego drives every scenario to an end.
 
 A cell is *lost* if it gives no run: the operation fails, or its process ends. Road users that SUMO cannot place have to
-stay on their recordings instead, which the run tells (``on_recording``).
+stay on their recordings instead, which the run reports (``on_recording``).
 
 - ``reactive_lost``: lost cells of the public scenarios of the shared folder, with reactive traffic;
 - ``reactive_lost_fresh``: lost cells of at least 200 other scenarios. They are drawn by the seed from the folder that
-  ``PLANNERFORGE_DATABASE`` names (a checkout of the public CommonRoad database; none of the shared ones is among them),
-  or are made where it is not set; ``reactive_fresh_from`` says which.
+  ``PLANNERFORGE_DATABASE`` names (a checkout of the public CommonRoad database; the shared ones are left out),
+  or are generated if it is not set; ``reactive_fresh_from`` says which.
 
-The planner is ``idm``, the cheapest: what SUMO does with the others does not depend on who drives the ego. Beside it
-stand the numbers of cells, and of those with road users on their recordings.
+The planner is ``idm``, the cheapest: what SUMO does with the others does not depend on who drives the ego. The
+numbers of cells, and of cells with road users on their recordings, are reported too.
 """
 
 import os
@@ -28,7 +28,7 @@ _CONFIGURATION = "idm:Default"
 
 
 def rows_of(files: Sequence[Path]) -> list[Row]:
-    """The rows of a reactive run of each file; those without a run are told on standard error."""
+    """Return the rows of a reactive run of each file; those without a run are told on standard error."""
     wanted = cells(files, (_CONFIGURATION,), ("constant_velocity",), ("reactive",))
     found = list(measured(wanted, CHECKOUT))
     for row in found:
@@ -38,7 +38,7 @@ def rows_of(files: Sequence[Path]) -> list[Row]:
 
 
 def fresh_files(bench: LoopBench, known: Sequence[Path]) -> tuple[str, list[Path]]:
-    """Where fresh scenarios come from, in a word, and their files."""
+    """Return where fresh scenarios come from, in a word, and their files."""
     count = bench.limit or FRESH
     database = os.environ.get("PLANNERFORGE_DATABASE")
     if not database:

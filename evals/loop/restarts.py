@@ -12,8 +12,9 @@ middle of the goal's time or after its end, and the road is free from then on:
 - a leader brakes to a stand at the end of the goal's time and leaves.
 
 ``restarts``: the share of the runs in which the ego stood, and within seven seconds of the moment at which the last
-vehicle ahead has left is driving again: at 2 m/s or more, and 3 m on. The states of the run are looked at here, without
-the product's analysis. Beside it, the share per planner and per kind, and ``restarts_stood``, the share that stood.
+vehicle ahead has left is driving again: at 2 m/s or more, and 3 m on. The states of the run are examined here, without
+the product's analysis. It also reports the share per planner and per kind, and ``restarts_stood``, the share that
+stood.
 """
 
 import random
@@ -74,7 +75,7 @@ class Case:
         return max(step for _, step in self.leaders)
 
     def scenario(self) -> Scenario:
-        """The road with its leaders, and with a light if they wait for one."""
+        """Return the road with its leaders, and with a light if they wait for one."""
         x = np.linspace(-50.0, 950.0, 201)
         left, center, right = (np.stack([x, np.full(len(x), y)], axis=1) for y in (1.75, 0.0, -1.75))
         light_x = self.leaders[0][0] + 3.0
@@ -96,7 +97,7 @@ class Case:
         return scenario
 
     def problem(self) -> PlanningProblem:
-        """The ego at the origin and its goal."""
+        """Return the ego at the origin and its goal."""
         place = {} if self.goal_m is None else {"position": Rectangle(12.0, 3.5, np.array([self.goal_m, 0.0]))}
         start = _initial(0.0, self.speed_mps)
         return PlanningProblem(1, start, GoalRegion([CustomState(time_step=Interval(*self.window), **place)]))
@@ -115,7 +116,7 @@ def _initial(x_m: float, speed_mps: float) -> InitialState:
 
 
 def _leader(number: int, at_m: float, leaves: int, comes_mps: float) -> DynamicObstacle:
-    """A car that stands at a place until a step and leaves then; it may come with a speed and brake to that place."""
+    """Return a car that stands at a place until a step and then leaves; it may arrive at a speed and brake there."""
     brakes_s = comes_mps / _BRAKES_MPS2
     stops_s = leaves * _STEP_S - _STANDS_S
     places, speeds = [], []
@@ -141,7 +142,7 @@ def _leader(number: int, at_m: float, leaves: int, comes_mps: float) -> DynamicO
 
 
 def cases(seed: int, count: int) -> list[Case]:
-    """Drawn cases, the kinds in turn."""
+    """Return drawn cases, the kinds in turn."""
     draw = random.Random(f"{seed}: restarts")  # noqa: S311 - a sample
     kinds: tuple[Callable[[random.Random], Case], ...] = (_stands, _red_light, _queue, _late, _no_place, _brakes)
     return [kinds[number % len(kinds)](draw) for number in range(count)]
@@ -185,7 +186,7 @@ def _brakes(draw: random.Random) -> Case:
 
 
 def drives_on(case: Case, planner: str) -> tuple[bool, bool]:
-    """Whether the ego stood, and whether it drives again in time after the road is free."""
+    """Return whether the ego stood, and whether it drives again in time after the road is free."""
     configuration = named_configuration(f"{planner}:Default")
     if configuration is None:
         raise RuntimeError(f"{planner}:Default is gone")

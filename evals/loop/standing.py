@@ -1,8 +1,8 @@
-"""Why egos stood and braked, on runs made for it.
+"""Whether analyses find why egos stood and braked, on synthetic runs.
 
 Each run is drawn at random on a road of its own, straight or curved, with a light, a crossing road, others and a goal
-as its kind asks. The ego's speed over time is written down in closed form, and so is the reason for it: the truth is
-what each run was made of, and this module shares no code with the product.
+as its kind asks. The ego's speed over time and the reason for it are given in closed form, so that the truth is known
+by construction. This module shares no code with the product.
 
 Kinds of standing: at a red light; at a light that turned green long ago, or was green all the time; behind a vehicle
 that stands; behind one that has driven away; in a queue; before one that crosses; in the goal before its time; behind
@@ -10,11 +10,11 @@ no vehicle, with an empty road, an oncoming one or a vehicle far ahead; and late
 Kinds of braking: for a vehicle, a light, one that crosses, a curve, the goal's time; without a reason, gently or hard,
 with an empty road or a faster vehicle far ahead; and hit from behind after either.
 
-Keys: ``standing_right``: share of the runs of the first kinds of which all stretches are told as they were made: code,
-other, and begin within half a second, and no other stretch of standing or being held up (to be held up by the same one
-while coming to a stand behind it is as true); ``braking_right``: the same of
-the second kinds, and of those that were hit what the collision is laid to; ``standing_runs``, ``braking_runs``: how
-many there were. Seed 19 was looked at while the product was made; figures are reported of seed 20.
+Keys: ``standing_right``: share of the runs of the first kinds with all stretches reported correctly: code, other road
+user, beginning within half a second, and no further stretch of standing or being held up (being held up by the same
+vehicle while stopping behind it is also correct); ``braking_right``: the same for the second kinds, and for runs that
+were hit also the attribution of the collision; ``standing_runs``, ``braking_runs``: how many there were. Seed 19 was
+used during development; figures are reported for seed 20.
 """
 
 import math
@@ -85,7 +85,7 @@ class Other:
 
 @dataclass(frozen=True)
 class Told:
-    """A stretch that is to be told: its code, when it begins (None: it does not matter), and whom it is about."""
+    """An expected stretch: its code, when it begins (None if that does not matter), and the road user it concerns."""
 
     code: str
     since_s: float | None = None
@@ -122,32 +122,32 @@ class Made:
 
 
 def steady(speed: float) -> Speed:
-    """The same speed all the time."""
+    """Return a constant speed."""
     return lambda _: speed
 
 
 def stopping(speed: float, begins: float, by: float) -> Speed:
-    """Evenly, then braking by so much to a stop."""
+    """Return a constant speed, then braking by so much to a stop."""
     return lambda t: max(speed - by * max(t - begins, 0.0), 0.0)
 
 
 def slowing(speed: float, begins: float, by: float, to: float) -> Speed:
-    """Evenly, then braking by so much to a lower speed."""
+    """Return a constant speed, then braking by so much to a lower speed."""
     return lambda t: max(speed - by * max(t - begins, 0.0), to)
 
 
 def starting(before: Speed, begins: float, by: float, to: float) -> Speed:
-    """As before, and from a time on from standstill up to a speed."""
+    """Return the given speed up to a time, and from then an acceleration from standstill to a speed."""
     return lambda t: before(t) if t < begins else min(by * (t - begins), to)
 
 
 def stop_m(speed: float, begins: float, by: float) -> float:
-    """How far one comes who stops so."""
+    """Return the stopping distance."""
     return speed * begins + speed**2 / (2 * by)
 
 
 def travelled(speed: Speed, until_s: float) -> list[float]:
-    """Stations at every step, by the speeds at both ends of each."""
+    """Return stations at every step, by the speeds at both ends of each."""
     steps = round(until_s / STEP_S)
     speeds = [speed(index * STEP_S) for index in range(steps + 1)]
     stations = [0.0]
@@ -160,7 +160,7 @@ RED, GREEN = TrafficLightState.RED, TrafficLightState.GREEN
 
 
 def _approach(choice: random.Random, to_m: float) -> tuple[float, float, float, Speed]:
-    """A speed, when braking begins and how strong, that stops after so many metres; gently, so that nothing is told."""
+    """Return a speed profile that stops gently after so many metres, and when and how hard it brakes."""
     speed, by = choice.uniform(6, 11), choice.uniform(1.2, 1.9)
     begins = (to_m - speed**2 / (2 * by)) / speed
     return speed, begins, by, stopping(speed, begins, by)
@@ -171,12 +171,12 @@ def _curve(choice: random.Random) -> tuple[float, float, float]:
 
 
 def _front_at(line_m: float) -> float:
-    """The station of the ego's centre whose front is there."""
+    """Return the station of the ego's centre whose front is there."""
     return line_m - LENGTH_M / 2
 
 
 def standing(choice: random.Random) -> Iterator[tuple[str, Made]]:
-    """One run of each kind of standing."""
+    """Yield one run of each kind of standing."""
     way = _curve(choice)
     short, stays = choice.uniform(0.5, 4.0), choice.uniform(6, 12)
     # at a red light, which turns green as the ego starts, or not at all
@@ -239,7 +239,7 @@ def standing(choice: random.Random) -> Iterator[tuple[str, Made]]:
     start = headway * slow + (LENGTH_M - OTHER_M) / 2
 
     def late(profile: Speed, duration_s: float, truth: tuple[Told, ...], others: tuple[Other, ...], named: str) -> Made:
-        """A run that misses its goal's time, and the finding that is to say why."""
+        """Return a run that misses its goal's time, and the finding that is to say why."""
         return Made(profile, duration_s, truth, others, (), way, (180.0, 200.0), (100, 150), late=True, finding=named)
 
     held = Told("held_up", 0.0, 7)
@@ -251,7 +251,7 @@ def standing(choice: random.Random) -> Iterator[tuple[str, Made]]:
 
 
 def braking(choice: random.Random) -> Iterator[tuple[str, Made]]:
-    """One run of each kind of braking; goals are to be reached at the ego's first speed or faster."""
+    """Yield one run of each kind of braking; goals are to be reached at the ego's first speed or faster."""
     way = _curve(choice)
     speed, begins = choice.uniform(8, 13), choice.uniform(1.0, 2.5)
     hard, gentle = choice.uniform(6.0, 10.3), choice.uniform(2.4, 3.2)
@@ -264,7 +264,7 @@ def braking(choice: random.Random) -> Iterator[tuple[str, Made]]:
         lights: Lights = (),
         hit_by: tuple[int, str] | None = None,
     ) -> Made:
-        """A run whose goal asks for no slower a speed than the first."""
+        """Return a run whose goal asks for no slower a speed than the first."""
         goal: tuple[float, float] = (300.0, 320.0)
         return Made(profile, duration_s, (truth,), others, lights, way, goal, (80, 180), hit_by=hit_by)
 
@@ -343,7 +343,7 @@ def braking(choice: random.Random) -> Iterator[tuple[str, Made]]:
 
 
 def _touch_s(ego: Speed, follower: Other) -> float | None:
-    """When a follower first touches an ego at a step; None if it does not within 15 s."""
+    """Return when a follower first touches an ego at a step, or None if it does not within 15 s."""
     own, theirs = travelled(ego, 15.0), travelled(follower.speed, 15.0)
     for index, (a, b) in enumerate(zip(own, theirs, strict=True)):
         if a - (follower.begin_m + b) <= (LENGTH_M + OTHER_M) / 2:
@@ -355,7 +355,7 @@ def _touch_s(ego: Speed, follower: Other) -> float | None:
 
 
 def _pose(curve: tuple[float, float, float], station: float, aside: float = 0.0) -> tuple[float, float, float]:
-    """x, y and heading at a station of a road that is straight before and after its curve, and to the left of it."""
+    """Return x, y and heading at a station and offset to the left of a road that is straight but for one curve."""
     bend, begins, ends = curve
     if bend == 0.0 or station <= begins:
         return station, aside, 0.0
@@ -385,7 +385,7 @@ APPROACH, ACROSS, AWAY, ONCOMING, SIDE, OVER, BEYOND = range(1, 8)
 
 
 def scenario_of(made: Made, name: str) -> tuple[Scenario, PlanningProblemSet]:
-    """The road with its light, crossing and goal; the others stand in the steps of the run."""
+    """Return the road with its light, crossing and goal; the others stand in the steps of the run."""
     scenario = Scenario(STEP_S, ScenarioID.from_benchmark_id(name, "2020a"))
 
     def along(first: float, last: float, aside: float = 0.0) -> list[tuple[float, float, float]]:
@@ -546,7 +546,7 @@ _LATE = ("held_up", "stood_late", "waited_late", "goal_out_of_reach")
 
 
 def is_right(made: Made, answer: Answer, *, is_braking: bool) -> bool:
-    """Whether all that is told of one family of stretches is what the run was made of, in its order."""
+    """Return whether all that is told of one family of stretches is what the run was made of, in its order."""
     told = [one for one in answer.moments if one.code.startswith("braked") == is_braking]
     while len(told) > 1 and told[0].code == "held_up" and told[0].obstacle_id == told[1].obstacle_id:
         del told[0]
@@ -563,7 +563,7 @@ def is_right(made: Made, answer: Answer, *, is_braking: bool) -> bool:
 
 
 def measure(bench: LoopBench) -> Figures:
-    """The keys above; eight runs of each kind, or the bench's limit."""
+    """Return the figures of the keys above, over eight runs of each kind or the bench's limit."""
     folder = bench.folder("standing")
     figures: dict[str, float | int | str] = {}
     number = 0

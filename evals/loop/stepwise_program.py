@@ -1,4 +1,4 @@
-"""A stepwise planner that goes wrong as its first argument says; of the standard library alone.
+"""A stepwise planner that fails as its first argument says; it uses only the standard library.
 
 ``drives`` goes straight on and keeps the protocol of docs/own_planner.md. ``NAME@N`` goes wrong at the N-th planning
 step. Behaviours in ``AT_START`` go wrong when the run begins.
@@ -23,7 +23,7 @@ _COLUMNS = ("x_m", "y_m", "heading_rad", "speed_mps")
 
 
 def straight_on(step: Message, step_s: float, states: int = _STATES) -> Message:
-    """The answer to a step: the present course and speed for two seconds."""
+    """Return the answer to a step: the present course and speed for two seconds."""
     ego = step["ego"]
     away = [ego["speed_mps"] * step_s * index for index in range(states)]
     return {

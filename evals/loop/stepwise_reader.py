@@ -15,19 +15,19 @@ _STATES = 31
 
 
 def smallest_distance_m(x_m: Values, y_m: Values, others: list[tuple[Values, Values]]) -> float:
-    """The smallest distance between the ego's states and the predicted positions of others at the same steps."""
+    """Return the smallest distance between the ego's states and the predicted positions of others at the same steps."""
     least = [np.hypot(x - x_m[: len(x)], y - y_m[: len(y)]).min() for x, y in others]
     return float(min(least, default=1e6))
 
 
 def straight_on(x_m: float, y_m: float, heading_rad: float, speed_mps: float, step_s: float) -> tuple[Values, Values]:
-    """Positions for three seconds at the present course and speed."""
+    """Return positions for three seconds at the present course and speed."""
     away = np.arange(_STATES) * step_s * speed_mps
     return x_m + away * np.cos(heading_rad), y_m + away * np.sin(heading_rad)
 
 
 def answer(step: dict[str, Any], step_s: float) -> dict[str, Any]:
-    """The program's answer to a step."""
+    """Return the program's answer to a step."""
     ego = step["ego"]
     x_m, y_m = straight_on(ego["x_m"], ego["y_m"], ego["heading_rad"], ego["speed_mps"], step_s)
     predicted = [other["predicted"] for other in step["others"]]

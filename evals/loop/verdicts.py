@@ -1,21 +1,21 @@
-"""Whether verdicts of reference drivers on collisions are right, by an implementation apart.
+"""Whether verdicts of reference drivers on collisions are right, by an independent implementation.
 
 Encounters are drawn at random (a seed) in the frame of a road, straight or a bend of 40 to 200 m: a leader that brakes,
 a slower one, a follower that catches up, a cut-in, a cut-out before a standing car, a pedestrian and a cyclist that
 cross, a car that turns across the way from ahead, and egos that speed up before they meet another. The egos are cars,
 trucks and buses. Everything is given in closed form along the road, so that the judge projects nothing. It moves each
-driver in steps of 10 ms, tells contacts by separating axes, and follows each drive until the ego stands and the other
+driver in steps of 10 ms, detects contacts by separating axes, and follows each drive until the ego stands and the other
 is gone. It takes nothing from the product; parameters and rules are those of ``docs/reference_drivers.md``.
 
 A verdict counts if it is away from edges: it stays the same if all bodies are 0.1 m longer or shorter, the ego is 2 %
 slower or faster, and the driver responds 0.2 s later or 0.05 s earlier (the product's steps are 0.1 s long).
 
-Keys: ``verdicts_right``: the share of the verdicts (driver, start, encounter) that are told as they are, and of closed
+Keys: ``verdicts_right``: the share of correct verdicts (driver, start, encounter), and of correct closed
 forms: the latest full braking before a standing car, and what the data sheets of UN R157 (Annex 4, Appendix 3) are
 taken to say of its driver at a time headway of 2 s and up to 60 km/h: it avoids every standing car that a cut-out
 reveals (5.2), and every leader that brakes by up to 1 g (5.3). The headway is checked against the sheets. That the
 driver avoids them all, and the numbers of the paragraphs, are not checked against the regulation's text.
-``window_errors``: drivers that are told to prevent a collision although they touch the other later. ``verdicts_told``,
+``window_errors``: drivers said to prevent a collision although they touch the other later. ``verdicts_told``,
 ``verdicts_at_edges``: how many counted, and how many were left out.
 """
 
@@ -56,7 +56,7 @@ class Body:
     speed: Callable[[float], float]
 
     def rate(self, t: float) -> float:
-        """Its speed along the road's direction."""
+        """Return its speed along the road's direction."""
         return self.speed(t) * math.cos(self.turned(t))
 
 
@@ -94,17 +94,17 @@ VARIANTS = (
 
 
 def steady(speed: float) -> Callable[[float], float]:
-    """The same speed at all times."""
+    """Return a constant speed."""
     return lambda _: speed
 
 
 def even(kind: str, size: tuple[float, float], at: float, aside: float, speed: float) -> Body:
-    """One that keeps its lane and speed."""
+    """Return a road user that keeps its lane and speed."""
     return Body(kind, *size, lambda t: at + speed * t, lambda _: aside, lambda _: 0.0, lambda _: speed)
 
 
 def braking(at: float, speed: float, begins: float, by: float) -> Body:
-    """A car that brakes from a time on to a stop."""
+    """Return a car that brakes from a time on to a stop."""
 
     def along(t: float) -> float:
         after = min(max(t - begins, 0.0), speed / by)
@@ -116,7 +116,7 @@ def braking(at: float, speed: float, begins: float, by: float) -> Body:
 
 
 def catching_up(at: float, speed: float, begins: float, by: float, gain: float) -> Body:
-    """A car behind that is slower at first and then speeds up for good."""
+    """Return a car behind that is slower at first and then speeds up for good."""
 
     def along(t: float) -> float:
         faster = min(max(t - begins, 0.0), gain / by)
@@ -134,7 +134,7 @@ def catching_up(at: float, speed: float, begins: float, by: float, gain: float) 
 
 
 def changing(at: float, speed: float, begins: float, across: float, before: float, after: float) -> Body:
-    """A car that moves evenly across from one offset to another from a time on."""
+    """Return a car that moves evenly across from one offset to another from a time on."""
     ends = begins + abs(after - before) / across
     way = math.copysign(across, after - before)
 
@@ -156,7 +156,7 @@ def changing(at: float, speed: float, begins: float, across: float, before: floa
 
 
 def crossing(kind: str, size: tuple[float, float], at: float, from_m: float, begins: float, speed: float) -> Body:
-    """One that stands beside the road and crosses it at a right angle from a time on."""
+    """Return a road user that stands at the roadside and crosses at a right angle from a time on."""
     heading = math.copysign(math.pi / 2, -from_m)
     return Body(
         kind,
@@ -169,7 +169,7 @@ def crossing(kind: str, size: tuple[float, float], at: float, from_m: float, beg
 
 
 def turning(at: float, begins: float, speed: float) -> Body:
-    """A car that comes the other way 3.5 m aside and turns across the ego's lane at a right angle."""
+    """Return a car that comes the other way 3.5 m aside and turns across the ego's lane at a right angle."""
     return Body(
         "car",
         4.5,
@@ -182,7 +182,7 @@ def turning(at: float, begins: float, speed: float) -> Body:
 
 
 def drawn(choice: random.Random) -> Iterator[Made]:
-    """One encounter of each kind; not all of them end in a collision."""
+    """Yield one encounter of each kind; not all of them end in a collision."""
     u = choice.uniform
     ego = choice.choice(("car", "car", "truck", "bus"))
     half = SIZES[ego][0] / 2 + 2.25
@@ -224,7 +224,7 @@ def drawn(choice: random.Random) -> Iterator[Made]:
 
 
 def overlap(one: Any, other: Any) -> bool:
-    """Whether two rectangles (x, y, heading, length, width) overlap, by separating axes."""
+    """Return whether two rectangles (x, y, heading, length, width) overlap, by separating axes."""
     boxes = []
     for x, y, heading, length, width in (one, other):
         c, s = math.cos(heading), math.sin(heading)
@@ -240,7 +240,7 @@ def overlap(one: Any, other: Any) -> bool:
 
 
 def placed(curvature: float, along: float, aside: float, turned: float) -> tuple[float, float, float]:
-    """The pose in the plane of a place along a road that begins at the origin along the x axis."""
+    """Return the pose in the plane of a place along a road that begins at the origin along the x axis."""
     if not curvature:
         return along, aside, turned
     bearing, radius = along * curvature, 1 / curvature
@@ -249,7 +249,7 @@ def placed(curvature: float, along: float, aside: float, turned: float) -> tuple
 
 
 def touches(made: Made, variant: Variant, body: Body, station: float, t: float, less: float) -> bool:
-    """Whether the ego, shorter by twice ``less``, touches another."""
+    """Return whether the ego, shorter by twice ``less``, touches another."""
     if abs(body.along(t) - station) > 20 or abs(body.aside(t)) > 20:
         return False
     length, width = SIZES[made.ego]
@@ -259,7 +259,7 @@ def touches(made: Made, variant: Variant, body: Body, station: float, t: float, 
 
 
 def hit_s(made: Made) -> float | None:
-    """The first step of a run at which the driven ego touches the other; None: it does not within 15 s."""
+    """Return the first step of a run at which the driven ego touches the other, or None within 15 s."""
     way, variant = 0.0, Variant()
     for index in range(round(15 / STEP_S)):
         if touches(made, variant, made.met, way, index * STEP_S, 0.0):
@@ -281,7 +281,7 @@ class View:
 
 
 def view(made: Made, variant: Variant, body: Body, station: float, t: float) -> View:
-    """Another as the ego sees it along the road, in closed form."""
+    """Return another as the ego sees it along the road, in closed form."""
 
     def gap_aside(at: float) -> float:
         turn = body.turned(at)
@@ -317,7 +317,7 @@ class Careful:
         self.widest, self.followed = aside, gap <= 2 * v + 1e-9
 
     def wants(self, t: float, v: float, felt: float, seen: View) -> float:
-        """The deceleration that it asks for; 0: none."""
+        """Return the deceleration that it asks for; 0 if it does not brake."""
         del felt
         inside, closing = seen.aside <= 0 and seen.past > 0, v - seen.speed
         if self.decided is not None:
@@ -357,7 +357,7 @@ class Responding:
         self.calm: float | None = None
 
     def allowed(self, t: float, asked: float) -> float:
-        """What of an asked deceleration it gives."""
+        """Return how much of a requested deceleration the brakes give."""
         if asked > 0:
             self.alarmed = t if self.alarmed is None else self.alarmed
             self.calm = None
@@ -370,7 +370,7 @@ class Responding:
 
 
 def fuzzy_asks(v: float, felt: float, seen: View) -> float:
-    """What the fuzzy safety model asks for."""
+    """Return what the fuzzy safety model asks for."""
     if seen.past <= 0:
         return 0.0
     closing = v - seen.speed
@@ -397,7 +397,7 @@ def fuzzy_asks(v: float, felt: float, seen: View) -> float:
 
 
 def rss_asks(v: float, seen: View) -> float:
-    """Full braking where both distances are unsafe."""
+    """Return full braking if both distances are unsafe."""
     if seen.past <= 0:
         return 0.0
     if seen.aside > 0:
@@ -411,7 +411,7 @@ def rss_asks(v: float, seen: View) -> float:
 
 
 def prevents(made: Made, driver: str, start: str, variant: Variant, touch: float, begins: float = 0.0) -> bool:
-    """Whether a driver keeps clear until 30 s after the contact; ``begins``: from when full braking brakes."""
+    """Return whether a driver keeps clear until 30 s after the contact; ``begins``: from when full braking brakes."""
     t, way = 0.0, 0.0
     v = made.speed(0.0) * variant.faster
     others = [made.met] if made.hider is None else [made.met, made.hider]
@@ -457,7 +457,7 @@ def prevents(made: Made, driver: str, start: str, variant: Variant, touch: float
 
 
 def told(made: Made, touch: float) -> Any:
-    """What the product says of a run of this encounter."""
+    """Return what the product says of a run of this encounter."""
     length, width = SIZES[made.ego]
     count = round(touch / STEP_S) + 1
     times = np.arange(count) * STEP_S
@@ -472,7 +472,7 @@ def told(made: Made, touch: float) -> Any:
 
 
 def _lane(made: Made) -> Any:
-    """The middle of the lane, from before the ego on."""
+    """Return the middle of the lane, from before the ego on."""
     return np.array([placed(made.curvature, way, 0.0, 0.0)[:2] for way in np.arange(-5.0, 250.0, 1.0)])
 
 
@@ -488,7 +488,7 @@ def _track(key: int, kind: str, size: tuple[float, float], poses: Sequence[Any],
 
 
 def latest_full_braking_s(speed: float, gap: float, kind: str) -> float:
-    """When the ego has to brake fully before a standing car: the gap less the stopping distance, in closed form."""
+    """Return when the ego has to brake fully before a standing car, from the gap less the stopping distance."""
     full, ramp = BRAKES[kind]
     jerk = full / ramp
     lost = full * ramp / 2
@@ -497,7 +497,7 @@ def latest_full_braking_s(speed: float, gap: float, kind: str) -> float:
 
 
 def closed_forms(choice: random.Random, count: int) -> Iterator[tuple[str, bool]]:
-    """The latest full braking before a standing car; and what UN R157's data sheets are taken to say."""
+    """Yield checks of the latest full braking before a standing car, and of our reading of UN R157's data sheets."""
     for _ in range(count):
         kind = choice.choice(("car", "truck", "bus"))
         speed, gap = choice.uniform(8, 25), choice.uniform(90, 140)
@@ -519,7 +519,7 @@ def closed_forms(choice: random.Random, count: int) -> Iterator[tuple[str, bool]
 
 
 def _is_latest(made: Made, expected: float) -> bool:
-    """Within two steps: one of the moments that are tried, one of the braking that builds up."""
+    """Return whether two moments agree within two steps: one of the tried moments, one of the build-up of braking."""
     touch = hit_s(made)
     found = None if touch is None else told(made, touch)
     return found is not None and abs(float(found.by_braking_until_s) - expected) <= 2 * STEP_S
@@ -536,7 +536,7 @@ def _of_told(found: Any) -> dict[tuple[str, str], bool]:
 
 
 def _truth(made: Made, driver: str, start: str, touch: float) -> bool | None:
-    """Whether a driver prevents the collision; None at an edge."""
+    """Return whether a driver prevents the collision; None at an edge."""
     found = set()
     for variant in VARIANTS:
         if driver == "full_braking":
@@ -549,7 +549,7 @@ def _truth(made: Made, driver: str, start: str, touch: float) -> bool | None:
 
 
 def _brakes_in_time(made: Made, start: str, variant: Variant, touch: float) -> bool:
-    """Whether full braking from any moment until the contact prevents it; coarse steps suffice away from edges."""
+    """Return whether full braking from any moment before the contact prevents it; coarse steps suffice off edges."""
     begins = [0.0] if made.met.kind == "car" and made.name != "turning" else [touch * k / 12 for k in range(13)]
     return any(prevents(made, "full_braking", start, variant, touch, begin) for begin in begins)
 

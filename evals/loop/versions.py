@@ -1,7 +1,7 @@
-"""Whether both versions are named where two versions of one own planner are compared, through the tools alone.
+"""Whether comparisons of two versions of a user's planner name both versions, only through the tools.
 
 Four planners are edited between batches: a package that declares its version, one in a git checkout with tags, commits
-and uncommitted edits, one that is known by its source alone, and a program of the settings file. Each version drives
+and uncommitted edits, one that is known only by its source, and a program of the settings file. Each version drives
 the same scenarios under the same configuration; then every batch is compared with every earlier one, and both are
 listed and analysed together.
 
@@ -85,7 +85,7 @@ class _Author:
         (metadata / "entry_points.txt").write_text(entry, encoding="utf-8")
 
     def _committed(self, number: int) -> str:
-        """Every other version is committed, the first with a tag; what git calls it then."""
+        """Return every other version is committed, the first with a tag; what git calls it then."""
         if number == 0:
             self._git("init", "--quiet")
         if number % 2 == 0:
@@ -105,7 +105,7 @@ class _ProgramAuthor(_Author):
     """Edits a program that the settings name."""
 
     def edited(self, number: int) -> str:
-        """A comment more: another source, the same drive."""
+        """Return a comment more: another source, the same drive."""
         text = _PROGRAM.read_text(encoding="utf-8") + f"# {number}\n"
         (self.folder / "program.py").write_text(text, encoding="utf-8")
         return ""
@@ -121,7 +121,7 @@ class _Version:
 
 
 def measure(bench: LoopBench) -> Figures:
-    """The keys above, over all pairs of versions or the bench's limit."""
+    """Return the figures of the keys above, over all pairs of versions or the bench's limit."""
     told = anyio.run(_told, bench)
     return {"versions_told": share(told), "version_comparisons": len(told)}
 
@@ -166,7 +166,7 @@ def _found(folders: Sequence[Path]) -> Iterator[None]:
 
 
 async def _versions_of(author: _Author, client: Client, limit: int | None) -> list[bool]:
-    """Whether each comparison of two versions of a planner is told right."""
+    """Return whether each comparison of two versions of a planner is reported correctly."""
     if limit is not None and limit <= 0:
         return []
     made = []
@@ -180,7 +180,7 @@ async def _versions_of(author: _Author, client: Client, limit: int | None) -> li
 
 
 async def _is_told(before: _Version, after: _Version, digests: dict[str, str], client: Client) -> bool:
-    """Whether the comparison of two versions, the list of batches and an analysis of both name them as they are."""
+    """Return whether the comparison of two versions, the list of batches and an analysis of both name them rightly."""
     ids = [before.batch_id, after.batch_id]
     compared = await client.call_tool("compare_results", {"results": ids})
     text = _text(compared)
@@ -208,7 +208,7 @@ async def _is_told(before: _Version, after: _Version, digests: dict[str, str], c
 
 
 def _is_named(version: _Version, name: str, digests: dict[str, str]) -> bool:
-    """Whether a name holds the author's words and a digest that stands for this source and no other one."""
+    """Return whether a name holds the author's words and a digest that stands for this source and no other one."""
     if not name.startswith(f"{version.planner}:Default ") or version.words not in name:
         return False
     found = _DIGEST.findall(name.rpartition("(")[2] if version.words else name)

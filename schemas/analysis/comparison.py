@@ -311,7 +311,7 @@ def _comparison(comparison: Comparison, shown_flips: int) -> list[str]:
 
 
 def _checked_by(comparison: Comparison) -> list[str]:
-    """The runs by which a headline can be checked, where no flip above names any."""
+    """Return the runs by which a headline can be checked, where no flip above names any."""
     if comparison.to_success_count + comparison.to_failure_count or not comparison.run_ids:
         return []
     more = 2 * comparison.success.pairs - len(comparison.run_ids[:_SHOWN_RUNS])

@@ -14,16 +14,16 @@ from ..operations import LOOK_AT_RUNS
 from ..results import keep_look, scenario_sources
 
 _AT_ONCE = 8
-"""Runs of one request (chosen): a second or two of a worker's time."""
+"""Number of runs in one request (chosen): a second or two of a worker's time."""
 _WITHIN_S = 20.0
-"""For which an answer waits for looks (chosen): an answer has 50 s, and the analysis needs its part."""
+"""How long an answer waits for looks (chosen): an answer has 50 s, and the analysis needs its share."""
 logger = logging.getLogger(__name__)
 
 
 async def looked_at(runs: Sequence[RunSource], call: ToolCall) -> tuple[RunSource, ...]:
-    """The runs with their looks, as many as are kept or can be made in twenty seconds.
+    """Return the runs with their looks, as many as are kept or can be made in twenty seconds.
 
-    Those without one are looked at in a random order, so that those that are done are a random sample of them all. The
+    Runs without a look are examined in random order, so that the examined ones are a random sample. The
     next call goes on where this one stopped.
     """
     by_id = {run.record.run_id: run for run in runs}

@@ -62,9 +62,9 @@ _RUNGS = (0.25, 0.5, 1.0)
 _BROKEN = 1.0
 """Taken off what the sampler is told of a candidate that breaks a constraint (chosen: as much as all success)."""
 _LOOK = 2
-"""Configurations that the look at the held-out half drives: the base and what was found."""
+"""Configurations that are driven on the held-out half: the base and the result."""
 _TAKEN_BACK = 1 / 3
-"""Of what the look leaves, the share that is kept for taking changes back (chosen), if there are as many weights."""
+"""The share of the remaining budget that is reserved for taking changes back (chosen), if there are as many weights."""
 _MOST_FRONT = 8
 """Members of a front that are kept (chosen)."""
 _SENSITIVITY = ("morris", "sobol")
@@ -150,7 +150,7 @@ class _Search:
     def candidates(self) -> int:
         """How many candidates are searched among: what the look at the held-out half and taking back leave.
 
-        Of so few that no search is left beside them, all are candidates, and what is found is not judged.
+        If the limit is too small for a search, all configurations are candidates, and the result is not judged.
         """
         most = self.plan.arguments.max_trials
         if most < _LOOK + 2:
@@ -177,7 +177,7 @@ class _Search:
         return await self._ended()
 
     def _wanted(self) -> int:
-        """How many candidates more are tried: what is kept for taking back goes to them while nothing is better."""
+        """Return how many more candidates are tried, including the reserve for taking back until one is better."""
         wanted = self.candidates - len(self.trials)
         return max(wanted, self.left - _LOOK) if self.best().number == 0 else wanted
 
@@ -352,11 +352,10 @@ class _Search:
         return [trial for trial in whole if not is_beaten(trial)][:_MOST_FRONT]
 
     async def _ablated(self, best: _Trial) -> tuple[_Trial, tuple[ChangeShare, ...], tuple[str, ...]]:
-        """The best configuration without the changes that bring nothing in training, what each of the rest brings, and
-        what could not be tried.
+        """Return the best configuration without useless changes, what each other brings, and what could not be tried.
 
-        One change after the other is taken back (backward elimination) and stays out where its loss costs nothing, as
-        long as the budget leaves the look at the held-out half.
+        The changes are taken back one after the other (backward elimination). A change that brings nothing in training
+        stays out. The budget for the held-out half is kept.
         """
         shares = list[ChangeShare]()
         changes = differences(self.plan.base, best.configuration)
@@ -377,7 +376,7 @@ class _Search:
         return best, tuple(shares), (note,) if untried else ()
 
     def _gain(self, trial: _Trial, other: _Trial) -> float:
-        """By how much the summed objectives of a trial are above those of another one."""
+        """Return by how much the summed objectives of a trial exceed those of another."""
         return sum(self.plan.values(trial.valid)) - sum(self.plan.values(other.valid))
 
     def _without(self, configuration: PlannerConfiguration, names: Sequence[str]) -> PlannerConfiguration:
@@ -571,7 +570,7 @@ async def _effects(search: _Search) -> StudyRecord:
 
 
 def _with_runs(effect: Effect, trials: Sequence[_Trial]) -> Effect:
-    """The effect with the two runs between which the weight changed most."""
+    """Return the effect with the two runs between which the weight changed most."""
     if effect.largest is None:
         return effect
     first, second, scenario = effect.largest
@@ -629,7 +628,7 @@ def _plan(arguments: OptimizePlannerArguments, call: ToolCall) -> _Plan:
 
 
 def _check_design(method: Literal["morris", "sobol"], weights: int, most: int) -> None:
-    """Refuse a sensitivity analysis whose smallest design drives more than was allowed.
+    """Refuse a sensitivity analysis if its smallest design drives more than was allowed.
 
     Raises:
         InvalidRequest: with how many would do, and how few weights.

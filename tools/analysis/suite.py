@@ -108,7 +108,7 @@ async def carry_out(suite: Suite, folder: Path, call: ToolCall, tell: Tell) -> S
 
 
 def _other_versions(groups: Mapping[str, Sequence[CellResult]], baselines: Mapping[str, "_Baseline"]) -> Iterable[str]:
-    """A sentence for each configuration that another version of its planner drove in a baseline."""
+    """Return a sentence for each configuration that another version of its planner drove in a baseline."""
     for name, group in groups.items():
         now = {one.record.planner_version for one in group if one.record is not None} - {""}
         for word, baseline in baselines.items():

@@ -38,7 +38,7 @@ async def analyze_results(arguments: AnalyzeResultsArguments, call: ToolCall) ->
 
 
 async def compare_results(arguments: CompareResultsArguments, call: ToolCall) -> CompareResultsResult:
-    """Paired tests of every side against the first, or of like sides of several batches against each other."""
+    """Return paired tests of every side against the first, or of matching sides of several batches."""
     words, notes = _words_of(arguments, call)
     chosen, runs = chosen_runs(words, call)
     call.shows(*(result.result_id for result in chosen))
@@ -59,10 +59,10 @@ async def compare_results(arguments: CompareResultsArguments, call: ToolCall) ->
 
 
 def _words_of(arguments: CompareResultsArguments, call: ToolCall) -> tuple[list[str], tuple[str, ...]]:
-    """What is compared. Left out: the configurations of the newest batch, or without any batch the two newest runs.
+    """Return what is compared; by default the configurations of the newest batch, or without one the two newest runs.
 
     Raises:
-        InvalidRequest: the newest batch has one configuration, and which older one is the baseline was not said.
+        InvalidRequest: the newest batch has one configuration, and the call does not name an older baseline.
     """
     if arguments.results:
         return arguments.results, ()
@@ -90,14 +90,14 @@ _Couples = tuple[tuple[int, int], ...]
 def _sides_of(
     chosen: Sequence[ChosenResult], runs: Sequence[RunSource]
 ) -> tuple[tuple[Side, ...], _Couples, tuple[str, ...]]:
-    """The sides in the given order, which of them are compared with which, and what was left out.
+    """Return the sides in the given order, which of them are compared with which, and what was left out.
 
     A batch gives one side a configuration; single runs with several configurations are put together by configuration;
     two runs of one configuration stand against each other. Of several batches the first that was named is the baseline,
-    and each side of another one is compared with its like in it.
+    and each side of another batch is compared with its match in it.
 
     Raises:
-        InvalidRequest: there is only one side, or no side of one batch has a like in another.
+        InvalidRequest: there is only one side, or no side of a batch matches one in another batch.
     """
     by_id = {run.record.run_id: run for run in runs}
     if all(result.kind == "run" for result in chosen) and len({run.record.config_id for run in runs}) > 1:
@@ -128,16 +128,16 @@ def _sides_of(
 
 
 def _star(count: int) -> _Couples:
-    """Every side against the first."""
+    """Return every side against the first."""
     return tuple((0, place) for place in range(1, count))
 
 
 def _matched(sizes: Sequence[int], sides: Sequence[Side]) -> tuple[_Couples, list[Side]]:
-    """The couples of like sides of the first group and each other one, and the sides that are in none.
+    """Return the couples of matching sides of the first group and each other, and the sides left over.
 
-    Like are the same configuration under the same planner version, else the same configuration, else what alone is
-    left of a planner in both groups, else what alone is left of both at all. A baseline with one side is the like of
-    every side of a group in which nothing is more like it.
+    Sides match if they have the same configuration under the same planner version; otherwise the same configuration;
+    otherwise if they are the only ones left of a planner in both groups; otherwise if they are the only ones
+    left at all. A baseline with one side matches every side of a group without a closer match.
     """
     ends = list(accumulate(sizes))
     groups = [list(range(end - size, end)) for size, end in zip(sizes, ends, strict=True)]
@@ -171,7 +171,7 @@ _LIKENESS: tuple[Callable[[Side], str], ...] = (
 
 
 def _by_config(result_id: str, members: Sequence[RunSource]) -> list[Side]:
-    """A side for each configuration and planner version; its label is its name."""
+    """Return a side for each configuration and planner version; its label is its name."""
     groups: dict[str, list[RunRecord]] = {}
     for member in members:
         groups.setdefault(member.record.config_id, []).append(member.record)
@@ -189,7 +189,7 @@ def _by_config(result_id: str, members: Sequence[RunSource]) -> list[Side]:
 
 
 def _labelled(sides: Sequence[Side]) -> list[Side]:
-    """The sides, those of one name with what tells them apart: the configuration, and the result that they are of."""
+    """Return the sides; equal names are told apart by the configuration and the result that they belong to."""
     told = []
     for side in sides:
         twins = [one for one in sides if one.config_name == side.config_name and one is not side]

@@ -97,7 +97,7 @@ async def with_trials(result: AnalyzeResultsResult, runs: Sequence[RunSource], c
 
 
 def _was_edited(record: RunRecord) -> bool:
-    """Whether a run is of another version of its planner than would drive a trial; not known counts as the same."""
+    """Return whether a run's planner version differs from the one that would drive a trial; unknown counts as equal."""
     try:
         return record.planner_source not in ("", source_that_drives(record.planner))
     except (UnknownName, PlannerFailure):  # it is not installed any more: what resolves its configuration says so

@@ -63,7 +63,7 @@ def summarise(
 
 
 def _ego_words(ego: GeneratedEgo, request: GenerationRequest) -> str:
-    """Which of the vehicles of its class the ego is, where it is no car its size and limits too, and how fast."""
+    """Return which vehicle of its class the ego is and its speed; if it is not a car, also its size and limits."""
     one_of = f"one of {counted(ego.cars_to_choose_from, ego.vehicle_class)} ({request.ego})"
     if ego.vehicle_class == "car":
         return f"Ego: {one_of}, at {ego.speed_mps:.1f} m/s"

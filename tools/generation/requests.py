@@ -312,14 +312,14 @@ def _shared_demand(text: str, name: str, share: float) -> VehicleDemand:
 
 
 def ego_of(arguments: GenerateScenariosArguments) -> str:
-    """The ego that was asked for, its class in our word: ``type:lorry`` and ``lorry`` alone are ``type:truck``."""
+    """Return the requested ego with our word for its class: ``type:lorry`` and ``lorry`` become ``type:truck``."""
     word = arguments.ego.strip().removeprefix("type:")
     known = vehicle_class_of(word)
     return arguments.ego if known is None else f"type:{known}"
 
 
 def _with_the_ego_s_class(demands: tuple[VehicleDemand, ...], ego: str) -> tuple[VehicleDemand, ...]:
-    """The demands with the class that was asked for as ego, if that is no car: it is among the others too."""
+    """Return the demands with the class that was asked for as ego, if that is no car: it is among the others too."""
     name = ego.removeprefix("type:")
     if name in (ego, "car") or any(demand.vehicle_class == name for demand in demands):
         return demands

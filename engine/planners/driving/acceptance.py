@@ -4,7 +4,7 @@
 each step: it searches the acceleration and steering rate that lead nearest to the next state, and asks whether they
 lead within 2 cm and 0.03 rad of it. In a step of 0.1 s the motion is so nearly linear in both that the search has a
 closed form, which is computed here for all steps at once. Steps that are near a tolerance or near a limit of the
-vehicle are left to the checker's own search; a motion that a vehicle drives has hardly any.
+vehicle are left to the checker's own search; a motion that a vehicle can drive has very few of them.
 
 The other criteria: a state meets the goal (CommonRoad's ``GoalRegion``), the body touches no road user, and no part of
 it is ever outside the lanelets, neither in a gap between them nor beyond the end of the map. The start is the planning
@@ -38,9 +38,9 @@ _CLEARLY = 0.5
 """Errors below this share of the tolerances, and above their reciprocal, are clear; the search decides between them."""
 _OUTSIDE_M2 = 1e-6
 """A smaller area is rounding: where lanelets touch, their outlines differ in the last digits. Of 35,779 states of
-driven motions the part outside was exactly nothing or more than 1e-3 m², and the checker agreed in all."""
+driven motions the part outside was exactly 0 or more than 1e-3 m², and the checker agreed on all of them."""
 _NEAR_LIMIT = 0.999
-"""Share of the largest acceleration from which the search decides: it is stopped by the limit as by a wall."""
+"""Share of the largest acceleration from which the search decides: it stops at the limit."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class DrivenStates:
 
     @classmethod
     def of(cls, steps: RunSteps, vehicle: VehicleParameters, step_s: float) -> "DrivenStates":
-        """The motion that a solution file of a run holds."""
+        """Return the motion that a solution file of a run holds."""
         positions = np.column_stack([steps.x_m, steps.y_m])
         steering = mean_steering_angles(steps, step_s, vehicle.wheelbase_m, vehicle.maximum_steering_rad)
         return cls(positions, np.array(steps.heading_rad), np.array(steps.speed_mps), steering, steps.first_step)
@@ -72,7 +72,7 @@ class Refused:
 def refusal(
     driven: DrivenStates, goal: "GoalRegion", network: "LaneletNetwork", vehicle: VehicleParameters, step_s: float
 ) -> Refused | None:
-    """Why ``valid_solution`` refuses a motion that hit no road user; None if it accepts it."""
+    """Return why ``valid_solution`` refuses a motion that hit no road user, or None if it accepts it."""
     if not meets_goal(driven, goal):
         return Refused("goal_not_met")
     outside = first_off_lanelets(driven, network, vehicle)
@@ -83,7 +83,7 @@ def refusal(
 
 
 def meets_goal(driven: DrivenStates, goal: "GoalRegion") -> bool:
-    """Whether any state meets the goal as CommonRoad asks it (``PlanningProblem.goal_reached``); the last one first."""
+    """Return whether any state meets the goal by ``PlanningProblem.goal_reached``; the last state is checked first."""
     from commonroad.scenario.state import KSState
 
     for index in reversed(range(len(driven.speeds_mps))):
@@ -100,10 +100,10 @@ def meets_goal(driven: DrivenStates, goal: "GoalRegion") -> bool:
 
 
 def first_off_lanelets(driven: DrivenStates, network: "LaneletNetwork", vehicle: VehicleParameters) -> int | None:
-    """The first state at which any part of the body is outside the lanelets, or None.
+    """Return the first state at which any part of the body is outside the lanelets, or None.
 
     Lanelets that lie side by side count as one, from their outermost left to their outermost right bound. The checker
-    fills all that is outside with triangles, the room beyond the ends of the network too. Only lanelets under the
+    fills everything outside with triangles, including the area beyond the ends of the network. Only lanelets under the
     motion can matter.
     """
     import shapely
@@ -117,7 +117,7 @@ def first_off_lanelets(driven: DrivenStates, network: "LaneletNetwork", vehicle:
 
 
 def _bodies(driven: DrivenStates, vehicle: VehicleParameters) -> NDArray[np.object_]:
-    """The ego's rectangle at every state."""
+    """Return the ego's rectangle at every state."""
     import shapely
 
     cos, sin = np.cos(driven.headings_rad), np.sin(driven.headings_rad)
@@ -129,7 +129,7 @@ def _bodies(driven: DrivenStates, vehicle: VehicleParameters) -> NDArray[np.obje
 
 
 def _sections_under(network: "LaneletNetwork", near: "BaseGeometry") -> list["BaseGeometry"]:
-    """The lanelets that meet an area, each with those beside it as one polygon."""
+    """Return the lanelets that meet an area, each together with its neighbours as one polygon."""
     import shapely
 
     found, done = [], set[int]()
@@ -145,7 +145,7 @@ def _sections_under(network: "LaneletNetwork", near: "BaseGeometry") -> list["Ba
 
 
 def _section(network: "LaneletNetwork", lanelet: "Lanelet") -> tuple[set[int], Points, Points]:
-    """A lanelet and all beside it: their ids, the leftmost and the rightmost bound, in the lanelet's direction."""
+    """Return the ids of a lanelet and its neighbours, and their leftmost and rightmost bounds in its direction."""
     members = {lanelet.lanelet_id}
     bounds = []
     for to_left in (True, False):
@@ -167,7 +167,7 @@ def _section(network: "LaneletNetwork", lanelet: "Lanelet") -> tuple[set[int], P
 
 
 def first_undrivable_step(driven: DrivenStates, vehicle: VehicleParameters, step_s: float) -> int | None:
-    """The first step that the kinematic single-track model cannot drive within the checker's tolerances, or None."""
+    """Return the first step that the kinematic single-track model cannot drive within the tolerances, or None."""
     steps = _Steps.of(driven, vehicle)
     clear, good = steps.judged(vehicle, step_s)
     for index in np.flatnonzero(~(clear & good)):
@@ -192,7 +192,7 @@ class _Steps:
 
     @classmethod
     def of(cls, driven: DrivenStates, vehicle: VehicleParameters) -> "_Steps":
-        """The steps of a motion of the centre."""
+        """Return the steps of a motion of the centre."""
         heading, back = driven.headings_rad, vehicle.rear_axle_behind_center_m
         x = driven.positions[:, 0] - back * np.cos(heading)
         y = driven.positions[:, 1] - back * np.sin(heading)
@@ -202,7 +202,7 @@ class _Steps:
         )
 
     def judged(self, vehicle: VehicleParameters, step_s: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Which steps have a clear verdict, and which are good by it.
+        """Return which steps have a clear verdict, and which of them are good.
 
         The errors in x, y, speed and heading are nearly linear in acceleration and steering rate: two Gauss-Newton
         steps from the mean acceleration, within the limits, are the search.
@@ -235,7 +235,7 @@ class _Steps:
         return (good & ~hardest) | bad, good
 
     def _errors(self, acceleration: Values, rate: Values, vehicle: VehicleParameters, step_s: float) -> Points:
-        """How far the next state is beyond the one that inputs lead to, (4, n): x, y, speed, heading."""
+        """Return how far the next state is beyond the one that inputs lead to, (4, n): x, y, speed, heading."""
         wheelbase = vehicle.wheelbase_m
         v, steering = self.speed_mps, self.steering_rad
         shares = np.array([0.0, 0.25, 0.5, 0.75, 1.0])[:, None] * step_s
@@ -256,7 +256,7 @@ class _Steps:
         )
 
     def _gains(self, rate: Values, vehicle: VehicleParameters, step_s: float) -> tuple[Points, Points]:
-        """The change of x, y, speed and heading with the acceleration and with the steering rate, (4, n) each."""
+        """Return the change of x, y, speed and heading with acceleration and with steering rate, (4, n) each."""
         cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
         tangent = np.tan(self.steering_rad + rate * step_s / 2)
         half, bend = step_s**2 / 2, tangent / vehicle.wheelbase_m
@@ -267,7 +267,7 @@ class _Steps:
 
 
 def _can_be_searched(driven: DrivenStates, index: int, vehicle: VehicleParameters, step_s: float) -> bool:
-    """Whether the checker's own search finds inputs for one step."""
+    """Return whether the checker's own search finds inputs for one step."""
     from commonroad.common.solution import VehicleType
     from commonroad.scenario.state import KSState
     from commonroad_dc.feasibility.feasibility_checker import state_transition_feasibility

@@ -3,12 +3,12 @@
 Each desired speed has a reason, a :data:`SpeedReason`:
 
 - ``goal_mean``: the mean speed that brings the ego to the middle of the goal by the middle of its time;
-- ``goal_end``: that which still brings it there by the end of the goal's time;
+- ``goal_end``: the mean speed that still brings it there by the end of the goal's time;
 - ``goal_interval``: the middle of the goal's speed interval, inside the goal or if the goal has no place;
-- ``speed_limit``: the cruising speed of the lane, if the goal says nothing (any more);
+- ``speed_limit``: the cruising speed of the lane, if the goal does not (or no longer) set a speed;
 - ``curve``: the speed at which the curve ahead can be driven, if that is less than the cruising speed.
 
-The rule of the Frenetix reference loop is kept beside it, for comparisons: :class:`ReferenceDesiredSpeed`.
+The rule of the Frenetix reference loop is kept as well, for comparisons: :class:`ReferenceDesiredSpeed`.
 """
 
 from typing import TYPE_CHECKING, Literal
@@ -29,7 +29,7 @@ SPEED_BAND_MPS = 5.0
 _MAXIMUM_SPEED_MPS = 50.0
 """As in the Frenetix reference loop: the desired speed is within this band of the present one, and at most this."""
 SpeedReason = Literal["goal_mean", "goal_end", "goal_interval", "speed_limit", "curve", "present"]
-"""Why a speed is desired; ``present`` (the speed that the ego has) is a reason of the reference's rule alone."""
+"""Why a speed is desired; ``present`` (the speed that the ego has) occurs only in the reference's rule."""
 _USUAL_OF_TYPE_MPS = {"interstate": 130 / 3.6, "highway": 130 / 3.6, "country": 100 / 3.6}
 """Speeds by CommonRoad's lanelet types if no limit is posted: the advisory speed of German motorways
 (Autobahn-Richtgeschwindigkeits-Verordnung, section 1) and the limit outside built-up areas (StVO section 3, paragraph
@@ -48,7 +48,7 @@ def curve_speeds_mps(
     deceleration_mps2: float,
     smoothing_m: float = _SMOOTHING_M,
 ) -> Values:
-    """The highest speeds along a path, shape (n,), at which no curve needs more lateral acceleration v² · curvature.
+    """Return the highest speeds along a path, shape (n,), that keep v² · curvature within the lateral limit.
 
     ``stations_m`` and ``headings_rad`` of shape (n,). Before a curve the speed falls by the deceleration, so that
     v² = v_next² + 2 · deceleration · distance. The curvature is smoothed over ``smoothing_m``.
@@ -84,14 +84,14 @@ class CruisingSpeed:
         self._curves = curve_speeds_mps(self._stations, turned, COMFORTABLE_MPS2, COMFORTABLE_MPS2)
 
     def at(self, station_m: float) -> tuple[float, SpeedReason]:
-        """The speed in m/s at a station, and whether the limit or the curve ahead decides."""
+        """Return the speed in m/s at a station, and whether the limit or the curve ahead decides."""
         place = min(max(int(np.searchsorted(self._stations, station_m, side="right")) - 1, 0), len(self._limits) - 1)
         limit, curve = float(self._limits[place]), float(np.interp(station_m, self._stations, self._curves))
         return (limit, "speed_limit") if limit <= curve else (curve, "curve")
 
 
 def _usual_mps(lanelet: "Lanelet") -> float:
-    """The highest of the usual speeds of a lanelet's types."""
+    """Return the highest of the usual speeds of a lanelet's types."""
     kinds = (kind.value for kind in lanelet.lanelet_type or ())
     return max((_USUAL_OF_TYPE_MPS.get(kind, USUAL_SPEED_MPS) for kind in kinds), default=USUAL_SPEED_MPS)
 
@@ -101,9 +101,9 @@ class DesiredSpeed:
 
     With a place, and while its time is not over, it is the mean speed to the middle of the goal: by the middle of the
     goal's time at first, and by its end once the middle has passed. The latter is no more than the cruising speed, or
-    than the present speed if that is higher: who is late does not race. Inside a goal with a speed interval it is the
-    middle of that, and so it is for a goal without a place. In all other cases it is the cruising speed. It is within
-    5 m/s of the present speed.
+    than the present speed if that is higher, so a late ego does not race. Inside a goal with a speed interval, or
+    for such a goal without a place, it is the middle of the interval. In all other cases it is the cruising speed. It
+    is within 5 m/s of the present speed.
 
     An ego inside a goal without a speed interval goes on aiming at the goal's middle and waits there for its time.
 
@@ -120,23 +120,23 @@ class DesiredSpeed:
 
     @classmethod
     def of(cls, task: PlanningTask) -> "DesiredSpeed":
-        """The desired speed for a planning task."""
+        """Return the desired speed for a planning task."""
         start_mps = EgoState.of(task.problem.initial_state).speed_mps
         cruising = CruisingSpeed(task.network, task.reference, start_mps)
         return cls(Goal(task.goal_ahead), task.reference, task.step_s, cruising)
 
     def at(self, ego: EgoState) -> float:
-        """The desired speed in m/s."""
+        """Return the desired speed in m/s."""
         return self.explained_at(ego)[0]
 
     def explained_at(self, ego: EgoState) -> tuple[float, SpeedReason]:
-        """The desired speed in m/s, and why it is desired."""
+        """Return the desired speed in m/s, and why it is desired."""
         low, high = max(ego.speed_mps - SPEED_BAND_MPS, 0.0), min(ego.speed_mps + SPEED_BAND_MPS, _MAXIMUM_SPEED_MPS)
         wanted, reason = self._wanted(ego, self._follower.place(ego.position)[0])
         return min(max(wanted, min(low, high)), high), reason
 
     def average_to_goal(self, ego: EgoState) -> float | None:
-        """Mean speed that brings the ego to the goal's middle in the time left; None without a place or time."""
+        """Return the mean speed to the goal's middle in the time left, or None without a place or time."""
         if self._goal_station_m is None:
             return None
         if self._goal.holds(ego.position):
@@ -166,7 +166,7 @@ class DesiredSpeed:
         return min(max(by_end, 0.0), max(cruising[0], ego.speed_mps)), "goal_end"
 
     def _mean_to(self, left_m: float, step: int, ego: EgoState) -> float | None:
-        """The mean speed in m/s over a distance until a step; None if the step has come."""
+        """Return the mean speed in m/s over a distance until a step, or None if the step has come."""
         left_s = (step - ego.step) * self._step_s
         return left_m / left_s if left_s > 0 else None
 
@@ -174,9 +174,9 @@ class DesiredSpeed:
 class ReferenceDesiredSpeed(DesiredSpeed):
     """The rule of the Frenetix reference loop, for comparisons.
 
-    It knows the mean speed to the middle of the goal by the middle of its time and the goal's speed interval, and the
-    present speed otherwise: inside a goal without a speed interval, which the ego so drives out of before its time,
-    and everywhere once the middle of the time has passed. An ego that stands then never starts again.
+    It uses the mean speed to the middle of the goal by the middle of its time, or the goal's speed interval, and
+    otherwise the present speed: inside a goal without a speed interval, so that the ego leaves it before its time, and
+    everywhere once the middle of the time has passed. A standing ego then never starts again.
     """
 
     def _wanted(self, ego: EgoState, here_m: float) -> tuple[float, SpeedReason]:

@@ -55,7 +55,7 @@ def exceeded_limits(
 ) -> Iterator[LimitExcess]:
     """The limits of the vehicle that a driven motion of its centre exceeds, each where it is exceeded most.
 
-    ``steering_rad``: the steering angles (n,), where they are known; else they follow from headings and speeds.
+    ``steering_rad``: the steering angles (n,), if they are known; otherwise they follow from headings and speeds.
     ``rolling``: the share of the steps in which the wheels would have to slide: position and heading are not those that
     any steering and acceleration lead to (tolerances of CommonRoad's drivability checker: 2 cm, 0.03 rad a step).
     """
@@ -90,7 +90,7 @@ def exceeded_limits(
 
 
 def excesses_of(trajectory: PlannedTrajectory, vehicle: VehicleParameters, step_s: float) -> tuple[LimitExcess, ...]:
-    """The limits of the vehicle that a trajectory of its centre exceeds."""
+    """Return the limits of the vehicle that a trajectory of its centre exceeds."""
     track = Track(
         obstacle_id=-1,
         kind="car",

@@ -1,6 +1,6 @@
 """The ego as a vehicle: it follows a plan by steering and accelerating within its limits.
 
-A plan is a line of states; whether any steering leads from one to the next, the plan does not say. Here the rear axle
+A plan is a line of states and does not say whether any steering leads from one to the next. Here the rear axle
 moves as in the kinematic single-track model of CommonRoad (Althoff and Würsching, "CommonRoad: Vehicle Models", 2020):
 with speed v, steering angle δ and wheelbase L the heading turns by v · tan δ / L, and the inputs of a time step are a
 constant acceleration and a constant steering rate. Speeds are those of the plan. The steering rates are those with
@@ -22,21 +22,21 @@ from ...vehicles import VehicleParameters, centers
 from ..interface import EgoState, PlannedTrajectory
 
 FOLLOWED_WITHIN_M = 0.3
-"""Chosen: a vehicle this near to its plan is on it, for planners that sample no offsets whose distance would say it."""
+"""Chosen: a vehicle this near to its plan is on it, for planners that sample no offsets to measure it by."""
 _RATE_WEIGHT_M = 0.01
 """Metres of deviation that 1 rad/s of steering costs in the least-squares problem: below it the line of a plan, which
 has corners of millimetres, is not worth steering for (a plan along chords of 1 m deviates from its arc of 8 m radius by
 16 mm)."""
 _SHORTEST_STEP_M = 2e-3
-"""In a shorter step the turn of the plan says nothing about its steering angle, which then stays as it is."""
+"""In a shorter step the plan's turn does not determine the steering angle, which then stays as it is."""
 _LINEARISATIONS, _ON_THE_LINE_M = 2, 0.02
-"""The problem is made linear about the plan, and once more about what came out where that is neither on the plan nor
-where the linear problem has it."""
+"""The problem is linearised about the plan, and once more about the result if that is neither on the plan nor where the
+linear problem predicts it."""
 _RATE_SHARE = 0.98
-"""Share of the largest steering rate that is used: whoever computes the rate from headings and speeds, as judges do who
-know no steering angle, averages over steps in which the speed changes, and must not find more than the limit."""
+"""Share of the largest steering rate that is used: a judge without steering angles computes the rate from
+headings and speeds, averaged over steps in which the speed changes, and must not find more than the limit."""
 _MOST_ROUNDS, _CENTRING, _TO_THE_BOUND, _SETTLED_M2 = 25, 0.1, 0.99, 1e-4
-"""Of the search for the best rates: the centring of a round, the share of the way to a bound that it goes at most, and
+"""Parameters of the search for the best rates: the centring of a round, the largest share of the way to a bound, and
 the gap below which it is done, (1 cm)² of deviation squared and summed over all steps. It takes about a dozen rounds,
 and whatever it ends with is within the bounds."""
 
@@ -55,7 +55,7 @@ class FollowedPlan:
 
 
 def is_on_plan(plan: PlannedTrajectory, index: int, ego: EgoState, within_m: float) -> bool:
-    """Whether the vehicle is as near as ``within_m`` to where a state of its plan has it."""
+    """Return whether the vehicle is as near as ``within_m`` to where a state of its plan has it."""
     if not 0 <= index < len(plan.positions):
         return False
     away = plan.positions[index] - ego.position
@@ -63,9 +63,9 @@ def is_on_plan(plan: PlannedTrajectory, index: int, ego: EgoState, within_m: flo
 
 
 def follow(plan: PlannedTrajectory, ego: EgoState, vehicle: VehicleParameters, step_s: float) -> FollowedPlan:
-    """The motion of the vehicle from where it is, as near to a plan as its limits allow.
+    """Return the motion of the vehicle from where it is, as close to a plan as its limits allow.
 
-    ``plan``: states of the centre, the first of which is the present one. The ego's steering angle is the one that it
+    ``plan``: states of the centre, the present one first. The ego's steering angle is the one that it
     has; an ego without one (at the first step of a run, where a planning problem states none) begins with the angle
     that suits the plan.
     """
@@ -110,7 +110,7 @@ class _Pose:
 
 @dataclass(frozen=True)
 class _Rolled:
-    """What an integration gives, one entry a state: rear axle and heading; one entry a step: the heading halfway."""
+    """The result of an integration: per state the rear axle and heading; per step the heading halfway."""
 
     x_m: Values
     y_m: Values
@@ -135,18 +135,18 @@ class _Track:
         return cls(plan.positions[:, 0] - back * cos, plan.positions[:, 1] - back * sin, headings, sin, cos)
 
     def across(self, driven: _Rolled) -> Values:
-        """How far to the left of the plan a motion is at every state but the first, in m."""
+        """Return how far to the left of the plan a motion is at every state but the first, in m."""
         away_x, away_y = driven.x_m - self.x_m, driven.y_m - self.y_m
         return np.asarray((away_y * self.cos - away_x * self.sin)[1:])
 
     def turned(self, driven: _Rolled) -> Values:
-        """How far a motion heads to the left of the plan at every state but the first, in rad."""
+        """Return how far a motion heads to the left of the plan at every state but the first, in rad."""
         turn = driven.headings_rad - self.headings_rad
         return np.asarray((turn - math.tau * round(float(turn[0]) / math.tau))[1:])
 
 
 def _roll(start: _Pose, speeds: Values, steering: Values, wheelbase_m: float, step_s: float) -> _Rolled:
-    """The motion of the rear axle for speeds and steering angles (n,), both of which change evenly within a step.
+    """Return the rear axle's motion for speeds and steering angles (n,) that change evenly within a step.
 
     Simpson's rule, for the heading over halves of a step and for the place over whole ones; its error is below a
     micrometre a step.
@@ -175,7 +175,7 @@ _QUARTERS: Values = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 def _steered(
     track: _Track, speeds: Values, start: _Pose, present_rad: float | None, vehicle: VehicleParameters, step_s: float
 ) -> tuple[Values, _Rolled]:
-    """The steering angle at every state (n,), whose rate of change is within the vehicle's, and its motion."""
+    """Return the steering angle at every state (n,), within the vehicle's steering rate, and its motion."""
     way = 0.5 * (speeds[1:] + speeds[:-1]) * step_s
     steering = _steering_of_plan(track, way, vehicle)
     if present_rad is not None:
@@ -200,7 +200,7 @@ def _steered(
 
 
 def _steering_of_plan(track: _Track, way: Values, vehicle: VehicleParameters) -> Values:
-    """The steering angle in rad at every state, the mean of those that the turns before and after it need."""
+    """Return the steering angle in rad at every state, the mean of those that the turns before and after it need."""
     turn = np.diff(track.headings_rad)
     moving = way > _SHORTEST_STEP_M
     between = np.arctan(vehicle.wheelbase_m * turn / np.where(moving, way, 1.0))
@@ -233,15 +233,15 @@ class _Problem:
     step_s: float
 
     def without_bounds(self) -> Values:
-        """The best unknowns without bounds."""
+        """Return the best unknowns without bounds."""
         return _solved(self.matrix, self.right)
 
     def across(self, unknown: Values) -> Values:
-        """How far to the left of the plan the motion is expected to be, in m."""
+        """Return how far to the left of the plan the motion is expected to be, in m."""
         return np.asarray(self.gain @ unknown + self.offset)
 
     def steering_for(self, unknown: Values) -> Values:
-        """The steering angle at every state."""
+        """Return the steering angle at every state."""
         first, rates = (float(unknown[-1]), unknown[:-1]) if self.first_rad is None else (self.first_rad, unknown)
         angles = np.empty(len(rates) + 1)
         angles[0] = first
@@ -260,7 +260,7 @@ def _linearised(
     *,
     begins_free: bool,
 ) -> _Problem:
-    """The problem about steering angles (n,) and the motion that they lead to."""
+    """Return the problem about steering angles (n,) and the motion that they lead to."""
     wheelbase, bound = vehicle.wheelbase_m, _RATE_SHARE * vehicle.maximum_steering_rate_radps
     middle = 0.5 * (steering[1:] + steering[:-1])
     gain = way / wheelbase * (1.0 + np.tan(middle) ** 2)
@@ -298,7 +298,7 @@ def _linearised(
 
 @lru_cache(maxsize=64)
 def _mean_angles(steps: int, step_s: float) -> Points:
-    """Mean steering angle of each step (rows) by the rates of all steps and the first angle (columns)."""
+    """Return the mean steering angle of each step (rows) by the rates of all steps and the first angle (columns)."""
     matrix = np.tril(np.full((steps, steps + 1), step_s), -1)
     matrix[np.arange(steps), np.arange(steps)] = 0.5 * step_s
     matrix[:, -1] = 1.0
@@ -306,10 +306,10 @@ def _mean_angles(steps: int, step_s: float) -> Points:
 
 
 def _bounded(matrix: Points, right: Values, bounds: Values, best: Values) -> Values:
-    """The x with |x| ≤ bounds that minimises x·M·x/2 − b·x for a positive definite M; ``best``: the one without bounds.
+    """Return the x with |x| ≤ bounds that minimises x·M·x/2 − b·x, M positive definite; ``best``: x without bounds.
 
-    By a primal-dual interior-point method (Nocedal and Wright, "Numerical Optimization", 2006, chapter 16.6), whose
-    rounds hardly depend on how many bounds are met.
+    By a primal-dual interior-point method (Nocedal and Wright, "Numerical Optimization", 2006, chapter 16.6), which
+    needs about the same number of rounds however many bounds are active.
     """
     x = np.clip(best, -0.5 * bounds, 0.5 * bounds)
     slope = matrix @ x - right
@@ -334,7 +334,7 @@ def _bounded(matrix: Points, right: Values, bounds: Values, best: Values) -> Val
 
 
 def _solved(matrix: Points, right: Values) -> Values:
-    """The x with M·x = b for a symmetric positive definite M; half the time of a general solver."""
+    """Return the x with M·x = b for a symmetric positive definite M; half the time of a general solver."""
     from scipy.linalg.lapack import dposv
 
     found: Values = dposv(matrix, right)[1]
@@ -342,9 +342,9 @@ def _solved(matrix: Points, right: Values) -> Values:
 
 
 def _within_tyres(speeds: Values, steering: Values, vehicle: VehicleParameters, step_s: float) -> Values:
-    """The speeds themselves if tyres and engine allow them, else the nearest that they allow, step by step.
+    """Return the speeds themselves if tyres and engine allow them, else the nearest that they allow, step by step.
 
-    A vehicle that is faster than its top speed already does not become faster still.
+    A vehicle that is already faster than its top speed does not accelerate further.
     """
     largest, top = vehicle.maximum_acceleration_mps2, max(vehicle.maximum_speed_mps, float(speeds[0]))
     bend = np.tan(steering[:-1]) / vehicle.wheelbase_m

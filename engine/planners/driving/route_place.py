@@ -13,9 +13,9 @@ from .desired_speed import DesiredSpeed, SpeedReason
 
 @dataclass(frozen=True)
 class RoutePlace:
-    """The place of one ego state: along the path, beside it (left positive), and turned against it.
+    """The place of one ego state: station along the path, lateral offset (left positive), and heading error.
 
-    ``to_goal_m``: along the path to where the goal begins; negative behind that, None for a goal without a place.
+    ``to_goal_m``: along the path to where the goal begins; negative beyond that, None for a goal without a place.
     ``desired_speed_reason``: why that speed is desired.
     """
 
@@ -40,7 +40,7 @@ class RoutePlaces:
         self._desired = DesiredSpeed.of(task)
 
     def at(self, ego: EgoState) -> RoutePlace:
-        """The place of one state."""
+        """Return the place of one state."""
         station_m, offset_m = self._follower.place(ego.position)
         desired_mps, reason = self._desired.explained_at(ego)
         return RoutePlace(
@@ -53,12 +53,12 @@ class RoutePlaces:
         )
 
     def beside(self, positions: Points, headings_rad: Values) -> tuple[Values, Values]:
-        """Offsets in m and heading errors in rad of the states of a run from its start on, both of shape (n,)."""
+        """Return the offsets in m and heading errors in rad of a run's states from its start, both (n,)."""
         stations, offsets = project_along(self._path, positions, self._start_m)
         return offsets, wrap_angles(headings_rad - self._direction(stations))
 
     def desired_speeds(self, states: Sequence[EgoState]) -> list[tuple[float, SpeedReason]]:
-        """The desired speed in m/s at each of some states, and why it is desired."""
+        """Return the desired speed in m/s at each of some states, and why it is desired."""
         return [self._desired.explained_at(ego) for ego in states]
 
     def _direction(self, stations_m: Values) -> Values:

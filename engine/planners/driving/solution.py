@@ -106,9 +106,9 @@ def solution_xml(
 
 
 def mean_steering_angles(steps: RunSteps, step_s: float, wheelbase_m: float, largest_rad: float) -> Points:
-    """Steering angle in rad at every state, shape (n,).
+    """Return the steering angle in rad at every state, shape (n,).
 
-    The one that was driven, where it is known, else the mean of those that the turns before and after it need.
+    The driven angle if it is known, otherwise the mean of the angles that the turns before and after the state need.
     """
     if steps.steering_rad:
         return np.array(steps.steering_rad)

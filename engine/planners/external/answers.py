@@ -1,4 +1,4 @@
-"""What planners that are programs answer, read without trust: each way to be wrong is a failure with its own reason."""
+"""What planners that are programs answer, read without trust: each kind of error is a failure with its own reason."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -15,17 +15,17 @@ from ..interface import EgoState, PlannedTrajectory
 from .conformance import trajectory_breaches
 
 Failed = Callable[[str, str], PlannerFailure]
-"""Makes the failure for a reason and what the program does, after it has ended the program."""
+"""Ends the program and makes the failure from a reason and a description of what the program does."""
 _SHOWN = 80
-"""Characters of an answer that is no JSON that an error repeats."""
+"""How many characters of an answer that is not JSON an error repeats."""
 _Message = TypeVar("_Message", bound=Model)
 
 
 def read_message(model: type[_Message], answered: bytes, failed: Failed) -> _Message:
-    """The message that an answer holds.
+    """Return the message that an answer holds.
 
     Raises:
-        PlannerFailure: it is empty, no JSON, in another form, or holds a number that is not finite.
+        PlannerFailure: it is empty, not JSON, in another form, or holds a number that is not finite.
     """
     if not answered.strip():
         raise failed("not_json", "writes no answer to standard output")
@@ -44,7 +44,7 @@ def read_message(model: type[_Message], answered: bytes, failed: Failed) -> _Mes
 
 
 def read_trajectory(answered: CommandTrajectory, ego: EgoState, step_s: float, failed: Failed) -> PlannedTrajectory:
-    """The trajectory with unwrapped headings and the accelerations that follow from its speeds.
+    """Return the trajectory with unwrapped headings and the accelerations that follow from its speeds.
 
     Raises:
         PlannerFailure: it breaks the contract of planners.

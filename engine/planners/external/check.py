@@ -1,4 +1,4 @@
-"""What a planner of others breaks on a scenario, and how its drive ends.
+"""How a user's planner breaks the contract on a scenario, and how its drive ends.
 
 It is driven in the loop among the recorded traffic, as a run is, and asked again at what it saw there.
 """
@@ -127,7 +127,7 @@ def check_on(name: str, planner: OwnPlanner | Found, path: Path, *, empty_road: 
 
 
 def _excesses(run: DrivenRun, task: PlanningTask) -> tuple[LimitExcess, ...]:
-    """The limits of the vehicle that the driven motion exceeds."""
+    """Return the limits of the vehicle that the driven motion exceeds."""
     states = run.states
     driven = PlannedTrajectory(
         np.array([state.position for state in states]),
@@ -139,7 +139,7 @@ def _excesses(run: DrivenRun, task: PlanningTask) -> tuple[LimitExcess, ...]:
 
 
 def _took(planner: OwnPlanner | Found, plan_s: list[float]) -> str:
-    """How long it took to plan, in words; of a program that is asked once, how long it took to answer."""
+    """Return how long it took to plan, in words; of a program that is asked once, how long it took to answer."""
     if not plan_s:
         return ""
     is_asked_once = (
@@ -180,7 +180,7 @@ def _unmoved(
     observations: Sequence[Observation],
     declaration: PlannerDeclaration,
 ) -> tuple[str, ...]:
-    """The weights and parameters that change none of the plans at the observations of a drive."""
+    """Return the weights and parameters that change no plan at the observations of a drive."""
     return tuple(
         name
         for name, weight in declaration.weights.items()
@@ -195,7 +195,7 @@ def _moves(
     name: str,
     ends: tuple[float, float],
 ) -> bool:
-    """Whether a plan differs between both ends of a range; where a planner cannot plan at an end, it acts."""
+    """Return whether a plan differs between both ends of a range; where a planner cannot plan at an end, it acts."""
 
     def planned(value: float, observation: Observation) -> Plan:
         configuration = task.configuration.model_copy(update={"weights": task.configuration.weights | {name: value}})

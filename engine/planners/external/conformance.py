@@ -63,7 +63,7 @@ def _of_figures(plan: Plan) -> list[str]:
 
 
 def _of_debug(debug: object) -> list[str]:
-    """What of the debug values cannot be kept; values beyond the bounds are left out and break nothing."""
+    """Return what of the debug values cannot be kept; values beyond the bounds are left out and break nothing."""
     if not isinstance(debug, DebugValues):
         return [f"debug is {type(debug).__name__}, not DebugValues"]
     wrong = [name for name, values in vars(debug).items() if not isinstance(values, Mapping)]

@@ -36,7 +36,7 @@ IMPORT_LIMIT_S = 60.0
 _LARGEST_SOURCE_BYTES = 10_000_000
 """Files of a program up to this size are part of its version (chosen: scripts are, data and interpreters are not)."""
 _SOURCE_SUFFIXES = (".py", ".so", ".pyd")
-"""Of the files of a package that are code: Python's own and its compiled modules."""
+"""Suffixes of the code files of a package: Python's own and its compiled modules."""
 _IMPORT_BYTES = 4 * 1024**3
 """Data memory of the process that imports it for its declaration; chosen, as of a worker."""
 _COMMANDS = TypeAdapter(dict[str, CommandPlanner])
@@ -197,7 +197,7 @@ def _of_environment(text: str) -> tuple[Found, ...]:
 
 
 def _sources(module: str) -> list[Path]:
-    """The Python files and compiled modules of the module's package, without importing it."""
+    """Return the Python files and compiled modules of the module's package, without importing it."""
     spec = find_spec(module.partition(".")[0]) if module else None
     if spec is None:
         return []

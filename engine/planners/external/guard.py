@@ -27,7 +27,7 @@ def main(parent_pid: int, memory_bytes: int, file_bytes: int, command: list[str]
     if child == 0:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         _become(memory_bytes, file_bytes, command)
-    os.close(0)  # the program alone holds its input and output, so that closing them is seen at the other end
+    os.close(0)  # only the program holds its input and output, so that closing them is seen at the other end
     os.close(1)
     _, status = os.waitpid(child, 0)
     code = os.waitstatus_to_exitcode(status)

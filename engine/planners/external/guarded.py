@@ -82,7 +82,7 @@ class _Guarded:
         return drivable(plan, self._task)
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
-        """Candidates of the last step, where the planner can say which; what is no line of finite points is left out.
+        """Return candidates of the last step if the planner can name them; all but lines of finite points are left out.
 
         Raises:
             PlannerFailure: the planner raised.
@@ -95,9 +95,9 @@ class _Guarded:
 
 
 def drivable(plan: Plan, task: PlanningTask) -> Plan:
-    """The plan; without its trajectory where the vehicle cannot drive the steps until the next plan.
+    """Return the plan; without its trajectory where the vehicle cannot drive the steps until the next plan.
 
-    The steering of a plan of others is computed from its states: what they state themselves is not relied on.
+    The steering of a user's plan is computed from its states; the steering that it states is not relied on.
     """
     if plan.trajectory is None:
         return plan

@@ -20,7 +20,7 @@ def _kept() -> dict[str, PlannerProcess]:
 
 
 def standing_process(name: str, declared: CommandPlanner) -> PlannerProcess:
-    """The process of a program that stays; a new one where there is none, or where it has ended.
+    """Return the process of a program that stays; a new one if there is no process or it has ended.
 
     Raises:
         PlannerFailure: it cannot be started.

@@ -1,4 +1,4 @@
-"""The messages of the stepwise protocol, made of what a planner in this process is given."""
+"""The messages of the stepwise protocol, made from what a planner in this process is given."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -25,13 +25,13 @@ _DIGITS = 4
 
 
 def numbers_of(values: Mapping[str, Any]) -> dict[str, float]:
-    """The values that are finite numbers."""
+    """Return the values that are finite numbers."""
     numbers = {name: value for name, value in values.items() if isinstance(value, int | float)}
     return {name: float(value) for name, value in numbers.items() if math.isfinite(value)}
 
 
 def start_message(task: PlanningTask, planner: str, scenario_id: str) -> StartMessage:
-    """What a program is told when a run begins."""
+    """Return what a program is told when a run begins."""
     settings, ego = task.configuration.settings, EgoState.of(task.problem.initial_state)
     return StartMessage(
         scenario_id=scenario_id,
@@ -63,7 +63,7 @@ class _Signal:
     station_m: float
 
     def at(self, step: int, ego_station_m: float) -> dict[str, object]:
-        """The fields of ``SignalMessage`` at a step."""
+        """Return the fields of ``SignalMessage`` at a step."""
         return {
             "id": int(self.light.traffic_light_id),
             "lanelet": self.lanelet_id,
@@ -81,7 +81,7 @@ class StepMessages:
         self._signals = _signals(task)
 
     def at(self, observation: Observation) -> StepMessage:
-        """What a program is told at one step."""
+        """Return what a program is told at one step."""
         ego = observation.ego
         place = self._places.at(ego)
         return StepMessage.model_validate(
@@ -110,7 +110,7 @@ def _rounded(values: Values) -> tuple[float, ...]:
 
 
 def _others(obstacles: Sequence[PredictedObstacle]) -> list[dict[str, object]]:
-    """The others of a step as fields of ``OtherMessage``.
+    """Return the others of a step as fields of ``OtherMessage``.
 
     Their numbers are rounded together, because numpy is slow at small arrays, and checked with the whole message.
     """
@@ -158,7 +158,7 @@ def _line(points: Points) -> Line:
 
 
 def _goals(task: PlanningTask) -> list[GoalMessage]:
-    """The goal states; first those that the reference path leads to."""
+    """Return the goal states; first those that the reference path leads to."""
     from commonroad.planning.goal import GoalRegion
 
     ahead = task.goal_ahead
@@ -181,7 +181,7 @@ def _goal_state(goal: Goal) -> GoalMessage:
 
 
 def _lanelets(task: PlanningTask) -> list[LaneletMessage]:
-    """The lanelets within the radius of the sensor around the reference path, by ascending id."""
+    """Return the lanelets within the radius of the sensor around the reference path, by ascending id."""
     import shapely
 
     around = shapely.LineString(task.reference.points).simplify(1.0).buffer(SENSOR_RADIUS_M)
@@ -207,7 +207,7 @@ def _lanelet(lanelet: "Lanelet", limit_mps: float | None) -> LaneletMessage:
 
 
 def _signals(task: PlanningTask) -> list[_Signal]:
-    """The working lights at the ends of the route's lanelets, in driving order."""
+    """Return the working lights at the ends of the route's lanelets, in driving order."""
     found = []
     for key, end_m in zip(task.reference.lanelets, task.reference.lanelet_ends_m(task.network), strict=True):
         lanelet = task.network.find_lanelet_by_id(key)

@@ -131,7 +131,7 @@ class PlannerProcess:
             return answer
 
     def exchange(self, message: bytes, limit_s: float) -> bytes:
-        """The next line that it writes after it was sent a message of one line; what follows is kept for the next call.
+        """Send a one-line message and return the next line of output; further output is kept for the next call.
 
         Raises:
             PlannerFailure: it broke a limit, ended, or closed its input or output.
@@ -275,7 +275,7 @@ class PlannerProcess:
         return None if state is None else int(state.si_status)
 
     def _awaited(self, ends: float, limit_s: float) -> int:
-        """Its exit status, once its output has ended."""
+        """Return its exit status once its output has ended."""
         while (status := self._exited()) is None:
             if self._is_stepwise and monotonic() > ends:
                 raise self._failure("closed_output", "closed its standard output and was ended")

@@ -12,7 +12,7 @@ from .stepwise import StepwiseDriver
 
 
 def program_driver(name: str, declared: CommandPlanner, scenario: ScenarioFile) -> CommandDriver | StepwiseDriver:
-    """A new planner that asks the program; a stepwise one is not given the scenario's file, which tells the future."""
+    """Return a new planner that asks the program; a stepwise program does not get the file, which holds the future."""
     if declared.protocol == "stepwise":
         return StepwiseDriver(name, declared, scenario.scenario_id)
     return command_driver(name, declared, scenario)
@@ -20,7 +20,7 @@ def program_driver(name: str, declared: CommandPlanner, scenario: ScenarioFile) 
 
 @contextmanager
 def ended_after(planner: Planner) -> Iterator[Planner]:
-    """The planner for a ``with`` block, after which no process of it runs on."""
+    """Yield the planner for a ``with`` block; afterwards no process of it is left."""
     try:
         yield planner
     finally:
@@ -29,13 +29,13 @@ def ended_after(planner: Planner) -> Iterator[Planner]:
 
 
 def log_of(planner: Planner | None) -> str:
-    """What is kept of what a program wrote to standard error; empty for a planner that is a class."""
+    """Return what is kept of what a program wrote to standard error; empty for a planner that is a class."""
     return planner.log if isinstance(planner, CommandDriver | StepwiseDriver) else ""
 
 
 @contextmanager
 def planner_driver(name: str, planner: OwnPlanner | CommandPlanner, file: ScenarioFile) -> Iterator[Planner]:
-    """A new planner of others as the loop drives it, for a ``with`` block, after which no process of it runs on."""
+    """Yield a user's new planner as the loop drives it, for a ``with`` block; afterwards no process of it is left."""
     made = guarded(name, planner.make) if isinstance(planner, OwnPlanner) else program_driver(name, planner, file)
     with ended_after(made) as driver:
         yield driver

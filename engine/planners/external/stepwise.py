@@ -53,7 +53,7 @@ class StepwiseDriver:
             raise self._failure("wrong_protocol", f"speaks protocol {ready.protocol}, not {PROTOCOL}")
 
     def plan(self, observation: Observation) -> Plan:
-        """The program's plan for this step.
+        """Return the program's plan for this step.
 
         Raises:
             PlannerFailure: the program broke a limit, or its answer is not a plan for this step.
@@ -73,7 +73,7 @@ class StepwiseDriver:
         return drivable(plan, task)
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
-        """Other candidates of the last step, as the program showed them."""
+        """Return other candidates of the last step, as the program showed them."""
         return [self._shown[place] for place in evenly_chosen(len(self._shown), most)]
 
     def close(self) -> None:
@@ -84,7 +84,7 @@ class StepwiseDriver:
             self._log, self._process = self._process.log, None
 
     def _exchange(self, message: Model, limit_s: float) -> bytes:
-        """The answer to a message, within its own limit and within what is left of the limit of the run."""
+        """Return the answer to a message, within its own limit and within what is left of the limit of the run."""
         if self._process is None:
             raise PlannerFailure(f"planner {self._name} was ended before", reason="died")
         began = monotonic()

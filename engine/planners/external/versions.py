@@ -1,7 +1,7 @@
 """What the version of a planner is called: as its author declares it, as git describes its source, or by a digest.
 
-The digest of the source stands behind either, because an edit changes it before anybody declares or commits anything.
-Git is asked for names and object ids alone: no hook, filter, monitor or remote of a repository is run or reached.
+The digest of the source follows either name, because an edit changes it even before it is declared or committed.
+Git is asked only for names and object ids: no hook, filter, monitor or remote of a repository is run or reached.
 """
 
 import hashlib
@@ -21,12 +21,12 @@ GIT_LIMIT_S = 5.0
 _LONGEST = 40
 """Characters of a version that are shown; chosen: tags and version numbers are shorter."""
 _QUIET = {"LC_ALL": "C", "GIT_OPTIONAL_LOCKS": "0", "GIT_TERMINAL_PROMPT": "0", "GIT_NO_LAZY_FETCH": "1"}
-"""Git takes no lock, asks nobody and fetches nothing."""
+"""Git takes no lock, prompts for nothing and fetches nothing."""
 _SETTINGS = ("-c", "core.hooksPath=/dev/null", "-c", "core.fsmonitor=false")
 
 
 def version_in_words(found: Found) -> str:
-    """``v1.2 (a1b2c3d)``: the declared version, what git calls the source, or the package's, with the digest.
+    """Return ``v1.2 (a1b2c3d)``: the declared version, git's, or the package's, with the digest.
 
     The class of the planner is imported for what it declares: for workers.
     """
@@ -41,16 +41,16 @@ def _declared(found: Found) -> str:
 
 
 def described_by_git(sources: Sequence[Path]) -> str:
-    """What ``git describe`` calls the commit that holds the first source file, with ``-dirty`` where a file differs.
+    """Return ``git describe`` of the commit that holds the first source file, with ``-dirty`` if a file differs.
 
-    Empty where that file is in no commit of a repository, git is not installed, or it takes too long.
+    Empty if that file is not in a commit of a repository, git is not installed, or git takes too long.
     """
     files = [path.resolve() for path in sources if path.is_file()]
     return _described(tuple(files), tuple(_stamps(files))) if files else ""
 
 
 def _stamps(files: Sequence[Path]) -> list[int]:
-    """When the files and what git knows of them changed last: the key by which an answer is kept."""
+    """Return when the files and what git knows of them changed last: the key by which an answer is kept."""
     repository = next((folder / ".git" for folder in files[0].parents if (folder / ".git").exists()), None)
     names = ("HEAD", "logs/HEAD", "packed-refs", "refs/tags")
     of_git = [] if repository is None else [repository / name for name in names]
@@ -59,7 +59,7 @@ def _stamps(files: Sequence[Path]) -> list[int]:
 
 @cache
 def _described(files: tuple[Path, ...], stamps: tuple[int, ...]) -> str:
-    del stamps  # part of the cache's key alone
+    del stamps  # only part of the cache's key
     folder = files[0].parent
     try:
         committed = _committed(folder)
@@ -73,7 +73,7 @@ def _described(files: tuple[Path, ...], stamps: tuple[int, ...]) -> str:
 
 
 def _committed(folder: Path) -> dict[Path, str]:
-    """The files in and below a folder that the present commit holds, each with its object id."""
+    """Return the files in and below a folder that the present commit holds, each with its object id."""
     top = Path(_git(folder, "rev-parse", "--show-toplevel").strip())
     listed = _git(folder, "ls-tree", "-r", "-z", "--full-name", "HEAD", "--", ".")
     entries = (line.partition("\t") for line in listed.split("\0") if line)
@@ -81,19 +81,19 @@ def _committed(folder: Path) -> dict[Path, str]:
 
 
 def _blob_id(path: Path, like: str) -> str:
-    """The object id that git gives to the content of a file, by the algorithm of another id."""
+    """Return the object id that git gives to the content of a file, by the algorithm of another id."""
     content = path.read_bytes()
     algorithm = "sha256" if len(like) == hashlib.sha256().digest_size * 2 else "sha1"
     return hashlib.new(algorithm, b"blob %d\0" % len(content) + content, usedforsecurity=False).hexdigest()
 
 
 def _git(folder: Path, *arguments: str) -> str:
-    """What git answers.
+    """Return what git answers.
 
     Raises:
-        OSError: there is no git.
+        OSError: git is not installed.
         subprocess.SubprocessError: it refuses, or takes too long.
-        ValueError: it answers something that is no text.
+        ValueError: its answer is not text.
     """
     environment = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ} | _QUIET
     done = subprocess.run(

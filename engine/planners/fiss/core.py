@@ -7,20 +7,20 @@ lane. Its coordinates are those of the world. Lengths in m, headings in rad.
 
 Traps (``tests/engine/planners/test_fiss_traps.py`` holds them):
 
-- It heads its vehicle where the centre moves. No vehicle does: the rear axle moves where it heads, and the centre
-  swings out. The headings of a plan are those of a rear axle that is dragged after the centre (a tractrix), the
+- It heads its vehicle where the centre moves. Real vehicles do not: the rear axle moves where they head, and the
+  centre swings out. The headings of a plan are those of a rear axle that is dragged after the centre (a tractrix), the
   speeds those of the rear axle, and the centre begins in the direction in which a vehicle that turns moves.
 - It normalises headings to ±π at every state. They are not taken from it.
 - It knows no limit of the steering rate, and neither friction nor steering at low speed. What a vehicle can drive is
-  judged anew (``driving/drivability.py``).
-- Its lateral motion is a polynomial of time alone: a vehicle that stands would slide sideways to its lane's centre.
+  checked again (``driving/drivability.py``).
+- Its lateral motion is a polynomial only of time: a vehicle that stands would slide sideways to its lane's centre.
   Below ``LOW_SPEED_MPS`` it keeps its offset.
-- It finds the nearest point of the whole line where it gets no hint, so a path that crosses itself would put the ego on
+- It finds the nearest point of the whole line if it gets no hint, so a path that crosses itself would put the ego on
   another lap. Every projection of the ego begins at its last station.
 - It places the ego as far backwards as forwards: a vehicle that heads against the path gets a negative speed along it.
 - A desired speed below 0 is taken, and its grid of speeds then has one speed, 0.
 - Its refinement (``fiss_plus``) takes the middle of a band for the lane's centre, whatever the band says. Bands are
-  symmetrical about their centres therefore.
+  therefore symmetrical about their centres.
 """
 
 import math
@@ -41,12 +41,12 @@ from ..reference_path import ReferencePath
 SEARCHES = ("fop", "fop_plus", "fiss", "fiss_plus")
 """The core's searches by the number that the setting ``search`` has."""
 LOW_SPEED_MPS = 2.0
-"""Chosen: the same as in Frenetix; below it lateral motions by time are no motions of a vehicle."""
+"""Chosen: the same as in Frenetix; below it a vehicle cannot drive lateral motions by time."""
 _SHORTEST_SHARE, _DURATIONS = 0.6, 5
 """The core's default: durations from 3 s to 5 s, five of them."""
 _HARDEST_MPS2, BRISKEST_MPS2 = 8.0, 4.0
-"""Limits that the core's authors plan with: 8 m/s² of braking and across (0.8 g), 4 m/s² of accelerating; at most what
-the vehicle can."""
+"""Limits that the core's authors plan with: 8 m/s² of braking and across (0.8 g), 4 m/s² of accelerating; but no more
+than the vehicle's own."""
 _STANDING_MPS = 1e-3
 _BEHIND_M, _BESIDE_M = 80.0, 60.0
 """The core looks at obstacles from 80 m behind the ego to 60 m beyond what it can reach."""
@@ -90,12 +90,12 @@ _SAFETY_FIELDS = {
 """Our weights by the core's names."""
 _HARD_DISTANCES = ("least_gap_m", "least_headway_s", "least_time_to_collision_s", "crossing_gap_s")
 Care = Literal["full", "margins", "bodies"]
-"""What a candidate must keep of others: the hard distances, the core's margins (0.5 m before and behind, 0.3 m beside),
-or only that bodies do not touch; ``margins`` and ``bodies`` leave out what stands before them."""
+"""How far a candidate must keep from others: the hard distances, the core's margins (0.5 m before and behind, 0.3 m at
+the sides), or only without contact. ``margins`` drops the hard distances, ``bodies`` the margins too."""
 
 
 def vehicle_limits(vehicle: VehicleParameters) -> "fiss_planner.VehicleParams":
-    """A vehicle as the core knows it."""
+    """Return a vehicle as the core knows it."""
     limits = fiss_planner.VehicleParams()
     limits.length, limits.width = vehicle.length_m, vehicle.width_m
     limits.wheelbase, limits.rear_axle_to_center = vehicle.wheelbase_m, vehicle.rear_axle_behind_center_m
@@ -115,7 +115,7 @@ def core_configuration(
     care: "Care" = "full",
     every_candidate: bool = False,
 ) -> "fiss_planner.PlannerConfig":
-    """The core's configuration.
+    """Return the core's configuration.
 
     Args:
         weights: those of the planner, by our names.
@@ -156,16 +156,16 @@ class PathLine:
         self._reference = reference
 
     def first_station(self, point: Points) -> float:
-        """The station in m of the ego at a point (2,) at which it begins."""
+        """Return the station in m of the ego at a point (2,) at which it begins."""
         return self._reference.follower().place(point)[0]
 
     def curve_speed_mps(self, station_m: float, ahead_m: float) -> float:
-        """The speed at which no curve of the next metres needs more than the lateral acceleration."""
+        """Return the speed at which no curve of the next metres needs more than the lateral acceleration."""
         first, last = np.searchsorted(self._stations, (station_m, station_m + ahead_m))
         return float(self._curve_mps[first : last + 1].min(initial=math.inf))
 
     def start(self, ego: EgoState, vehicle: VehicleParameters, near_m: float) -> "fiss_planner.FrenetState | None":
-        """The ego's centre in the frame of the line; None if it heads against the path or lies beyond a curve's centre.
+        """Return the ego's centre in the line's frame, or None if it heads against it or is past a curve's centre.
 
         ``near_m``: about where on the path it is.
         """
@@ -190,7 +190,7 @@ class PathLine:
 def core_obstacles(
     obstacles: Sequence[PredictedObstacle], ego: EgoState, reach_m: float, step_s: float, until_s: float = math.inf
 ) -> list["fiss_planner.Obstacle"]:
-    """The obstacles that can matter to an ego that gets at most ``reach_m`` far.
+    """Return the obstacles that can matter to an ego that gets at most ``reach_m`` far.
 
     ``until_s``: how long their predictions count.
     """
@@ -213,7 +213,7 @@ def core_obstacles(
 
 
 def dragged_headings(center: Points, first_rad: float, drag_m: float) -> Values:
-    """Heading of a rod of length ``drag_m`` whose front end goes along the chords between points (n, 2), unwrapped.
+    """Return the unwrapped headings of a rod of length ``drag_m`` whose front end follows the points (n, 2).
 
     While the front end goes a way s straight on, the tangent of half the angle between way and rod falls by
     exp(−s / drag), which is the tractrix of a straight line.
@@ -232,7 +232,7 @@ def dragged_headings(center: Points, first_rad: float, drag_m: float) -> Values:
 def driven_by_rear_axle(
     center: Points, directions_rad: Values, center_mps: Values, ego: EgoState, vehicle: VehicleParameters, step_s: float
 ) -> PlannedTrajectory:
-    """The motion of a vehicle whose centre follows points (n, 2), moving in directions (n,) with speeds (n,).
+    """Return the motion of a vehicle with its centre on points (n, 2), moving in directions (n,) at speeds (n,).
 
     It begins in the ego's heading; the rear axle is dragged after the centre, as in the kinematic single-track model.
     """
@@ -245,14 +245,14 @@ def driven_by_rear_axle(
 def copied_trajectory(
     candidate: "fiss_planner.Trajectory", ego: EgoState, vehicle: VehicleParameters, step_s: float
 ) -> PlannedTrajectory:
-    """A candidate as states of the centre that a vehicle can be in."""
+    """Return a candidate as states of the centre that a vehicle can be in."""
     center = np.stack([candidate.x, candidate.y], axis=1)
     center[0] = ego.position
     return driven_by_rear_axle(center, candidate.yaw, candidate.v, ego, vehicle, step_s)
 
 
 def costs_of(candidate: "fiss_planner.Trajectory") -> dict[str, float]:
-    """The weighted terms of a candidate; ``proximity`` is headway, time to collision and clearance together."""
+    """Return the weighted terms of a candidate; ``proximity`` is headway, time to collision and clearance together."""
     terms = candidate.cost
     return {
         "acceleration": terms.accel,
@@ -274,12 +274,12 @@ class DrivenPlan:
     trajectory: PlannedTrajectory
 
     def index_of(self, ego: EgoState) -> int | None:
-        """Where on the plan the ego is, if it followed it."""
+        """Return where on the plan the ego is, if it followed it."""
         index = ego.step - self.first_step
         return index if is_on_plan(self.trajectory, index, ego, FOLLOWED_WITHIN_M) else None
 
     def rest(self, index: int) -> PlannedTrajectory:
-        """What is left of the plan."""
+        """Return what is left of the plan."""
         return self.trajectory.since(index)
 
 

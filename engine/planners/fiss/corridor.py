@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 _SPACING_M = 2.0
 """Chosen: distance of the stations of a band; lanes change their width over tens of metres."""
 _BESIDE_M, _AHEAD_M = 10.0, 1.0
-"""A lane's cross-section belongs to a station within this beside the path and along it: the nearest lanes only."""
+"""A lane's cross-section belongs to a station if it is within these distances across and along the path."""
 _ALIGNED = 0.5
-"""Cosine of 60°: a lanelet whose direction differs by less from the path's is one of its direction."""
+"""Cosine of 60°: a lanelet with a smaller difference in direction from the path leads the same way."""
 _TOUCHING_M = 0.75
 """Chosen: neighbouring lanes of recorded maps overlap, or leave a gap, by up to this."""
 _USUAL_HALF_WIDTH_M = 1.75
@@ -49,7 +49,7 @@ class LaneBand:
 
 @dataclass(frozen=True)
 class Bands:
-    """The lane under the path and the two beside it, at stations (n,) in m along the path."""
+    """The lane under the path and the two adjacent ones, at stations (n,) in m along the path."""
 
     stations_m: Values
     under: LaneBand
@@ -57,12 +57,12 @@ class Bands:
     left: LaneBand
 
     def off_route(self, station_m: float) -> tuple[bool, bool]:
-        """Whether the lanes to the right and left of a station are none that the route changes to."""
+        """Return for the lanes to the right and left of a station whether the route does not change to them."""
         index = min(int(np.searchsorted(self.stations_m, station_m)), len(self.stations_m) - 1)
         return not self.right.is_next[index], not self.left.is_next[index]
 
     def corridor(self, right_cost: float, left_cost: float) -> "fiss_planner.Corridor":
-        """The bands as the core takes them; it adds the costs to candidates that end in the lane on that side."""
+        """Return the bands in the core's form; the core adds their costs to candidates that end in that side's lane."""
         corridor = fiss_planner.Corridor(self.stations_m.tolist())
         for offset, band, cost in ((-1, self.right, right_cost), (0, self.under, 0.0), (1, self.left, left_cost)):
             lane = fiss_planner.LaneBand()
@@ -73,12 +73,12 @@ class Bands:
         return corridor
 
     def half_width_at(self, station_m: float) -> float:
-        """Half of the width in m of the lane under the path."""
+        """Return half the width in m of the lane under the path."""
         return float(np.interp(station_m, self.stations_m, self.under.left_m))
 
 
 def lane_bands(network: "LaneletNetwork", reference: ReferencePath) -> Bands:
-    """The bands along a reference path, from its beginning to its end.
+    """Return the bands along a reference path, from its beginning to its end.
 
     Only lanes that belong to the route count, those that follow it, and those to which a change of lane leads from
     them. A marking that must not be crossed keeps a lane out unless the route itself changes to it.
@@ -99,7 +99,7 @@ def lane_bands(network: "LaneletNetwork", reference: ReferencePath) -> Bands:
 
 
 def _route_and_beyond(graph: LaneletGraph, lanelets: tuple[int, ...]) -> dict[int, int]:
-    """The lanelets of a route with their places in it, in the order of driving.
+    """Return the lanelets of a route with their places in it, in the order of driving.
 
     Those before its first have the place −1; those that follow its last, as far as a path goes on, that of the last.
     """
@@ -133,12 +133,12 @@ class _Section:
         return (self.right_m + self.left_m) / 2
 
     def comes_after(self, other: "_Section") -> bool:
-        """Whether the route changes to this lane from the other."""
+        """Return whether the route changes to this lane from the other."""
         return self.place is not None and other.place is not None and self.place > other.place
 
 
 def _sections(lanelet: "Lanelet", points: Points, along: Points, place: int | None) -> Iterator[_Section]:
-    """The sections of a lanelet, at most one a station: the nearest of its cross-sections, about 1 m apart."""
+    """Yield the sections of a lanelet, at most one a station: the nearest of its cross-sections, about 1 m apart."""
     left, right = np.asarray(lanelet.left_vertices, dtype=float), np.asarray(lanelet.right_vertices, dtype=float)
     center = np.asarray(lanelet.center_vertices, dtype=float)
     lengths = arc_length(center)
@@ -166,7 +166,7 @@ def _sections(lanelet: "Lanelet", points: Points, along: Points, place: int | No
 
 
 def _near(points: Points, center: Points) -> NDArray[np.intp]:
-    """The points within ``_BESIDE_M`` of the box around a line."""
+    """Return the points within ``_BESIDE_M`` of the box around a line."""
     low, high = center.min(axis=0) - _BESIDE_M, center.max(axis=0) + _BESIDE_M
     return np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
 
@@ -201,13 +201,13 @@ def _bands(stations: Values, sections: Collection[_Section]) -> Bands:
 
 
 def _under(here: list[_Section]) -> _Section | None:
-    """The lane under the path: one of the route before others, then the one whose centre is nearest."""
+    """Return the lane under the path: preferably one of the route, then the one with the nearest centre."""
     holding = [section for section in here if section.right_m <= 0.0 <= section.left_m]
     return min(holding, key=lambda section: (section.place is None, abs(section.center_m)), default=None)
 
 
 def _neighbour(under: _Section, here: list[_Section], *, is_left: bool) -> _Section | None:
-    """The lane that touches the one under the path on a side, if it may be entered."""
+    """Return the lane that touches the one under the path on a side, if it may be entered."""
     edge = under.left_m if is_left else under.right_m
     crossed = under.crossed_left if is_left else under.crossed_right
     candidates = [
@@ -226,7 +226,7 @@ def _is_next(under: _Section, neighbour: _Section | None) -> bool:
 
 
 def _beside(neighbours: list[_Section | None], is_next: list[bool], inner_m: Values) -> LaneBand:
-    """A band that has no width where there is no lane, along the edge of the lane under the path."""
+    """Return a band along the edge of the lane under the path; it has no width where there is no lane."""
     right, left = inner_m.copy(), inner_m.copy()
     for index, section in enumerate(neighbours):
         if section is not None:

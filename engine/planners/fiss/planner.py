@@ -3,12 +3,12 @@
 The core samples end states in the lanes along the reference path and searches them for the cheapest trajectory that it
 finds valid; it makes and checks only the candidates that its search comes to. Four searches can be chosen (setting
 ``search``). What it chooses is checked once more, for the limits of the vehicle and against the exact bodies and the
-edge of the road; where that fails, all candidates are made, and the cheapest one that passes is driven.
+edge of the road; if that fails, all candidates are generated, and the cheapest one that passes is driven.
 
-Where none passes, the planner goes on as its authors' does: the rest of its last plan, a plan without the hard
-distances to others, one that looks at collisions for 2.5 s alone, and then it brakes. Two more searches, before it
-brakes, are ours: one without the core's margins, since an ego that is closer to another already, as in a queue, would
-never get a plan; and one that may drive faster than it wishes, since to brake before a follower is no way out.
+If no candidate passes, the planner falls back in its authors' order: the rest of its last plan, a plan without the hard
+distances to others, a plan that considers collisions for only 2.5 s, and braking. We add two searches before it brakes:
+one without the core's margins, since an ego that is already closer to another, as in a queue, would never get a plan;
+and one that may exceed the desired speed, since braking in front of a follower does not help.
 
 Sources: Sun, Liu, Yin, Ang: FISS: A Trajectory Planning Framework Using Fast Iterative Search and Sampling Strategy for
 Autonomous Driving, RA-L 2022 (10.1109/LRA.2022.3191940); Sun et al.: FISS+: Efficient and Focused Trajectory Generation
@@ -115,13 +115,13 @@ class Fiss:
         )
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
-        """Of all candidates of the last planning step that the core finds valid, by cost."""
+        """Return valid candidates of the last planning step by cost."""
         step = self._step
         found = [] if step is None else self._valid(step, "full", math.inf, step.target_mps)
         return [self._trajectory(found[i], step).positions for i in evenly_chosen(len(found), most) if step]
 
     def _start(self, observation: Observation, index: int | None) -> "fiss_planner.FrenetState | None":
-        """Where the ego's centre is in the frame of the path: on the plan that it follows, or as observed."""
+        """Return where the ego's centre is in the frame of the path: on the plan that it follows, or as observed."""
         ego = observation.ego
         if index is not None and self._driven is not None and index < len(self._driven.candidate.t):
             return self._driven.candidate.frenet_state_at(index)
@@ -133,7 +133,7 @@ class Fiss:
         return self._path.start(ego, self._task.vehicle, near_m)
 
     def _core(self, care: Care, *, slow: bool, every_candidate: bool = False) -> "fiss_planner.Planner":
-        """The core for an ego at low speed or not; each remembers its last plan."""
+        """Return the core for an ego at low speed or not; each remembers its last plan."""
         key = slow, care, every_candidate
         if key not in self._cores:
             configuration = core_configuration(
@@ -150,7 +150,7 @@ class Fiss:
     def _searched(
         self, step: _Step, care: Care = "full", *, until_s: float = math.inf, target_mps: float | None = None
     ) -> Plan | None:
-        """The plan of one search; None where nothing that it came to can be driven and is safe.
+        """Return the plan of one search, or None if nothing that it came to can be driven and is safe.
 
         ``until_s``: how long collisions count; ``target_mps``: another speed to end at than the desired one.
         """
@@ -170,7 +170,7 @@ class Fiss:
         return next(filter(None, (self._driven_if_safe(other, step, until_s) for other in others)), None)
 
     def _valid(self, step: _Step, care: Care, until_s: float, target_mps: float) -> list["fiss_planner.Trajectory"]:
-        """All candidates that the core finds valid, by cost; not only those that its search comes to."""
+        """Return all candidates that the core finds valid, by cost; not only those that its search comes to."""
         every = self._result(step, care, until_s, target_mps, every_candidate=True).candidates
         return sorted((one for one in every if one.rejection == fiss_planner.Rejection.OK), key=_total_cost)
 
@@ -188,7 +188,7 @@ class Fiss:
         return result
 
     def _hurrying_mps(self, step: _Step) -> float:
-        """The speed that the ego reaches within half of the horizon, as far as curves allow it.
+        """Return the speed that the ego reaches within half of the horizon, as far as curves allow it.
 
         The core samples no speeds above its target, so without this an ego that is slower than those behind it could
         only brake.
@@ -199,7 +199,7 @@ class Fiss:
         return max(step.target_mps, within_curves)
 
     def _lanes(self, step: _Step) -> "fiss_planner.Corridor":
-        """The lanes along the path; one beside it costs more if the route does not change to it."""
+        """Return the lanes along the path; an adjacent one costs more if the route does not change to it."""
         weight = self._task.configuration.weights["route"]
         right, left = self._bands.off_route(step.start.s)
         costs = weight * right, weight * left
@@ -208,7 +208,7 @@ class Fiss:
         return self._corridors[costs]
 
     def _kept_offset(self, step: _Step) -> "fiss_planner.Corridor":
-        """A corridor about the offset that a slow ego has, or drifts to."""
+        """Return a corridor about the offset that a slow ego has, or drifts to."""
         horizon_s = self._task.configuration.settings.horizon_s
         offset = step.start.d + step.start.d_d * horizon_s / 4
         half = self._bands.half_width_at(step.start.s)
@@ -230,7 +230,7 @@ class Fiss:
         return None
 
     def _followed(self, trajectory: PlannedTrajectory, step: _Step) -> PlannedTrajectory:
-        """The motion with which the vehicle follows a trajectory, however far from it."""
+        """Return the motion with which the vehicle follows a trajectory, however far from it."""
         return follow(trajectory, step.observation.ego, self._task.vehicle, self._task.step_s).trajectory
 
     def _trajectory(self, candidate: "fiss_planner.Trajectory", step: _Step) -> PlannedTrajectory:
@@ -246,7 +246,7 @@ class Fiss:
         return Plan(trajectory, costs or {}, dict(step.rejected), step.candidates, kind, step.core_s)
 
     def _rest(self, step: _Step, index: int | None) -> Plan | None:
-        """What is left of the plan that the ego follows, while it is long enough and still safe."""
+        """Return what is left of the plan that the ego follows, while it is long enough and still safe."""
         if index is None or self._driven is None:
             return None
         rest = self._driven.rest(index)

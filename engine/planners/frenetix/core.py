@@ -426,7 +426,7 @@ class DrivenPlan:
     end: EndState
 
     def state_for(self, ego: EgoState, low_speed: bool, within_m: float) -> CurvilinearState | None:
-        """The curvilinear state of this plan, if the ego is as near to it as ``within_m``."""
+        """Return the curvilinear state of this plan, if the ego is as near to it as ``within_m``."""
         index = ego.step - self.first_step
         if not is_on_plan(self.trajectory, index, ego, within_m):
             return None

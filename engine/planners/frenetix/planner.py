@@ -215,7 +215,7 @@ class Frenetix:
         step: PlanningStep,
         followed: FollowedPlan | None = None,
     ) -> Plan:
-        """The motion with which the vehicle follows a candidate; the planner goes on from the candidate itself."""
+        """Return the motion of the vehicle along a candidate; the planner goes on from the candidate itself."""
         trajectory = copied_trajectory(sample, step.frame, step.ego, self._task.vehicle)
         followed = followed or follow(trajectory, step.ego, self._task.vehicle, self._task.step_s)
         self._driven = DrivenPlan(

@@ -101,12 +101,12 @@ class Start:
 
 
 def _sampled_values(level: int) -> int:
-    """How many speeds and offsets are sampled."""
+    """Return how many speeds and offsets are sampled."""
     return int(2 ** (level + 1)) + 1
 
 
 def followed_within_m(level: int) -> float:
-    """How far the vehicle may be from a candidate that it follows: half the distance of two sampled offsets."""
+    """Return how far the vehicle may be from a candidate that it follows: half the distance of two sampled offsets."""
     return _LATERAL_M / (_sampled_values(level) - 1)
 
 
@@ -316,7 +316,7 @@ class Driven:
     trajectory: PlannedTrajectory
 
     def holds(self, ego: EgoState, within_m: float) -> bool:
-        """Whether the ego is as near to this plan as ``within_m``."""
+        """Return whether the ego is as near to this plan as ``within_m``."""
         return is_on_plan(self.trajectory, ego.step - self.first_step, ego, within_m)
 
     def rest(self, path: PathTable, step: int, step_s: float) -> Candidates | None:

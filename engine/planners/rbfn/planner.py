@@ -171,7 +171,7 @@ class RadialBasisPrimitives:
         return PlannedTrajectory(positions, heading, speed, np.gradient(speed, self._task.step_s))
 
     def _drive(self, step: _Step, index: int, kind: PlanKind, followed: FollowedPlan | None = None) -> Plan:
-        """The motion with which the vehicle follows a candidate."""
+        """Return the motion with which the vehicle follows a candidate."""
         trajectory = self._trajectory(step, index)
         followed = followed or follow(trajectory, step.ego, self._task.vehicle, self._task.step_s)
         row = slice(step.drivable[index], step.drivable[index] + 1)

@@ -2,9 +2,9 @@
 
 Until the driver reacts, the ego moves as a :class:`NominalMotion` says: as it was driven, or along its lane at the
 speed that it began with. From then on it brakes as the driver wants, keeps its speed in between, and follows the same
-way. A drive is followed until the ego stands or both cannot meet any more: an ego that still rolls has not
-prevented anything. Where a track ends before that, the other goes on straight at its last speed, and one that braked
-goes on braking until it stands.
+way. A drive is followed until the ego stands or the two can no longer meet: an ego that still rolls has not
+prevented anything. If a track ends before that, the other goes on straight at its last speed; if it braked, it goes on
+braking until it stands.
 """
 
 from collections.abc import Sequence
@@ -29,14 +29,14 @@ _MEAN_OVER_S, _BRAKES_MPS2 = 0.5, 1.0
 _STANDS_MPS = 0.1
 """Slower than this is standing, as in the time headway."""
 _LEAST_WAY_M = 5.0
-"""A way that is shorter than a car has no bends that could be told."""
+"""Bends cannot be determined on a way that is shorter than a car."""
 
 
 @dataclass(frozen=True)
 class NominalMotion:
     """How the ego moves until its driver reacts: stations (n,) in m along a way and speeds (n,), one a step.
 
-    ``was_driven``: whether it is what the ego drove, so that it touches nobody before it is changed.
+    ``was_driven``: whether it is what the ego drove, so that it touches no other road user before it is changed.
     """
 
     path: DriverPath
@@ -73,7 +73,7 @@ class NominalMotion:
 
 
 def _bend_limits(path: DriverPath) -> tuple[Values, Values]:
-    """Stations and the speeds at which a path's bends need no more than a comfortable acceleration, both (n,)."""
+    """Return stations and the speeds at which a path's bends stay at a comfortable acceleration, both (n,)."""
     if path.length_m < _LEAST_WAY_M:
         return np.zeros(1), np.full(1, np.inf)
     points = without_repeats(path.points)
@@ -101,7 +101,7 @@ class Driven:
 class DriverScene:
     """The ego's body and brakes, how it moves until its driver reacts, and the others along its way.
 
-    ``body``: length and width in m. ``met``: the one that it collided with, going on behind the end of its track as
+    ``body``: length and width in m. ``met``: the one that it collided with, going on after the end of its track as
     :func:`going_on` says; ``met_until``: the last step that its track shows. ``others``: all others. On the way that
     was driven, a driver reacts only to the one that was met, since the ego has already reacted to the others. On its
     lane it reacts to all.
@@ -184,7 +184,7 @@ class DriverScene:
         return Driven(np.array(stations), np.array(speeds), brakes_from, stands=False)
 
     def _is_over(self, index: int, met: Seen | None, speed: float, wanted: float | None) -> bool:
-        """Whether the one that was met goes on evenly and neither reaches the ego nor is reached by it any more."""
+        """Return whether the other goes on evenly and neither it nor the ego can reach the other any more."""
         if met is None or self.first_step + index <= self.met_until or met.slowing_mps2 > 0:
             return False
         if met.is_passed:
@@ -196,12 +196,12 @@ class DriverScene:
         return Driven(self.nominal.stations_m[:count], self.nominal.speeds_mps[:count], None, stands=False)
 
     def _has_passed(self, index: int, station: float, speed: float) -> bool:
-        """Whether the ego is past the one that it met, which does not catch up."""
+        """Return whether the ego is past the one that it met, which does not catch up."""
         met = self._met.seen(self.first_step + index, station, self.body, self.step_s)
         return met is not None and met.is_passed and met.along_mps <= speed
 
     def _seen(self, index: int, station: float, met: Seen | None) -> tuple[Seen, ...]:
-        """What the driver sees: the one that it met unless another hides it, and on its lane all others."""
+        """Return what the driver sees: the one that it met unless another hides it, and on its lane all others."""
         if not self._watched:
             return () if met is None else (met,)
         if self.nominal.was_driven and (met is None or not met.is_in_way):
@@ -216,7 +216,7 @@ class DriverScene:
         return tuple(one for one in shown if one.key == self._met.key) if self.nominal.was_driven else shown
 
     def is_clear(self, driven: Driven, aside_m: Values | None = None, turned_rad: Values | None = None) -> bool:
-        """Whether a drive touches neither the one that was met nor anyone that it drives into.
+        """Return whether a drive touches neither the road user that was met nor any other that it drives into.
 
         ``aside_m`` (n,): how far left of the way the ego is at each state, ``turned_rad`` (n,): and turned by how much.
         """
@@ -225,8 +225,8 @@ class DriverScene:
     def bodies(self, driven: Driven, aside_m: Values | None = None, turned_rad: Values | None = None) -> NDArray[Any]:
         """Return the ego's polygons (n,) at the states of a drive; see :meth:`is_clear`.
 
-        A driver that reacts may come as near as the steps are long: in half a step's square of full braking its place
-        is not known better, and the fuzzy model and RSS stop exactly at what stands before them.
+        A driver that reacts may come as near as the steps are long: its place is known no better than to half of full
+        braking times the squared step, and the fuzzy model and RSS stop exactly at a standing obstacle.
         """
         known_m = 0.0 if driven.brakes_from is None else self.brakes.full_mps2 * self.step_s**2 / 2
         body = (self.body[0] - 2 * known_m, self.body[1])
@@ -237,7 +237,7 @@ class DriverScene:
         return rectangles(centers, bearings, body)
 
     def is_clear_of_met(self, driven: Driven, aside_m: Values | None = None, turned_rad: Values | None = None) -> bool:
-        """Whether a drive does not touch the one that was met; see :meth:`is_clear`."""
+        """Return whether a drive does not touch the one that was met; see :meth:`is_clear`."""
         import shapely
 
         own = self.bodies(driven, aside_m, turned_rad)
@@ -256,7 +256,7 @@ class DriverScene:
         return track.first_step - self.first_step, rectangles(track.positions, track.headings_rad, track.size_m)
 
     def _drives_into_others(self, driven: Driven) -> bool:
-        """Whether the ego, once its driver decides how it moves, touches another that is not behind it."""
+        """Return whether the ego, once its driver decides how it moves, touches another that is not behind it."""
         import shapely
 
         begins = driven.brakes_from if self.nominal.was_driven else 0
@@ -282,7 +282,7 @@ class DriverScene:
         return False
 
     def prevents(self, driver: ReferenceDriver, takes_over: int = 0) -> bool:
-        """Whether a driver that takes over at a state touches neither the one that was met nor anyone ahead."""
+        """Return whether a driver that takes over at a state touches neither the one that was met nor anyone ahead."""
         return self.is_clear(self.drive(driver, takes_over))
 
     def latest_takeover(self, driver: ReferenceDriver, last: int) -> int | None:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from commonroad.scenario.scenario import Scenario
 
 _ON_M = 300.0
-"""How far a route goes on that has no place as its goal: 10 s at 30 m/s."""
+"""How far a route goes on if its goal has no place: 10 s at 30 m/s."""
 
 
 def lane_line(scenario: "Scenario", problem: "PlanningProblem", vehicle: VehicleParameters) -> Points | None:

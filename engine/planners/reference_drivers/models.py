@@ -67,7 +67,7 @@ def brakes_of(kind: str) -> Brakes:
 class Seen:
     """Another road user as a driver sees it along its way at one moment.
 
-    ``gap_m``: from the driver's front to its nearest end, negative beside and behind; ``past_m``: how far the driver
+    ``gap_m``: from the driver's front to its nearest end, negative alongside and behind; ``past_m``: how far the driver
     has to go until its rear is past the other's far end. ``aside_m``: the gap between both bodies across the way, 0 or
     less if it is in the way; ``nearing_mps``: how fast that gap closes; ``along_mps`` and ``slowing_mps2``: its speed
     along the way and its deceleration. ``hider_gap_m``: the gap to the one that hides it; None: it can be seen.
@@ -84,7 +84,7 @@ class Seen:
 
     @property
     def is_in_way(self) -> bool:
-        """Whether it is in the way, ahead of the driver or beside its front."""
+        """Whether it is in the way, ahead of the driver or alongside its front."""
         return self.aside_m <= 0 and not self.is_passed
 
     @property
@@ -93,7 +93,7 @@ class Seen:
         return self.past_m <= 0
 
     def is_in_way_before_passed(self, closing_mps: float, later_s: float = 0.0) -> bool:
-        """Whether one aside is in the way, at its present rate, before the driver is past it (or so much later)."""
+        """Return whether one at the side enters the way, at its rate, before the driver is past it (or a bit later)."""
         if self.nearing_mps <= 0 or closing_mps <= 0:
             return False
         return self.aside_m / self.nearing_mps <= self.past_m / closing_mps + later_s
@@ -170,8 +170,8 @@ class CarefulDriver:
     A road user is *noticed* when it has come nearer to the way by ``wandering_m`` or is in it (cut-in, 3.4.1), when it
     brakes in the way by more than ``hard_mps2`` (deceleration, 3.4.3), or when it is in the way and slower than the
     driver (cut-out, 3.4.2: the regulation means the one that a cut-out reveals; a leader that has become slower is
-    treated alike). One behind a broad one that is in the way is hidden until the centre of the broad one is more than
-    ``wandering_m`` beside the way. The regulation's others change from the lane beside, ``lane_m`` wide (JRC-FSM lets
+    treated the same). A road user behind a broad one in the way is hidden until the centre of that one is more than
+    ``wandering_m`` off the way. In the regulation, others change from the adjacent lane, ``lane_m`` wide (JRC-FSM lets
     vehicles 1.9 m wide begin 1.6 m apart); what is farther aside is noticed only if, at its present rate, it is in the
     way before the driver is past it.
 
@@ -195,7 +195,7 @@ class CarefulDriver:
         return "r157_careful"
 
     def begin(self) -> Mapping[int, _Hazard]:
-        """Return the memory of a driver that has noticed nobody yet."""
+        """Return the memory of a driver that has not noticed any road user yet."""
         return {}
 
     def react(self, memory: Mapping[int, _Hazard], moment: Moment) -> tuple[Mapping[int, _Hazard], float | None]:
@@ -240,13 +240,13 @@ class CarefulDriver:
         return perceived(hazard.coming_since_s) and seen.time_to_collision_s(moment.own_mps) < self.critical_ttc_s
 
     def _may_come(self, seen: Seen, closing_mps: float) -> bool:
-        """Whether one that comes nearer is in the lane beside, or is in the way in time."""
+        """Return whether a road user that comes nearer is in the adjacent lane, or will be in the way in time."""
         if seen.aside_m <= self.lane_m:
             return True
         return seen.is_in_way_before_passed(closing_mps)
 
     def _is_over(self, seen: Seen, moment: Moment) -> bool:
-        """Whether what the driver brakes for is over."""
+        """Return whether what the driver brakes for is over."""
         if seen.is_passed:
             return True
         if seen.aside_m > 0:
@@ -276,7 +276,7 @@ class _Alertness:
         return _Alertness() if now_s - safe_since_s >= calm_s else _Alertness(self.unsafe_since_s, safe_since_s)
 
     def responds(self, now_s: float, response_s: float) -> bool:
-        """Whether the response time has passed since the situation became unsafe."""
+        """Return whether the response time has passed since the situation became unsafe."""
         return self.unsafe_since_s is not None and now_s - self.unsafe_since_s >= response_s - _ROUNDING_S
 
 
@@ -384,7 +384,7 @@ class RssDriver:
         return memory, math.inf if is_unsafe and memory.responds(moment.time_s, self.response_s) else None
 
     def is_unsafe(self, seen: Seen, own_mps: float) -> bool:
-        """Whether both distances to another are below the safe ones."""
+        """Return whether both distances to another are below the safe ones."""
         if seen.is_passed or 0 < seen.aside_m >= self.safe_aside_m(seen.nearing_mps):
             return False
         return max(seen.gap_m, 0.0) < self.safe_distance_m(own_mps, seen.along_mps)

@@ -19,14 +19,14 @@ from ...geometry import Points, Values, arc_length, interpolate, project_along, 
 from .models import Seen
 
 AHEAD_M = 200.0
-"""A way goes on straight for this long behind its end: more than a car on a motorway needs to stop."""
+"""A way goes on straight for this long after its end: more than a car on a motorway needs to stop."""
 _NARROW = ("pedestrian", "bicycle", "motorcycle")
-"""Those that hide nobody; all others are as broad as a car."""
+"""Types that hide no other road user; all other types are as broad as a car."""
 
 
 @dataclass(frozen=True)
 class DriverPath:
-    """A line of points (n, 2) with the headings (n,) that a driver has there; straight on behind its end."""
+    """A line of points (n, 2) with the headings (n,) that a driver has there; straight on after its end."""
 
     points: Points
     headings_rad: Values
@@ -124,7 +124,7 @@ class OnPath:
         return gaps
 
     def seen(self, step: int, station_m: float, body: tuple[float, float], step_s: float) -> Seen | None:
-        """Return how a driver sees it whose centre is at a station; None if it is not there at the step.
+        """Return how a driver with its centre at a station sees it, or None if it is not there at the step.
 
         ``body``: length and width of the driver's vehicle.
         """

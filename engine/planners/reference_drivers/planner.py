@@ -4,8 +4,8 @@ What a driver does while its model does not react is not part of the models. Wit
 Intelligent Driver Model (``idm.py``): to the goal, at its time headway behind others, braking comfortably at most.
 Without it, it keeps its lane and the speed of the start until it reacts, and the speed that it then has, as the
 reference drivers of verdicts do. Its model sees the
-others as they are observed when the plan is made; how they go on within a plan is what the prediction says. The way to
-the sides is that of the Intelligent Driver Model, and so are the speeds in bends.
+others as observed when the plan is made; within a plan they move as predicted. The lateral motion and the speeds in
+bends are those of the Intelligent Driver Model.
 """
 
 from collections.abc import Callable, Mapping
@@ -41,12 +41,12 @@ NOMINAL: Mapping[str, float] = {
     "deceleration_mps2": 1.67,
     "lateral_acceleration_mps2": 3.0,
 }
-"""How a reference driver drives while its model does not react, where its configuration does not say it: at UN R157's
+"""How a reference driver drives while its model does not react, unless its configuration says it: at UN R157's
 time headway; accelerating like the vehicles of the Joint Research Centre's comparison; the rest as ``idm`` does."""
 _TRACTOR = 4
-"""CommonRoad's vehicle that is the tractor of a truck."""
+"""The number of CommonRoad's vehicle that is the tractor of a truck."""
 _HIDES_FROM_M = 1.2
-"""Pedestrians, bicycles and motorcycles are narrower than this and hide nobody."""
+"""Pedestrians, bicycles and motorcycles are narrower than this and hide no other road user."""
 _BEHIND_M, _AHEAD_M = 50.0, 300.0
 """The part of the path that others are projected on: where they can matter to a vehicle at 50 m/s."""
 
@@ -75,7 +75,7 @@ class ReferencePlanner(IntelligentDriver):
         self._brakes = HEAVY_BRAKES if configuration.settings.vehicle == _TRACTOR else brakes_of(kind)
 
     def _motion(self, observation: Observation, station: float) -> tuple[Values, Values]:
-        """The distance in m and the speed, one a step, of a rear axle that begins at a station."""
+        """Return the distance in m and the speed, one a step, of a rear axle that begins at a station."""
         ego, step_s = observation.ego, self._task.step_s
         if self._first_step is None:
             self._first_step = ego.step
@@ -112,7 +112,7 @@ class ReferencePlanner(IntelligentDriver):
     def _undisturbed_mps2(
         self, desired_mps: float, speed: float, kept_mps: float, center_m: float, rear_m: float, seen: tuple[Seen, ...]
     ) -> float:
-        """The acceleration of a driver whose model does not react."""
+        """Return the acceleration of a driver while its model does not react."""
         step_s, top = self._task.step_s, self._task.vehicle.maximum_speed_mps
         in_bend = self._before_curve(speed, rear_m + speed * step_s)
         if not self._weights["follows"]:
@@ -129,7 +129,7 @@ class ReferencePlanner(IntelligentDriver):
         return min(max(acceleration, -self._weights["deceleration_mps2"]), in_bend)
 
     def _ahead(self, observation: Observation, center_m: float) -> "_Ahead":
-        """The others along the path near the ego."""
+        """Return the others along the path near the ego."""
         points = self._task.reference.points
         near = (self._stations >= center_m - _BEHIND_M) & (self._stations <= center_m + _AHEAD_M)
         first = int(np.argmax(near))
@@ -207,7 +207,7 @@ class _Ahead:
     body: tuple[float, float]
 
     def seen(self, index: int, station_m: float) -> tuple[Seen, ...]:
-        """What a driver whose centre is at a station sees so many steps ahead."""
+        """Return what a driver with its centre at a station sees so many steps ahead."""
         found = []
         for row in self.rows:
             if index >= len(row.middle_m):

@@ -302,7 +302,7 @@ def drive_view(source: RunSource, path: DrivenPath, scenario: ScenarioSource, or
 
 
 def _over_time(series: RunSeries | None, origin: Points) -> dict[str, Any]:
-    """The series of a run as fields of ``DriveView``; none of a run that was stored without them."""
+    """Return the series of a run as fields of ``DriveView``; empty for a run that was stored without them."""
     if series is None:
         return {}
     degrees = 180 / math.pi
