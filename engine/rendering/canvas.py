@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 _BLACK, _ORANGE, _SKY_BLUE, _GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 _YELLOW, _BLUE, _VERMILLION, _PURPLE, _GREY = "#F0E442", "#0072B2", "#D55E00", "#CC79A7", "#8C8C8C"
+_WINE = "#882255"
 EGO_COLOUR = _VERMILLION
 INK = "#1A1A1A"
 MUTED = "#5A5A5A"
@@ -26,7 +27,7 @@ ROAD, ROAD_EDGE, DIRECTION, PAVEMENT = "#E4E4E4", "#9A9A9A", "#B4B4B4", "#F4EBDD
 _LIGHT_RED, _LIGHT_YELLOW, _LIGHT_GREEN, _LIGHT_OFF = "#D62728", "#E6B800", "#1A9850", "#C8C8C8"
 _EXACT = (
     "#FFFFFF", INK, MUTED, ROAD, ROAD_EDGE, DIRECTION, _LIGHT_RED, _LIGHT_YELLOW, _LIGHT_GREEN, _LIGHT_OFF,
-    _BLACK, _ORANGE, _SKY_BLUE, _GREEN, _YELLOW, _BLUE, _VERMILLION, _PURPLE, _GREY,
+    _BLACK, _ORANGE, _SKY_BLUE, _GREEN, _YELLOW, _BLUE, _VERMILLION, _PURPLE, _GREY, _WINE,
 )  # fmt: skip
 """Colours that carry a meaning: they stay exact where an image is reduced to a palette."""
 _CLASS_COLOURS = {
@@ -42,7 +43,7 @@ _CLASS_COLOURS = {
 }
 _OUTCOME_COLOURS = {
     "goal_reached": _BLUE,
-    "goal_refused": _GREY,
+    "goal_refused": _WINE,
     "collision": _VERMILLION,
     "timeout": _ORANGE,
     "goal_missed": _YELLOW,

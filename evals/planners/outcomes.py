@@ -4,9 +4,9 @@
 ``--checkout`` names, and adds one JSON row per run to a file. Runs that the file already holds are not made again.
 ``compare`` prints the outcomes of two such files side by side, and names each run whose outcome changed::
 
-    python -m plannerforge.evals.loop.outcomes measure --checkout ../before --out before.jsonl
-    python -m plannerforge.evals.loop.outcomes measure --out after.jsonl
-    python -m plannerforge.evals.loop.outcomes compare before.jsonl after.jsonl
+    python -m plannerforge.evals.planners.outcomes measure --checkout ../before --out before.jsonl
+    python -m plannerforge.evals.planners.outcomes measure --out after.jsonl
+    python -m plannerforge.evals.planners.outcomes compare before.jsonl after.jsonl
 """
 
 import argparse
