@@ -234,7 +234,7 @@ class CauseMoment(Model):
     run_id: str
     time_s: float = Field(description="when the two met")
     kind: ContactKind = Field(description="how they met")
-    laid_to: LaidTo | None = None
+    laid_to: LaidTo | None = Field(None, description="what it is laid to; null: not known")
     fault: OwnFault | None = Field(None, description="what the ego did, where it is laid to the ego")
     preventable: bool | None = Field(None, description="whether a reference driver prevents it; null: not known")
 

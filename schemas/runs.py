@@ -308,9 +308,9 @@ class DriverVerdict(Model):
     ``reacts_at_s``: when it first brakes or steers if it takes over at the start; null: it does not react at all.
     """
 
-    driver: ReferenceDriverName
-    start: DriverStart
-    prevents: bool
+    driver: ReferenceDriverName = Field(description="the reference driver")
+    start: DriverStart = Field(description="where it takes over")
+    prevents: bool = Field(description="whether it prevents the collision")
     until_s: float | None = None
     reacts_at_s: float | None = None
 
@@ -324,7 +324,9 @@ class Prevention(Model):
     beside them; ``steering_tried``: whether it was asked, which it is not of egos that were hit from behind.
     """
 
-    by_braking_until_s: float | None
+    by_braking_until_s: float | None = Field(
+        description="latest moment of the run at which full braking prevents it; null: it does not"
+    )
     by_careful_driver: bool = Field(description="whether the careful driver of UN R157 prevents it")
     by_rss: bool = Field(description="whether a driver by RSS prevents it")
     by_fuzzy_driver: bool = Field(False, description="whether the fuzzy driver of UN R157 prevents it")
@@ -465,7 +467,7 @@ class PaceMoment(Model):
 
     def in_words(self) -> str:
         """Return ``stood at a green light from 14.5 s to 23.8 s, 2.1 m before its line``."""
-        other = f"{self.obstacle_class} {self.obstacle_id}".strip()
+        other = "" if self.obstacle_id is None else f"{self.obstacle_class} {self.obstacle_id}".strip()
         far = "" if self.distance_m is None else f"{self.distance_m:.1f} m"
         span = f"from {self.since_s:.1f} s to {self.until_s:.1f} s"
         by = "" if self.largest_mps2 is None else f" by up to {self.largest_mps2:.1f} m/s²"
@@ -575,7 +577,7 @@ class Contact(Model):
         if self.other_speed_mps is None:
             where = "left the road" if self.obstacle_id is None else f"collided with {self._other}"
             return f"{where} at {self.time_s:.1f} s, at {self.ego_speed_mps:.1f} m/s{self._braked}"
-        speeds = f"ego {self.ego_speed_mps:.1f} m/s, {self._other} {self.other_speed_mps:.1f} m/s"
+        speeds = f"ego {self.ego_speed_mps:.1f} m/s{self._braked}; {self._other} {self.other_speed_mps:.1f} m/s"
         also = f"; also touched then: {', '.join(map(str, self.also_touched))}" if self.also_touched else ""
         # What drivers on the ego's path prevent says nothing where the ego made it by how it drove along that path.
         told = self.prevention if self.laid_to != "ego" else None
@@ -586,7 +588,7 @@ class Contact(Model):
             judged += f"; laid to {self.fault.in_words()}"
         elif self.laid_to is not None:
             judged += f"; laid to {'the recording' if self.laid_to == 'recording' else self.laid_to}"
-        return f"{self._what} at {self.time_s:.1f} s ({speeds}{self._braked}){also}{judged}"
+        return f"{self._what} at {self.time_s:.1f} s ({speeds}){also}{judged}"
 
     @property
     def _other(self) -> str:

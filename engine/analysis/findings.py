@@ -664,7 +664,7 @@ def _hard_scenarios(evidence: Evidence) -> Iterator[Finding]:
     names = sorted(fair)
     shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
     others = len(hard) - len(fair)
-    apart = f" ({others} more by collisions that no ego prevents)" if others else ""
+    apart = f" ({others} more by collisions that others made or that no reference driver prevents)" if others else ""
     yield Finding(
         name="hard_scenarios",
         statement=f"{len(fair)} of {len(tried)} scenarios failed under every configuration tried{apart}: {shown}.",

@@ -162,12 +162,23 @@ class _Line:
 
 @dataclass(frozen=True)
 class _Cause:
-    """Why the ego stands or brakes at a state; ``strong``: whether it explains hard braking."""
+    """Why the ego stands or brakes at a state; ``needed_mps2``: the even braking that it needs from there on."""
 
     code: PaceCode
     obstacle_id: int | None = None
     distance_m: float | None = None
-    strong: bool = True
+    needed_mps2: float = math.inf
+
+    @property
+    def strong(self) -> bool:
+        """Return whether it asks for more than letting the vehicle roll."""
+        return self.needed_mps2 >= NEEDED_MPS2
+
+    def explains(self, hardest_mps2: float, usual_mps2: float) -> bool:
+        """Return whether it explains braking of this peak; up to the usual braking, any reason does."""
+        if hardest_mps2 <= usual_mps2:
+            return True
+        return self.strong and hardest_mps2 <= _PEAK_OVER_MEAN * self.needed_mps2
 
 
 @dataclass(frozen=True)
@@ -254,13 +265,14 @@ class _Pace:
             yield self._moment(cause, begins, last).model_copy(update={"largest_mps2": round(hardest, 6)})
 
     def _cause_of_braking(self, first: int, last: int, hardest_mps2: float) -> _Cause:
-        """Return the first reason that there is in a stretch. Hard braking is explained by strong reasons only."""
+        """Return the first reason in a stretch. Hard braking is explained only by reasons that need as much."""
         earlier = max(first - round(DELAY_S / self._step_s), 0)
         causes = [cause for index in range(earlier, last + 1) for cause in self._why_it_brakes(index)]
         causes.sort(key=lambda cause: (not cause.strong, _REASONS.index(cause.code)))
-        is_hard = hardest_mps2 > np.interp(float(self._speeds[first]), [5.0, 20.0], ISO_BRAKING_MPS2)
-        if causes and (causes[0].strong or not is_hard):
-            return causes[0]
+        usual_mps2 = float(np.interp(float(self._speeds[first]), [5.0, 20.0], ISO_BRAKING_MPS2))
+        explained = next((cause for cause in causes if cause.explains(hardest_mps2, usual_mps2)), None)
+        if explained is not None:
+            return explained
         on_the_way = next((cause for cause in causes if cause.code not in _NOT_ON_THE_WAY), None)
         if on_the_way is None:
             return _Cause("braked_without_cause")
@@ -326,9 +338,9 @@ class _Pace:
             soon = closing > 0 and gap <= CLOSE_S * closing
             brakes = float(leader.acceleration_mps2[index]) <= -ABRUPT_MPS2 / 2
             stops_m = speed**2 / (2 * _HARD_MPS2) + speed * 1.0 - theirs**2 / (2 * _HARD_MPS2)
-            strong = needed >= NEEDED_MPS2 or soon or gap < stops_m
-            if strong or ((self._follows(index, leader) or needed >= GENTLE_MPS2) and (closing > 0 or brakes)):
-                yield _Cause("braked_for_vehicle", leader.obstacle_id, gap, strong)
+            cause = _Cause("braked_for_vehicle", leader.obstacle_id, gap, math.inf if soon or gap < stops_m else needed)
+            if cause.strong or ((self._follows(index, leader) or needed >= GENTLE_MPS2) and (closing > 0 or brakes)):
+                yield cause
         for other in self._drive.near:
             if float(other.collision_s[index]) <= CLOSE_S and not self._is_behind(other.obstacle_id, index):
                 code: PaceCode = "braked_for_vehicle" if np.isfinite(other.gap_m[index]) else "braked_for_course"
@@ -348,11 +360,10 @@ class _Pace:
             arrives = index + round(before / max(speed, 1.0) / self._step_s)
             if needed < GENTLE_MPS2:
                 continue
-            strong = needed >= NEEDED_MPS2
             if line.unknown or self._stops(line, index) or self._stops(line, arrives):
-                yield _Cause("braked_for_light", distance_m=before, strong=strong)
+                yield _Cause("braked_for_light", distance_m=before, needed_mps2=needed)
             elif line.stop_sign:
-                yield _Cause("braked_for_stop_sign", distance_m=before, strong=strong)
+                yield _Cause("braked_for_stop_sign", distance_m=before, needed_mps2=needed)
 
     def _places_to_brake_for(self, index: int, speed: float) -> Iterator[_Cause]:
         """Yield the curves, limits and end of the way, and the goal."""
@@ -363,24 +374,26 @@ class _Pace:
             bearable = LATERAL_MPS2 / self._curves[1][there]
             needed = float(((speed**2 - bearable) / (2 * away[there])).max())
             if needed >= GENTLE_MPS2:
-                yield _Cause("braked_for_curve", strong=needed >= NEEDED_MPS2)
+                yield _Cause("braked_for_curve", needed_mps2=needed)
         limits = self._drive.roads.limit_mps
         ahead = {self._drive.lanelets[index], *self._drive.lanelets[index : index + round(CLOSE_S / self._step_s)]}
         if min((limits(keys) for keys in ahead if keys), default=math.inf) < speed:
-            yield _Cause("braked_for_limit", strong=False)
+            yield _Cause("braked_for_limit", needed_mps2=0.0)
         end = self._road_end_m
-        if end is not None and speed**2 / (2 * max(end - here, 0.5)) >= GENTLE_MPS2:
-            yield _Cause("braked_for_road_end", strong=speed**2 / (2 * max(end - here, 0.5)) >= NEEDED_MPS2)
+        needed = 0.0 if end is None else speed**2 / (2 * max(end - here, 0.5))
+        if needed >= GENTLE_MPS2:
+            yield _Cause("braked_for_road_end", needed_mps2=needed)
         yield from self._goal_to_brake_for(index, speed)
 
     def _goal_to_brake_for(self, index: int, speed: float) -> Iterator[_Cause]:
+        """Yield the goal if its time, place or speed asks for less speed. That never explains hard braking."""
         if self._goal is None:
             return
         if self._goal.holds(self._ego.positions[index]):
             top = self._goal_top_mps
             early = self._ego.first_step + index < self._goal.first_step
             if early or (top is not None and speed > top):
-                yield _Cause("braked_for_goal")
+                yield _Cause("braked_for_goal", needed_mps2=NEEDED_MPS2)
             return
         if self._goal_span_m is None:
             return
@@ -391,12 +404,12 @@ class _Pace:
         if top is not None and speed > top:
             needed = (speed**2 - top**2) / (2 * max(end, 0.5))
             if needed >= GENTLE_MPS2:
-                yield _Cause("braked_for_goal", strong=needed >= NEEDED_MPS2)
+                yield _Cause("braked_for_goal", needed_mps2=min(needed, NEEDED_MPS2))
         middle = (self._goal.first_step + self._goal.last_step) / 2
         left_s = (middle - self._ego.first_step - index) * self._step_s
         if left_s > 0 and max(begin + end, 0.0) / 2 / left_s < speed:
             needed = 2 * (speed - max(begin + end, 0.0) / 2 / left_s) / left_s
-            yield _Cause("braked_for_goal", strong=needed >= NEEDED_MPS2)
+            yield _Cause("braked_for_goal", needed_mps2=min(needed, NEEDED_MPS2))
 
     # the others
 
@@ -505,9 +518,8 @@ class _Pace:
             if not meets.any():
                 continue
             gap = max(float(away[meets].min()) - self._ego.length_m / 2, 0.5)
-            strong = speed**2 / (2 * gap) >= NEEDED_MPS2
-            cause = _Cause("braked_to_give_way", other.track.obstacle_id, gap, strong)
-            best = cause if best is None or (cause.strong and not best.strong) else best
+            cause = _Cause("braked_to_give_way", other.track.obstacle_id, gap, speed**2 / (2 * gap))
+            best = cause if best is None or cause.needed_mps2 > best.needed_mps2 else best
         return best
 
     # lights and signs
@@ -562,7 +574,15 @@ class _Pace:
 
     @cached_property
     def _curves(self) -> tuple[Values, Values]:
-        """Stations of the way and its curvature there, in 1/m."""
+        """Stations of the way and its curvature there, in 1/m.
+
+        The reference path tells the curves of the road. What the ego drove tells them only if it left that path: a stop
+        ends in small turns that are no curves.
+        """
+        if self._reference is not None:
+            path, start = self._reference.points, self._reference.follower().place(self._ego.positions[0])[0]
+            stations, bends = curvatures(path)
+            return stations - start, bends
         kept = np.concatenate([[True], np.diff(self._along) > 1e-3])
         way = self._way[kept]
         if len(way) < 4 or self._along[-1] < 4.0:
@@ -627,6 +647,8 @@ _REASONS: tuple[PaceCode, ...] = (
 )
 """The reasons to brake, in the order in which they are reported."""
 _NOT_ON_THE_WAY: tuple[PaceCode, ...] = ("braked_for_limit", "braked_for_goal")
+_PEAK_OVER_MEAN = 2.0
+"""Braking that rises and falls evenly has a peak of twice its mean."""
 _GO = ("GREEN", "INACTIVE")
 """CommonRoad's names of the light states that require nothing."""
 _HARD_MPS2 = 8.0

@@ -50,6 +50,7 @@ class Judge:
         self._goal_end_m = None if stations is None else stations[1]
         self._was_clear_of_edge = not task.road.touches_edge(rectangle(initial, task.vehicle))
         self._stays: set[Timing] = set()  # how the ego's steps in the goal's place lay to the goal's time
+        self._last_stay: EgoState | None = None
 
     def before_the_run(self, initial: EgoState) -> Verdict | None:
         """Why no planner can solve the problem, or None."""
@@ -102,7 +103,9 @@ class Judge:
             return Verdict(
                 "goal_reached", f"reached the goal at {self._since_start_s(ego.step):.1f} s (step {ego.step})"
             )
-        self._stays |= {status.timing for status in stands if status.position}
+        timings = {status.timing for status in stands if status.position}
+        self._stays |= timings
+        self._last_stay = ego if timings else self._last_stay
         for status, state in zip(stands, self._goal.states, strict=True):
             if status.all_but_time and ego.step > self._goal.last_step:
                 late_s = (ego.step - state.last) * self._step_s
@@ -130,8 +133,9 @@ class Judge:
             reason = f"passed beside the goal region by {self._since_start_s(ego.step):.1f} s and was never in it"
             return Verdict("goal_missed", reason) if time_over else None
         first_s, last_s = (self._since_start_s(step) for step in (self._goal.first_step, self._goal.last_step))
+        left = self._last_stay or ego
         reason = (
-            f"drove out of the goal region by {self._since_start_s(ego.step):.1f} s at {ego.speed_mps:.1f} m/s; "
+            f"drove out of the goal region at {self._since_start_s(left.step):.1f} s, at {left.speed_mps:.1f} m/s; "
             f"its time is {first_s:.1f} to {last_s:.1f} s"
         )
         return Verdict(self._outcome_of_stays(), reason)

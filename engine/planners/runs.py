@@ -168,6 +168,8 @@ def _judged_by_benchmark(verdict: Verdict, steps: RunSteps, start: _Start) -> _E
     if refused is None:
         return _Ending(verdict.outcome, verdict.reason)
     moment = "" if refused.index is None else f" at {refused.index * loaded.step_s:.1f} s"
+    if refused.index == 0:
+        moment = " already in the initial state of the planning problem, which no planner can change"
     why = f"{verdict.reason}, but CommonRoad's benchmark refuses the motion: {_REFUSALS[refused.code]}{moment}"
     return _Ending("goal_refused", why, refused.code)
 

@@ -647,7 +647,7 @@ class Judge:
             return [metric(one, "minimum distance"), *told, metric(one, "time to collision")]
 
         return [
-            (rf"at {N} s \(ego {N} m/s, \w+ {N} {N} m/s", speeds),
+            (rf"at {N} s \(ego {N} m/s(?:, (?:not braking|[a-z]+ since [\d.]+ s))?; \w+ {N} {N} m/s", speeds),
             (
                 rf"Closest: {N} m to \w+ {N} .*? at {N} s \(ego {N}, it {N} m/s\); least time to collision {N} s",
                 closest,

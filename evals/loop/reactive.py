@@ -19,9 +19,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..harness import Figures, scenario_files
+from ..planners.outcomes import CHECKOUT, Row, cells, measured
 from ..symmetries.fresh_data import fresh_scenarios
 from .bench import LoopBench
-from .outcomes import CHECKOUT, Row, cells, measured
 
 FRESH = 240
 _CONFIGURATION = "idm:Default"

@@ -22,7 +22,7 @@ ELSEWHERE = {
 """Pages whose calls are made by other tests, or by none, and why."""
 FEWER = {
     r"preset:\d+": "preset:2",
-    r'"max_trials": \d+': '"max_trials": 3',
+    r'"max_trials": \d+': '"max_trials": 9',
     r'"method": "morris"': '"method": "morris", "vary": ["jerk"]',
 }
 """What is done on fewer scenarios, tries and weights than a page says: it would take minutes."""

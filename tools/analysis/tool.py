@@ -115,6 +115,13 @@ def _sides_of(
         )
     if len(groups) == 1:
         return tuple(sides), (), ()
+    empty = [group[0] for group, found in zip(groups, split, strict=True) if not found]
+    if empty:
+        raise InvalidRequest(
+            f"{', '.join(empty)} holds no run that can be compared",
+            valid=["results with at least one finished run each"],
+            next_step="leave it out, or run it again with run_planner",
+        )
     couples, alone = _matched([len(group) for group in split], sides)
     if not couples:
         named = [f"{group[0].result_id}: {', '.join(side.config_name for side in group)}" for group in split]

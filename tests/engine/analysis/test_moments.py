@@ -122,7 +122,7 @@ def test_the_words_say_the_moment_the_speeds_and_what_came_first(tmp_path: Path)
     ego, other = moving((0, 0, EAST, 0), key=0), moving((-4.3, 0, EAST, 9))
     said = contact(ego, other, folder=tmp_path).in_words()
     assert said == (
-        "hit while standing by car 7 from behind at 4.0 s (ego 0.0 m/s, car 7 9.0 m/s, standing since 0.0 s); "
+        "hit while standing by car 7 from behind at 4.0 s (ego 0.0 m/s, standing since 0.0 s; car 7 9.0 m/s); "
         "no reference driver prevents it (full braking, UN R157's careful and fuzzy drivers, RSS); "
         "laid to the recording"
     )
@@ -132,7 +132,7 @@ def test_the_words_say_the_moment_the_speeds_and_what_came_first(tmp_path: Path)
     assert found is not None
     assert (found.braked_since_s, found.closing_mps) == (3.0, pytest.approx(7.0))
     assert (
-        "at 4.0 s (ego 12.0 m/s, car 7 5.0 m/s, braking since 3.0 s); preventable by full braking" in found.in_words()
+        "at 4.0 s (ego 12.0 m/s, braking since 3.0 s; car 7 5.0 m/s); preventable by full braking" in found.in_words()
     )
 
 

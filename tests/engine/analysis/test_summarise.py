@@ -294,7 +294,9 @@ def test_rows_say_of_collisions_where_they_came_from(tmp_path: Path) -> None:
     runs = [source(record(outcome="collision", obstacle_id=32, seed=seed), tmp_path) for seed in range(2)]
     found = analysed(*runs, detail="rows", scenarios=(scenario,))
     assert [row.contact.kind for row in found.rows if row.contact] == ["rear_end_by_other"] * 2
-    assert "collision: hit from behind by car 32 at 4.0 s (ego 10.0 m/s, car 32 10.0 m/s" in found.to_text()
+    assert (
+        "collision: hit from behind by car 32 at 4.0 s (ego 10.0 m/s, not braking; car 32 10.0 m/s" in found.to_text()
+    )
 
 
 def test_a_finding_counts_all_of_its_runs_and_names_the_first() -> None:

@@ -10,7 +10,9 @@ from plannerforge.engine.rendering.furniture import Inventory, draw_legend
 
 def legend_of(*states: str) -> dict[str, tuple[object, object]]:
     figure = Figure()
-    shown = Inventory((), states, (), ego_name="", has_ego=False, has_goal=False, has_stop_lines=False, has_collision=False)
+    shown = Inventory(
+        (), states, (), ego_name="", has_ego=False, has_goal=False, has_stop_lines=False, has_collision=False
+    )
     draw_legend(figure, shown)
     legend = figure.legends[0]
     lines = zip(legend.get_texts(), legend.get_lines(), strict=True)
