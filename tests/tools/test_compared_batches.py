@@ -145,3 +145,15 @@ async def test_runs_without_a_version_take_it_from_their_recipe(connect: Connect
             workspace.put("run", run.run_id, recipe=recipe, record=run)
         found = await _compared(client, results=["run_old_cfg_a_0", "run_new_cfg_a_0"])
         assert [side["planner_version"] for side in found["sides"]] == ["a1b2c3d", "0a1b2c3"]
+
+
+async def test_a_batch_without_runs_is_refused_by_name(connect: Connect, settings: Settings) -> None:
+    async with connect(settings) as client:
+        workspace = await _workspace(client, settings)
+        several = _store(workspace, "several", _runs("several", DEFAULT), _runs("several", SAFE))
+        empty = _store(workspace, "empty")
+        for results in ([empty, several], [several, empty]):
+            text = await _compared(client, results=results)
+            assert isinstance(text, str)
+            assert text.startswith("[invalid_request]")
+            assert empty in text

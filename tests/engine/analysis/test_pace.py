@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.evals.loop.standing import Answer, Made, asked, braking, is_right, standing
+from plannerforge.evals.loop.standing import Answer, Made, asked, braking, is_right, slowing, standing
 from plannerforge.schemas.runs import Contact, EgoFault, PaceMoment, Prevention
 
 
@@ -51,6 +51,20 @@ def test_hit_from_behind_is_laid_to_the_ego_if_it_braked_for_nothing(kind: str, 
 def test_a_follower_is_no_reason_to_brake(tmp_path: Path) -> None:
     answer = asked(made_of("hit, nothing"), tmp_path, 1)
     assert [one.code for one in answer.moments] == ["braked_without_cause"]
+
+
+@pytest.mark.parametrize(("by_mps2", "is_the_egos"), [(2.5, False), (7.5, True)])
+def test_a_goal_explains_gentle_braking_but_never_hard_braking(
+    by_mps2: float, is_the_egos: bool, tmp_path: Path
+) -> None:
+    made = Made(slowing(12.0, 3.0, by_mps2, 3.0), 9.0, (), goal_m=(150.0, 170.0), goal_steps=(300, 400))
+    answer = asked(made, tmp_path, 1)
+    assert [one.is_the_egos for one in answer.moments] == [is_the_egos]
+
+
+def test_braking_too_hard_for_no_one_in_particular_names_no_other() -> None:
+    moment = PaceMoment(code="braked_too_hard", since_s=1.0, until_s=2.0, largest_mps2=8.0)
+    assert "None" not in moment.in_words()
 
 
 def test_the_bench_finds_a_wrong_answer() -> None:
