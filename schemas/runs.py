@@ -301,6 +301,13 @@ DriverStart = Literal["before_contact", "start"]
 speed of the start."""
 
 
+REFERENCE_DRIVERS_DO = (
+    "full braking at once, or UN R157's careful and fuzzy drivers or RSS, which keep the ego's speed until they see a "
+    "danger"
+)
+"""The drivers of a verdict and what they do, for each statement that no driver prevents a collision."""
+
+
 class DriverVerdict(Model):
     """Whether one reference driver prevents a collision from one start; times are those of the run, in s.
 
@@ -357,14 +364,15 @@ class Prevention(Model):
         """Return which drivers prevent it from which start, and until when."""
         until = self.by_steering_until_s
         aside = "" if until is None else f"; steering aside until {until:.1f} s does"
-        names = "full braking, UN R157's careful and fuzzy drivers, RSS"
         if not self.possible:
-            return f"no reference driver prevents it ({names}){aside}"
+            starts = " or from the start" if self.drivers else ""
+            return f"from the moment before it{starts} no reference driver prevents it ({REFERENCE_DRIVERS_DO}){aside}"
         prevents = [] if self.by_braking_until_s is None else [f"full braking until {self.by_braking_until_s:.1f} s"]
         prevents += [] if until is None else [f"steering aside until {until:.1f} s"]
         prevents += self._drivers(prevents=True)
         if self.by_braking_until_s is None and not self._drivers(prevents=True):
-            return f"from the moment before it no reference driver prevents it ({names}){aside}{self._start_in_words()}"
+            none = f"from the moment before it no reference driver prevents it ({REFERENCE_DRIVERS_DO}){aside}"
+            return f"{none}{self._start_in_words()}"
         others = [*self._drivers(prevents=False), *(["steering"] if self.steering_tried and until is None else [])]
         without = f", not by {_listed(others, 'or')}" if others else ""
         return f"preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"

@@ -142,6 +142,18 @@ class RunSet:
         """Whether one rate over all runs is one of a configuration, and not of several pooled."""
         return len({record.config_id for record in self.records}) < 2
 
+    @cached_property
+    def by_configuration(self) -> "dict[str, RunSet]":
+        """The runs of each configuration as a set of their own; what was read and looked at is shared."""
+        apart: dict[str, RunSet] = {}
+        for config_id, records in self.by_config(self.records).items():
+            chosen = {record.run_id for record in records}
+            own = self.with_sources(tuple(source for source in self.sources if source.record.run_id in chosen))
+            steps = {run_id: steps for run_id, steps in self.steps.items() if run_id in chosen}
+            vars(own).update(steps=steps, contacts=self.contacts)
+            apart[config_id] = own
+        return apart
+
     def by_config(self, records: Iterable[RunRecord]) -> dict[str, list[RunRecord]]:
         """The records by configuration id, in order of appearance."""
         groups: dict[str, list[RunRecord]] = {}

@@ -16,6 +16,7 @@ from ...schemas.results import (
     AnalyzeResultsResult,
     Breakdown,
     CostShare,
+    Finding,
     Group,
     InvalidItem,
     MetricSummary,
@@ -38,6 +39,9 @@ from .traffic_rules import MOST_RUNS, rule_shares, rule_verdicts
 
 _SHOWN_INVALID, _SUMMARY_FINDINGS, _SUMMARY_COSTS, _MOST_ROWS, _MOST_GROUPS, _FINDING_RUNS = 10, 5, 6, 30, 20, 8
 """Entries of each list (chosen): the default answer stays under 4,500 characters; notes say what is left out."""
+_FIGURED_GROUPS = 4
+"""Configurations that each have their metrics and causes in one answer, about 2,500 characters each; ``where`` asks for
+those of others."""
 _SHOWN_CONTACTS = 10
 """Collisions of which rows say who hit whom (chosen): each reads its scenario, and an answer has 50 s."""
 _SHOWN_RUNS = 5
@@ -69,11 +73,11 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
     report(0.1, "reading runs")
     correlated, note = correlations(runs) if detail in ("summary", "findings") else ((), "")
     findings = find_all(runs) if detail in ("summary", "findings") else ()
-    stated = findings[:_SUMMARY_FINDINGS] if detail == "summary" else findings
+    stated = _summary_findings(findings) if detail == "summary" else findings
     report(0.7, "findings done")
     invalid = [record for record in runs.records if record.outcome == "invalid"]
     is_one = request.breakdown == "pooled" or runs.is_of_one_configuration
-    grouped = _groups(runs, request.breakdown, is_one=is_one)
+    grouped = _groups(runs, request.breakdown, is_one=is_one, summed=detail == "summary")
     looked_at = review(runs, runs.records[0]) if len(runs.sources) == 1 else None
     moment = _most_critical(looked_at) if looked_at is not None and runs.successes else None
     single = len(runs.sources) == 1
@@ -86,14 +90,14 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         valid_count=len(runs.valid),
         success=runs.rate(runs.valid) if is_one else None,
         by_any_motion=_by_any_motion(runs) if is_one else None,
-        outcomes=_outcome_shares(runs, is_one=is_one),
+        outcomes=_outcome_shares(runs) if is_one else (),
         invalid=tuple(
             InvalidItem(run_id=record.run_id, scenario_id=record.scenario_id, reason=record.reason)
             for record in invalid[:_SHOWN_INVALID]
         ),
         invalid_count=len(invalid),
         groups=grouped[:_MOST_GROUPS],
-        metrics=_metric_summaries(runs) if detail == "summary" else (),
+        metrics=_metric_summaries(runs) if detail == "summary" and is_one else (),
         undefined=_undefined(runs) if detail == "summary" else (),
         costs=_costs(runs, detail),
         correlations=correlated,
@@ -120,10 +124,17 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         beyond_vehicle=beyond_vehicle(runs) if summed else None,
         rules=rule_verdicts(runs, runs.records[0]) if single and detail in ("summary", "rules") else (),
         rule_shares=tuple(one.model_copy(update={"run_ids": one.run_ids[:_FINDING_RUNS]}) for one in shares),
-        notes=_notes(runs, request, note, len(grouped), len(findings)),
+        notes=_notes(runs, request, note, len(grouped), len(findings) - len(stated)),
     )
     report(1.0, "analysed")
     return result
+
+
+def _summary_findings(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """Return the main failure of each configuration, and with one of them five findings in all."""
+    main = tuple(one for one in findings if one.name == "main_failure")
+    others = tuple(one for one in findings if one.name != "main_failure")
+    return (*main, *others[: _SUMMARY_FINDINGS - bool(main)])
 
 
 def _most_critical(looked_at: RunReview) -> Encounter | None:
@@ -173,7 +184,7 @@ def _rows(runs: RunSet, records: Sequence[RunRecord]) -> tuple[RunRow, ...]:
 
 
 def _notes(
-    runs: RunSet, request: AnalyseRequest, correlation: str, group_count: int, finding_count: int
+    runs: RunSet, request: AnalyseRequest, correlation: str, group_count: int, hidden_findings: int
 ) -> tuple[str, ...]:
     notes = []
     if request.lost:
@@ -189,8 +200,8 @@ def _notes(
         notes.append(f"{older} of {len(runs.valid)} valid runs are judged by {_OLD_RULE}")
     if correlation and request.detail == "findings" and len(runs.sources) > 1:
         notes.append(correlation)
-    if request.detail == "summary" and finding_count > _SUMMARY_FINDINGS:
-        notes.append(f"more findings ({finding_count - _SUMMARY_FINDINGS}) with detail=findings")
+    if request.detail == "summary" and hidden_findings:
+        notes.append(f"more findings ({hidden_findings}) with detail=findings")
     if request.detail == "rows" and len(runs.sources) > _MOST_ROWS:
         notes.append(f"{_MOST_ROWS} of {len(runs.sources)} runs shown, failures first; narrow with where")
     if request.detail == "rules" and len(runs.valid) > MOST_RUNS:
@@ -216,13 +227,13 @@ def _by_any_motion(runs: RunSet) -> Rate | None:
     return runs.rate(runs.valid, lambda record: record.outcome in AT_GOAL) if refused else None
 
 
-def _outcome_shares(runs: RunSet, *, is_one: bool) -> tuple[OutcomeShare, ...]:
+def _outcome_shares(runs: RunSet) -> tuple[OutcomeShare, ...]:
     """Every outcome that occurred among the valid runs, the most frequent first."""
     return tuple(
         OutcomeShare(
             outcome=outcome,
             count=count,
-            rate=runs.rate(runs.valid, _ended_as(outcome)) if is_one else None,
+            rate=runs.rate(runs.valid, _ended_as(outcome)),
             run_ids=tuple(record.run_id for record in runs.valid if record.outcome == outcome)[:_SHOWN_RUNS],
         )
         for outcome, count in most_frequent_first(Counter(record.outcome for record in runs.valid))
@@ -260,7 +271,7 @@ def _undefined(runs: RunSet) -> tuple[UndefinedMetric, ...]:
     return tuple(UndefinedMetric(name=spec.name, why=spec.why_none) for spec in absent)
 
 
-def _groups(runs: RunSet, breakdown: Breakdown, *, is_one: bool) -> tuple[Group, ...]:
+def _groups(runs: RunSet, breakdown: Breakdown, *, is_one: bool, summed: bool) -> tuple[Group, ...]:
     """Return outcome rates by group; a scenario with several obstacle classes is in the group of each.
 
     Without a requested breakdown, several configurations are groups of their own; in a breakdown by scenarios they are
@@ -276,7 +287,14 @@ def _groups(runs: RunSet, breakdown: Breakdown, *, is_one: bool) -> tuple[Group,
             members.setdefault(f"{name}, {record.config_name}" if apart else name, []).append(record)
     order = [name for name in _BIN_NAMES if name in members] if breakdown == "obstacle_count" else sorted(members)
     order += [name for name in sorted(members) if name not in order]
-    return tuple(_group(runs, name, members[name]) for name in order)
+    groups = tuple(_group(runs, name, members[name]) for name in order)
+    if asked != "config" or is_one:
+        return groups
+    apart = runs.by_configuration
+    return tuple(
+        _with_own_figures(one, apart[members[one.name][0].config_id], summed=summed and place < _FIGURED_GROUPS)
+        for place, one in enumerate(groups)
+    )
 
 
 def _group(runs: RunSet, name: str, records: list[RunRecord]) -> Group:
@@ -287,7 +305,27 @@ def _group(runs: RunSet, name: str, records: list[RunRecord]) -> Group:
         success=runs.rate(valid),
         outcomes=dict(most_frequent_first(counts)),
         invalid=len(records) - len(valid),
+        valid_count=len(valid),
     )
+
+
+def _with_own_figures(group: Group, own: RunSet, *, summed: bool) -> Group:
+    """Return the group of one of several configurations with the figures that are not pooled over them."""
+    failed = {
+        outcome: tuple(record.run_id for record in own.failures if record.outcome == outcome)[:_SHOWN_RUNS]
+        for outcome in group.outcomes
+        if outcome != "goal_reached"
+    }
+    if not summed:
+        return group.model_copy(update={"failed_runs": failed})
+    figures = {
+        "failed_runs": failed,
+        "metrics": _metric_summaries(own),
+        "causes": collision_causes(own),
+        "trivial": trivial_goals(own),
+        "beyond_vehicle": beyond_vehicle(own),
+    }
+    return group.model_copy(update=figures)
 
 
 _OLD_RULE = "driven@1, a rule of versions before: a goal counts by whatever motion"

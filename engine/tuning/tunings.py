@@ -346,7 +346,9 @@ def _reference(weights: tuple[Weight, ...], values: tuple[float, ...], summary: 
     """Return the tuning of a reference driver: its source's parameters, with and without following others."""
     presets = (
         _preset(weights, "Default", "Default", "its source's parameters; follows others like idm", (1.0, 2.0, *values)),
-        _preset(weights, "Verdict", "Verdict", "as in verdicts: keeps its speed until it reacts", (0.0, 2.0, *values)),
+        _preset(
+            weights, "Verdict", "Verdict", "as in verdicts: keeps its speed until it sees a danger", (0.0, 2.0, *values)
+        ),
     )
     return PlannerTuning(summary, _by_name(weights), {}, _by_name(presets), idle_settings=_PATH_FOLLOWERS_IGNORE)
 

@@ -7,7 +7,7 @@ be. ``Judge.rules`` are those for the runs of a batch.
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from statistics import median
 from typing import Any
@@ -98,12 +98,19 @@ _COUNTED = (
 _FROM_BEHIND = ("rear_end_by_other", "onto_standing_ego")
 _LATE_WORDS = {
     "held_up": "were behind a slower vehicle",
-    "waited_late": "waited at lights or for others that had the right of way",
+    "waited_late": "stood at lights or stop signs, or while others crossed their way",
     "stood_late": "stood at a green light or with nothing to wait for",
 }
 _OWN_WORDS = {
     "stood with nothing to wait for": ("stood_at_green", "stood_without_cause"),
     "braked without a reason on the road": ("braked_without_cause", "braked_too_hard"),
+}
+_LAID = {
+    "the ego itself": "ego",
+    "recorded traffic": "recording",
+    "the prediction": "prediction",
+    "the plan": "planning",
+    "neither side": "neither",
 }
 LATE = ("timeout", "goal_late")
 """Outcomes of runs that came too late, or not at all in time."""
@@ -264,9 +271,40 @@ class Judge:
         """The rules in the order in which they are tried."""
         made = [self._evidence(), *self._of_rates(), *self._of_metrics(), *self._of_findings()]
         made += [*self._of_rules(), *self._of_rows()]
+        apart = self._by_configuration()
+        if apart:
+            rules = {name: one.rules() for name, one in apart.items()}
+            made = [
+                (pattern, self._of_its_configuration(expected, {name: own[place][1] for name, own in rules.items()}))
+                for place, (pattern, expected) in enumerate(made)
+            ]
         if self.pairs is not None:
             made += self._of_comparison(self.pairs)
         return [(re.compile(pattern), expected) for pattern, expected in made]
+
+    def _by_configuration(self) -> dict[str, "Judge"]:
+        """A judge of the runs of each configuration, by its name, where there are several."""
+        if len(self.names) < 2:
+            return {}
+        found = {}
+        for name, config_id in self.names.items():
+            batch = self.raw.batch.model_copy(update={"configs": (config_id,)})
+            own = tuple(one for one in self.raw.records if one.config_id == config_id)
+            raw = replace(self.raw, batch=batch, records=own)
+            found[name] = Judge(raw, self.weights, self.reviews, self.findings, self.broken)
+        return found
+
+    def _of_its_configuration(
+        self, pooled: Callable[[re.Match[str]], Sequence[float | None]], apart: dict[str, Any]
+    ) -> Callable[[re.Match[str]], Sequence[float | None]]:
+        """What is expected of a sentence: of the one configuration that it names, or of all runs."""
+
+        def expected(match: re.Match[str]) -> Sequence[float | None]:
+            named = [name for name, key in self.names.items() if name in match.string or key in match.string]
+            named = [name for name in named if not any(name != other and name in other for other in named)]
+            return (apart[named[0]] if len(named) == 1 else pooled)(match)
+
+        return expected
 
     def _evidence(self) -> Row:
         """How many runs are behind a finding, beside the two that are named."""
@@ -342,6 +380,10 @@ class Judge:
                 lambda match: [self.laid_to[name] for name in match.groups()[::2] if name],
             ),
             (
+                rf"{N} to (the ego itself|recorded traffic|the prediction|the plan|neither side)",
+                lambda match: [self.laid_to[_LAID[match[2]]]],
+            ),
+            (
                 rf"By the paper's rule, a goal by any motion: {RATE}",
                 lambda _: rate(
                     [(one.scenario_id, float(one.outcome in ("goal_reached", "goal_refused"))) for one in valid]
@@ -388,7 +430,7 @@ class Judge:
                 rf"prevents {N} of the {N} that could",
                 lambda _: [judged - len(self.unprevented) - self.judged_own, judged],
             ),
-            (rf"The ego made {N} by itself", lambda _: [self.laid_to["ego"]]),
+            (rf"The ego caused {N} by itself", lambda _: [self.laid_to["ego"]]),
             (rf"prevents the other {N}", lambda _: [len(self.unprevented)]),
             (rf"in {N} of these another drove", lambda _: [len(behind)]),
             (rf"^\S+ \((cfg_\w+)\) \| {N} \| {N} \({N} %\) \| {N} to {N} % \|.*\| {N}$", configuration),
@@ -421,14 +463,12 @@ class Judge:
             return [1 if "<1 %" in match[0] and share < 0.5 else share, terms[match[2]], counted]
 
         scenarios = len({one.scenario_id for one in self.raw.valid})
+        failing = {one.config_id for one in self.raw.valid if _failed(one)}  # each has a main failure
         return [
             (rf"valid runs of {N} scenarios, at least {N} are", lambda _: [scenarios, 12]),
             (rf"{N} of {N} runs shown", lambda _: [30, len(self.raw.records)]),
-            (
-                rf"^… {N} more: detail=findings",
-                lambda _: [min(self.findings, 5) - 2 - any(map(_failed, self.raw.valid))],
-            ),
-            (rf"more findings \({N}\)", lambda _: [self.findings - 5]),
+            (rf"^… {N} more: detail=findings", lambda _: [min(self.findings - len(failing), 5 - bool(failing)) - 2]),
+            (rf"more findings \({N}\)", lambda _: [self.findings - len(failing) - 5 + bool(failing)]),
             (rf"over {N} valid runs", lambda _: [len(self.raw.valid)]),
             (rf"({words})(?: \(0 [^)]*\))? {N}(?: \({N}–{N}\))?[^;.]*?(?: in {N} runs)?(?=;|\.$)", spread),
             (rf"^- (\S+) (\w+): <?{N} % of the cost, {N} a planning step \(n={N}\)", cost),

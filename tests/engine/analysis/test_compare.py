@@ -88,6 +88,17 @@ def test_enough_flips_are_significant_after_holm() -> None:
     assert found.verdict.startswith("Better: 20 of 20 pairs flipped to success.")
 
 
+@pytest.mark.parametrize(("flips", "alone"), [(6, True), (9, False), (3, False)])
+def test_an_interval_without_zero_beside_chance_is_said_to_be_of_the_test_alone(flips: int, alone: bool) -> None:
+    kept = ["goal_reached"] * 8
+    before = runs([*(["collision"] * flips), *kept], gaps=[1.0 + n / 10 for n in range(flips + 8)])  # type: ignore[list-item]
+    after = runs([*(["goal_reached"] * flips), *kept], SAFE, gaps=[1.1 + n / 9 for n in range(flips + 8)])  # type: ignore[list-item]
+    found = compared(before, after)
+    test = found.comparisons[0].success
+    assert test.excludes_zero_alone is alone
+    assert ("the interval is that of this test alone" in found.to_text()) is alone
+
+
 def test_metric_names_the_better_side_only_where_the_interval_leaves_zero() -> None:
     gaps = [1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.2, 2.4]
     better = compared(runs(["goal_reached"] * 8, gaps=gaps), runs(["goal_reached"] * 8, SAFE, [g + 0.5 for g in gaps]))

@@ -120,11 +120,11 @@ def test_a_follower_that_changes_lanes_into_the_back_is_no_cut_in(tmp_path: Path
 
 def test_the_words_say_the_moment_the_speeds_and_what_came_first(tmp_path: Path) -> None:
     ego, other = moving((0, 0, EAST, 0), key=0), moving((-4.3, 0, EAST, 9))
-    said = contact(ego, other, folder=tmp_path).in_words()
-    assert said == (
+    hit = contact(ego, other, folder=tmp_path)
+    assert hit.prevention is not None
+    assert hit.in_words() == (
         "hit while standing by car 7 from behind at 4.0 s (ego 0.0 m/s, standing since 0.0 s; car 7 9.0 m/s); "
-        "no reference driver prevents it (full braking, UN R157's careful and fuzzy drivers, RSS); "
-        "laid to the recording"
+        f"{hit.prevention.in_words()}; laid to the recording"
     )
     braking = (0.0,) * 31 + (-3.0,) * 10
     ego, other = moving((0, 0, EAST, 12), key=0), moving((4.4, 0, EAST, 5))
