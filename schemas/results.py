@@ -59,7 +59,9 @@ class ConfigWeights(Model):
 
 
 class Rate(Model):
-    """A share of ``count`` among ``of`` with its 95 % interval; all three None where ``of`` is 0.
+    """A share of ``count`` among ``of`` with its 95 % interval.
+
+    All three are None if ``of`` is 0, or if the runs were chosen by how they ended, which makes it no rate.
 
     ``scenarios``: how many there are behind the runs; the interval counts these (docs/statistics.md). None: it counts
     the runs.
@@ -443,8 +445,10 @@ class AnalyzeResultsResult(Result):
     detail: AnalysisDetail = Field("summary", description="the section that is shown beside the summary")
     valid_count: int = Field(0, description="runs that could be attempted")
     success: Rate | None = Field(
-        description="share of valid runs that reached the goal; null over several configurations, which `groups` holds"
+        description="share of valid runs that reached the goal; null over several configurations, which `groups` holds, "
+        "and of runs chosen by outcome"
     )
+    chosen_by_outcome: tuple[str, ...] = Field((), description="conditions on how runs ended: no rate is stated then")
     by_any_motion: Rate | None = Field(
         None, description="the same by the paper's rule, refused motions included; null if none was refused"
     )
@@ -578,9 +582,11 @@ def _main_cost(result: AnalyzeResultsResult) -> list[str]:
 
 def _several_runs(result: AnalyzeResultsResult) -> Answer:
     goal = "by configuration" if result.success is None else f"goal {result.success.in_words()}"
+    if result.chosen_by_outcome:
+        goal = f"chosen by {' and '.join(result.chosen_by_outcome)}, so that no rate of goals is one of the planner"
     head = f"{result.runs} runs ({result.valid_count} valid, {result.invalid_count} invalid): {goal}"
     figures = _by_any_motion(result) + _failures(result)
-    if result.success is not None:
+    if result.success is not None or result.outcomes:
         told = (result.causes, result.trivial, result.beyond_vehicle)
         figures += [part.in_words() for part in told if part is not None]
         figures += _metrics(result.metrics, result.valid_count, result.undefined)
@@ -673,9 +679,8 @@ def _groups(result: AnalyzeResultsResult) -> list[str]:
             if key != "goal_reached"
         )
         invalid = f"invalid {group.invalid}" if group.invalid else ""
-        return "; ".join(
-            part for part in (f"- {group.name}: goal {group.success.in_words()}", failures, invalid) if part
-        )
+        goal = f"{group.valid_count} valid runs" if result.chosen_by_outcome else f"goal {group.success.in_words()}"
+        return "; ".join(part for part in (f"- {group.name}: {goal}", failures, invalid) if part)
 
     lines = [line(group) for group in result.groups]
     for group in result.groups[:_SHOWN_GROUPS]:

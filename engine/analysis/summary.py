@@ -30,7 +30,7 @@ from ..commonroad import parse_benchmark_id
 from ..execution import ProgressReporter, silent
 from .causes import beyond_vehicle, collision_causes, trivial_goals
 from .correlations import correlations
-from .filters import matching, window_of
+from .filters import matching, on_outcome, window_of
 from .findings import find_all
 from .measures import MOST_MEASURED, measure_spreads, measures_of
 from .moments import contact_of, review, timeline
@@ -77,7 +77,11 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
     report(0.7, "findings done")
     invalid = [record for record in runs.records if record.outcome == "invalid"]
     is_one = request.breakdown == "pooled" or runs.is_of_one_configuration
+    chosen_by = on_outcome(conditions)
+    rated = is_one and not chosen_by
     grouped = _groups(runs, request.breakdown, is_one=is_one, summed=detail == "summary")
+    if chosen_by:
+        grouped = tuple(map(_unrated, grouped))
     looked_at = review(runs, runs.records[0]) if len(runs.sources) == 1 else None
     moment = _most_critical(looked_at) if looked_at is not None and runs.successes else None
     single = len(runs.sources) == 1
@@ -88,9 +92,10 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         runs=len(runs.sources),
         detail=detail,
         valid_count=len(runs.valid),
-        success=runs.rate(runs.valid) if is_one else None,
-        by_any_motion=_by_any_motion(runs) if is_one else None,
-        outcomes=_outcome_shares(runs) if is_one else (),
+        success=runs.rate(runs.valid) if rated else None,
+        chosen_by_outcome=chosen_by,
+        by_any_motion=_by_any_motion(runs) if rated else None,
+        outcomes=_outcome_shares(runs, rated=rated) if is_one else (),
         invalid=tuple(
             InvalidItem(run_id=record.run_id, scenario_id=record.scenario_id, reason=record.reason)
             for record in invalid[:_SHOWN_INVALID]
@@ -119,8 +124,8 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         review=looked_at,
         measures=measures_of(runs, runs.records[0]) if detail == "measures" and single else (),
         spreads=measure_spreads(runs, silent) if detail == "measures" and not single else (),
-        causes=collision_causes(runs, with_rate=is_one) if summed else None,
-        trivial=trivial_goals(runs, with_rate=is_one) if summed else None,
+        causes=collision_causes(runs, with_rate=rated) if summed else None,
+        trivial=trivial_goals(runs, with_rate=rated) if summed else None,
         beyond_vehicle=beyond_vehicle(runs) if summed else None,
         rules=rule_verdicts(runs, runs.records[0]) if single and detail in ("summary", "rules") else (),
         rule_shares=tuple(one.model_copy(update={"run_ids": one.run_ids[:_FINDING_RUNS]}) for one in shares),
@@ -227,13 +232,23 @@ def _by_any_motion(runs: RunSet) -> Rate | None:
     return runs.rate(runs.valid, lambda record: record.outcome in AT_GOAL) if refused else None
 
 
-def _outcome_shares(runs: RunSet) -> tuple[OutcomeShare, ...]:
+def _unrated(group: Group) -> Group:
+    """Return a group without rates of goals, because its runs were chosen by how they ended."""
+    rate = group.success.model_copy(update={"share": None, "low": None, "high": None})
+    causes, trivial = (
+        None if told is None else told.model_copy(update={"success_without": None})
+        for told in (group.causes, group.trivial)
+    )
+    return group.model_copy(update={"success": rate, "causes": causes, "trivial": trivial})
+
+
+def _outcome_shares(runs: RunSet, *, rated: bool) -> tuple[OutcomeShare, ...]:
     """Every outcome that occurred among the valid runs, the most frequent first."""
     return tuple(
         OutcomeShare(
             outcome=outcome,
             count=count,
-            rate=runs.rate(runs.valid, _ended_as(outcome)),
+            rate=runs.rate(runs.valid, _ended_as(outcome)) if rated else None,
             run_ids=tuple(record.run_id for record in runs.valid if record.outcome == outcome)[:_SHOWN_RUNS],
         )
         for outcome, count in most_frequent_first(Counter(record.outcome for record in runs.valid))
@@ -290,9 +305,11 @@ def _groups(runs: RunSet, breakdown: Breakdown, *, is_one: bool, summed: bool) -
     groups = tuple(_group(runs, name, members[name]) for name in order)
     if asked != "config" or is_one:
         return groups
-    apart = runs.by_configuration
+    by_configuration = runs.by_configuration
     return tuple(
-        _with_own_figures(one, apart[members[one.name][0].config_id], summed=summed and place < _FIGURED_GROUPS)
+        _with_own_figures(
+            one, by_configuration[members[one.name][0].config_id], summed=summed and place < _FIGURED_GROUPS
+        )
         for place, one in enumerate(groups)
     )
 

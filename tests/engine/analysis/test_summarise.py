@@ -91,6 +91,20 @@ def test_several_configurations_are_pooled_only_if_asked() -> None:
     assert (pooled.success.count, pooled.success.of, pooled.groups) == (1, 2, ())
 
 
+@pytest.mark.parametrize("where", ["outcome=collision", "!outcome=goal_reached"])
+@pytest.mark.parametrize("breakdown", ["none", "country"])
+def test_runs_chosen_by_how_they_ended_have_no_rate(where: str, breakdown: str) -> None:
+    runs = [source(record("DEU_A-1_1_T-1")), *(source(record(f"DEU_A-{n}_1_T-1", "collision")) for n in (2, 3))]
+    found = analysed(*runs, where=(where,), breakdown=breakdown)
+    assert found.chosen_by_outcome == (where,)
+    assert (found.runs, found.success) == (2, None)
+    assert all(one.rate is None for one in found.outcomes)
+    assert all(group.success.share is None for group in found.groups)
+    assert where in found.to_text()
+    assert "goal 0/2" not in found.to_text()
+    assert analysed(*runs, where=("country=DEU",)).success is not None
+
+
 def test_groups_by_what_is_asked() -> None:
     runs = [source(record("DEU_A-1_1_T-1")), source(record("C-USA_B-1_1_T-1", "collision"))]
     by_country = analysed(*runs, breakdown="country").groups
