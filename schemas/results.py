@@ -46,7 +46,8 @@ class ConfigWeights(Model):
     """The cost weights of a planner configuration, and its settings that have values other than the default.
 
     ``default_weights``: those of the planner's first preset; None where it is not to be had here any more.
-    ``parameters``: names among the weights that are no factors on cost terms, as a planner of others declares them.
+    ``parameters``: names among the weights that are no factors on cost terms, such as hard limits.
+    ``terms``: recorded cost terms by the weight that they hold, if its name is another.
     """
 
     config_id: str
@@ -56,6 +57,7 @@ class ConfigWeights(Model):
     settings: dict[str, float] = Field(default_factory=dict)
     default_weights: dict[str, float] | None = Field(default_factory=dict)
     parameters: tuple[str, ...] = ()
+    terms: dict[str, str] = Field(default_factory=dict)
 
 
 class Rate(Model):
@@ -445,8 +447,8 @@ class AnalyzeResultsResult(Result):
     detail: AnalysisDetail = Field("summary", description="the section that is shown beside the summary")
     valid_count: int = Field(0, description="runs that could be attempted")
     success: Rate | None = Field(
-        description="share of valid runs that reached the goal; null over several configurations, which `groups` holds, "
-        "and of runs chosen by outcome"
+        description="share of valid runs that reached the goal; null over several configurations, which `groups` "
+        "holds, and of runs chosen by outcome"
     )
     chosen_by_outcome: tuple[str, ...] = Field((), description="conditions on how runs ended: no rate is stated then")
     by_any_motion: Rate | None = Field(

@@ -291,6 +291,8 @@ BodySide = Literal["front", "rear", "left", "right"]
 """A side of a road user, as its driver sees it."""
 RelativeHeading = Literal["same", "oncoming", "crossing"]
 """How another heads, seen from the ego: within 45° of it, within 45° of against it, or between."""
+SeenCourse = Literal["same", "oncoming", "crossing", "standing"]
+"""The course of another, seen from the ego; ``standing``: it does not move, and heads another way than the ego."""
 
 
 ReferenceDriverName = Literal["full_braking", "r157_careful", "fsm", "rss", "keep_lane", "evading"]
@@ -639,7 +641,7 @@ class Encounter(Model):
     obstacle_class: str
     gap_m: float = Field(description="distance between the two")
     side: BodySide
-    direction: RelativeHeading = Field(description="course of the other, seen from the ego")
+    direction: SeenCourse = Field(description="course of the other, seen from the ego")
     ego_speed_mps: float = Field(description="speed of the ego")
     other_speed_mps: float = Field(description="speed of the other")
     time_to_collision_s: float | None
@@ -651,7 +653,7 @@ class Encounter(Model):
 
     @property
     def place(self) -> str:
-        """``ahead``, ``behind``, ``on the left``, ``oncoming on the right``."""
+        """``ahead``, ``behind``, ``on the left``, ``oncoming on the right``, ``standing on the right``."""
         where = {"front": "ahead", "rear": "behind", "left": "on the left", "right": "on the right"}[self.side]
         return where if self.direction == "same" else f"{self.direction} {where}"
 

@@ -203,6 +203,7 @@ def config_weights(runs: Iterable[RunSource], call: ToolCall) -> tuple[ConfigWei
                     settings=config.settings.model_dump(exclude_defaults=True),
                     default_weights=_default_weights(config.planner),
                     parameters=_parameters(config.planner),
+                    terms=_terms(config.planner),
                 )
             )
     return tuple(weights)
@@ -222,6 +223,14 @@ def _parameters(planner: str) -> tuple[str, ...]:
         return tuple(name for name, weight in tuning_of(planner).weights.items() if not weight.of_cost)
     except (UnknownName, PlannerFailure):
         return ()
+
+
+def _terms(planner: str) -> dict[str, str]:
+    """Return the cost terms that hold weights of other names; empty if the planner is no longer installed."""
+    try:
+        return {name: weight.term for name, weight in tuning_of(planner).weights.items() if weight.term}
+    except (UnknownName, PlannerFailure):
+        return {}
 
 
 def scenario_sources(scenario_ids: Iterable[str], call: ToolCall) -> tuple[ScenarioSource, ...]:

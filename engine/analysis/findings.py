@@ -511,7 +511,7 @@ def _own_near(looked_at: RunReview) -> list[Encounter]:
 
 
 def _is_the_egos(moment: Encounter) -> bool:
-    ahead = moment.side == "front" and moment.direction in ("same", "crossing")
+    ahead = moment.side == "front" and moment.direction in ("same", "crossing", "standing")
     return ahead and moment.ego_speed_mps > _ROLLING_MPS
 
 
@@ -586,8 +586,8 @@ def _idle_weights(evidence: Evidence) -> Iterator[Finding]:
     for config_id, records in runs.by_config(runs.valid).items():
         terms = _median_shares(runs, records)
         seen = {term for one in records if one.run_id in runs.steps for term, value in _costs(runs, one) if value}
-        weights = runs.cost_weights(config_id)
-        idle = [name for name, weight in sorted(weights.items()) if weight > 0 and name not in seen]
+        weights, held_by = runs.cost_weights(config_id), runs.cost_terms(config_id)
+        idle = [name for name, weight in sorted(weights.items()) if weight > 0 and held_by[name] not in seen]
         if not idle or not weights.keys() & terms.keys():
             continue
         run_ids = _ids(record for record in records if record.run_id in runs.steps)

@@ -131,6 +131,11 @@ class RunSet:
         parameters = {name for config in self.configs if config.config_id == config_id for name in config.parameters}
         return {name: value for name, value in self.weights(config_id).items() if name not in parameters}
 
+    def cost_terms(self, config_id: str) -> dict[str, str]:
+        """Return the recorded cost term of each weight of a configuration that is a factor on one."""
+        terms = next((config.terms for config in self.configs if config.config_id == config_id), {})
+        return {name: terms.get(name, name) for name in self.cost_weights(config_id)}
+
     def vehicle(self, record: RunRecord) -> VehicleParameters:
         """The ego's vehicle, by its configuration where that is known; CommonRoad's vehicle 2 elsewhere."""
         settings = next((config.settings for config in self.configs if config.config_id == record.config_id), {})

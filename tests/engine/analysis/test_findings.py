@@ -1,6 +1,7 @@
 """Every finding: when it speaks, with which evidence, and what it suggests."""
 
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from support.builders import ScenarioBuilder, town_road
@@ -8,6 +9,8 @@ from support.runs import DEFAULT, SAFE, driven, metrics, record, source
 
 from plannerforge.engine.analysis.findings import FINDINGS, find_all
 from plannerforge.engine.analysis.run_set import RunSet
+from plannerforge.engine.planners.fiss.core import costs_of
+from plannerforge.engine.tuning import tuning_of
 from plannerforge.schemas.results import ConfigWeights, Finding
 from plannerforge.schemas.runs import DrivenObstacle, RunSource, ScenarioSource
 
@@ -185,6 +188,20 @@ def test_a_parameter_that_is_no_weight_of_the_cost_is_not_called_idle(tmp_path: 
     run = source(record(), tmp_path, velocity_offset=9.0, prediction=1.0)
     declared = DEFAULT.model_copy(update={"parameters": ("lateral_jerk",)})
     assert "idle_weights" not in {one.name for one in find_all(RunSet((run,), (declared,)))}
+
+
+def test_a_weight_whose_term_has_another_name_is_not_called_idle(tmp_path: Path) -> None:
+    run = source(record(), tmp_path, velocity_offset=9.0, prediction=1.0)
+    declared = DEFAULT.model_copy(update={"terms": {"lateral_jerk": "prediction"}})
+    assert "idle_weights" not in {one.name for one in find_all(RunSet((run,), (declared,)))}
+
+
+def test_limits_of_fiss_are_no_weights_and_every_weight_names_a_term_that_fiss_records() -> None:
+    recorded = costs_of(Mock()).keys()
+    weights = tuning_of("fiss").weights
+    assert {weight.term or name for name, weight in weights.items() if weight.of_cost} == recorded
+    limits = {"reaction_time_s", "least_gap_m", "least_headway_s", "least_time_to_collision_s", "crossing_gap_s"}
+    assert not any(weights[name].of_cost for name in limits)
 
 
 def test_weights_of_a_planner_that_names_its_terms_otherwise_are_not_called_idle(tmp_path: Path) -> None:

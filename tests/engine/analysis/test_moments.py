@@ -169,6 +169,21 @@ def test_the_closest_moment_of_a_success_has_partner_time_and_gap(tmp_path: Path
     assert "time to collision: none: never on a collision course." in found.nearness_in_words()
 
 
+@pytest.mark.parametrize(
+    ("facing", "speed", "course"),
+    [(WEST, 0.0, "standing"), (NORTH, 0.0, "standing"), (EAST, 0.0, "same"), (WEST, 1.0, "oncoming")],
+)
+def test_a_parked_vehicle_is_not_oncoming_whatever_way_it_faces(
+    facing: float, speed: float, course: str, tmp_path: Path
+) -> None:
+    ego, other = moving((20.0, 0.0, EAST, 10.0), key=0), moving((0.0, 6.0, facing, speed))
+    gap = 6.0 - 1.61 / 2 - (4.5 if facing == NORTH else 1.8) / 2
+    found = success(ego, other, folder=tmp_path, metrics=metrics(minimum_distance_m=gap))
+    assert found.closest is not None
+    assert found.closest.direction == course
+    assert ("oncoming" in found.nearness_in_words()) == (course == "oncoming")
+
+
 def test_a_gap_that_the_tracks_do_not_show_is_not_told(tmp_path: Path) -> None:
     ego, other = moving((20.0, 0.0, EAST, 10.0), key=0), moving((0.0, 3.0, EAST, 0.0))
     assert success(ego, other, folder=tmp_path, metrics=metrics(minimum_distance_m=0.4)).closest is None
