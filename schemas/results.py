@@ -416,6 +416,9 @@ class AnalyzeResultsArguments(Arguments):
     detail: AnalysisDetail = "summary"
     """Which section is shown beside the summary."""
     trial: bool = Field(False, description="run suggested changes on failing and passing runs")
+    limit: int = Field(30, ge=1, le=50, description="runs of detail=rows")
+    offset: int = Field(0, ge=0)
+    """Runs of ``detail=rows`` to pass over."""
 
 
 class AnalyseRequest(Model):
@@ -430,6 +433,8 @@ class AnalyseRequest(Model):
     breakdown: Breakdown = "none"
     where: tuple[str, ...] = ()
     detail: AnalysisDetail = "summary"
+    limit: int = 30
+    offset: int = 0
 
 
 class UndefinedMetric(Model):
@@ -467,7 +472,8 @@ class AnalyzeResultsResult(Result):
     costs: tuple[CostShare, ...] = Field((), description="what the planners' cost was made of")
     correlations: tuple[Correlation, ...] = Field((), description="features of scenarios that go with success")
     findings: tuple[Finding, ...] = Field((), description="what is conspicuous, with its evidence")
-    rows: tuple[RunRow, ...] = Field((), description="each run in a line")
+    rows: tuple[RunRow, ...] = Field((), description="each run in a line, of one page")
+    next_offset: int | None = Field(None, description="offset of the next page of `rows`; null on the last one")
     timeline: tuple[TimelineStep, ...] = Field((), description="of a single run, its moments")
     timeline_of: Literal["end", "moment", "window"] = Field("end", description="window: that of where=time_s=…")
     review: RunReview | None = None
@@ -763,7 +769,12 @@ def _rows(result: AnalyzeResultsResult) -> list[str]:
         f"{figure(row.duration_s)} s, gap {measured(row.minimum_distance_m)} m"
         for row in result.rows
     ]
-    return ["The hardest first: failed runs, then by risk score, time and distance to a collision:", *lines]
+    more = (
+        []
+        if result.next_offset is None
+        else [f"… {result.runs - result.next_offset} more: offset={result.next_offset}"]
+    )
+    return ["The hardest first: failed runs, then by risk score, time and distance to a collision:", *lines, *more]
 
 
 def _timeline(result: AnalyzeResultsResult) -> list[str]:

@@ -233,7 +233,7 @@ class _Drive:
             jerk_mps3=np.abs(np.diff(np.asarray(steps.acceleration_mps2, dtype=float))) / record.step_s,
         )
 
-    def course(self) -> SeenCourse:
+    def course(self) -> Course:
         """The whole run, a value a state."""
         others, count = list(self._tracks.values()), len(self._ego.positions)
         gaps, urgent, nearest = np.full(count, np.nan), np.full(count, np.nan), np.full(count, -1)

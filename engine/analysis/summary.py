@@ -37,7 +37,7 @@ from .moments import contact_of, review, timeline
 from .run_set import METRICS, RunSet, cost_shares, most_frequent_first
 from .traffic_rules import MOST_RUNS, rule_shares, rule_verdicts
 
-_SHOWN_INVALID, _SUMMARY_FINDINGS, _SUMMARY_COSTS, _MOST_ROWS, _MOST_GROUPS, _FINDING_RUNS = 10, 5, 6, 30, 20, 8
+_SHOWN_INVALID, _SUMMARY_FINDINGS, _SUMMARY_COSTS, _MOST_GROUPS, _FINDING_RUNS = 10, 5, 6, 20, 8
 """Entries of each list (chosen): the default answer stays under 4,500 characters; notes say what is left out."""
 _FIGURED_GROUPS = 4
 """Configurations that each have their metrics and causes in one answer, about 2,500 characters each; ``where`` asks for
@@ -69,6 +69,11 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
             f"a timeline shows one run, these are {len(runs.sources)}",
             valid=[record.run_id for record in (*runs.failures, *runs.successes)],
             next_step="name one run in results",
+        )
+    if detail == "rows" and request.offset >= len(runs.sources) > 1:
+        raise InvalidRequest(
+            f"offset {request.offset} is behind the last of {len(runs.sources)} runs",
+            valid=[f"0 to {len(runs.sources) - 1}"],
         )
     report(0.1, "reading runs")
     correlated, note = correlations(runs) if detail in ("summary", "findings") else ((), "")
@@ -116,9 +121,8 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
             )
             for one in stated
         ),
-        rows=_rows(runs, (*sorted(runs.failures, key=_ease), *sorted(runs.successes, key=_ease), *invalid))
-        if detail == "rows" or len(runs.sources) == 1
-        else (),
+        rows=_rows(runs, _page(runs, request)) if detail == "rows" or single else (),
+        next_offset=_next_offset(request, len(runs.sources)) if detail == "rows" else None,
         timeline=timeline(runs, runs.records[0], moment, window) if detail == "timeline" else (),
         timeline_of="window" if window is not None else "end" if moment is None else "moment",
         review=looked_at,
@@ -169,8 +173,21 @@ def _ease(record: RunRecord) -> tuple[float, ...]:
     return tuple(math.inf if value is None else float(value) for value in worst)
 
 
+def _page(runs: RunSet, request: AnalyseRequest) -> list[RunRecord]:
+    """Return the runs of the page that is asked for: failures first, the hardest of each first, invalid ones last."""
+    invalid = [record for record in runs.records if record.outcome == "invalid"]
+    ordered = [*sorted(runs.failures, key=_ease), *sorted(runs.successes, key=_ease), *invalid]
+    return ordered if len(ordered) == 1 else ordered[request.offset : request.offset + request.limit]
+
+
+def _next_offset(request: AnalyseRequest, count: int) -> int | None:
+    """Return where the next page begins, or None on the last one."""
+    following = request.offset + request.limit
+    return following if following < count else None
+
+
 def _rows(runs: RunSet, records: Sequence[RunRecord]) -> tuple[RunRow, ...]:
-    hits = [record for record in records[:_MOST_ROWS] if record.collision is not None][:_SHOWN_CONTACTS]
+    hits = [record for record in records if record.collision is not None][:_SHOWN_CONTACTS]
     contacts = {record.run_id: contact_of(runs, record) for record in hits}
     return tuple(
         RunRow(
@@ -184,7 +201,7 @@ def _rows(runs: RunSet, records: Sequence[RunRecord]) -> tuple[RunRow, ...]:
             contact=contacts.get(record.run_id),
             beyond_vehicle=record.beyond_vehicle or (),
         )
-        for record in records[:_MOST_ROWS]
+        for record in records
     )
 
 
@@ -207,8 +224,10 @@ def _notes(
         notes.append(correlation)
     if request.detail == "summary" and hidden_findings:
         notes.append(f"more findings ({hidden_findings}) with detail=findings")
-    if request.detail == "rows" and len(runs.sources) > _MOST_ROWS:
-        notes.append(f"{_MOST_ROWS} of {len(runs.sources)} runs shown, failures first; narrow with where")
+    shown = len(_page(runs, request)) if request.detail == "rows" else 0
+    if shown and shown < len(runs.sources):
+        page = f"{request.offset + 1} to {request.offset + shown}"
+        notes.append(f"runs {page} of {len(runs.sources)}, failures first")
     if request.detail == "rules" and len(runs.valid) > MOST_RUNS:
         notes.append(
             f"traffic rules of a random {MOST_RUNS} of {len(runs.valid)} valid runs, by scenario; narrow with where"

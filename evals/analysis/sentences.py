@@ -466,7 +466,15 @@ class Judge:
         failing = {one.config_id for one in self.raw.valid if _failed(one)}  # each has a main failure
         return [
             (rf"valid runs of {N} scenarios, at least {N} are", lambda _: [scenarios, 12]),
-            (rf"{N} of {N} runs shown", lambda _: [30, len(self.raw.records)]),
+            (
+                rf"runs {N} to {N} of {N}, failures first",
+                lambda match: [
+                    (first := float(match[1])),
+                    min(first + 29, len(self.raw.records)),
+                    len(self.raw.records),
+                ],
+            ),
+            (rf"^… {N} more: offset={N}$", lambda match: [len(self.raw.records) - (at := float(match[2])), at]),
             (rf"^… {N} more: detail=findings", lambda _: [min(self.findings - len(failing), 5 - bool(failing)) - 2]),
             (rf"more findings \({N}\)", lambda _: [self.findings - len(failing) - 5 + bool(failing)]),
             (rf"over {N} valid runs", lambda _: [len(self.raw.valid)]),

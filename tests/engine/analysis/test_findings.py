@@ -196,7 +196,7 @@ def test_a_weight_whose_term_has_another_name_is_not_called_idle(tmp_path: Path)
     assert "idle_weights" not in {one.name for one in find_all(RunSet((run,), (declared,)))}
 
 
-def test_limits_of_fiss_are_no_weights_and_every_weight_names_a_term_that_fiss_records() -> None:
+def test_limits_of_fiss_are_no_weights_and_each_weight_has_its_term() -> None:
     recorded = costs_of(Mock()).keys()
     weights = tuning_of("fiss").weights
     assert {weight.term or name for name, weight in weights.items() if weight.of_cost} == recorded

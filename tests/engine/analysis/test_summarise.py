@@ -308,6 +308,21 @@ def test_costs_and_rows_are_shown_where_they_are_asked_for(tmp_path: Path) -> No
     assert "run_cfg_a_DEU_Town-1_1_T-1_constant_velocity_0" in analysed(*five_runs(), detail="rows").to_text()
 
 
+def test_rows_come_in_pages_that_hold_every_run_once() -> None:
+    runs = [source(record(f"DEU_A-{n}_1_T-1", "collision" if n % 3 else "goal_reached")) for n in range(1, 24)]
+    seen, offset = list[str](), 0
+    while True:
+        page = analysed(*runs, detail="rows", limit=10, offset=offset)
+        seen += [row.run_id for row in page.rows]
+        if page.next_offset is None:
+            break
+        assert f"offset={page.next_offset}" in page.to_text()
+        offset = page.next_offset
+    assert sorted(seen) == sorted(one.record.run_id for one in runs)
+    with pytest.raises(InvalidRequest, match="behind the last"):
+        analysed(*runs, detail="rows", offset=23)
+
+
 def test_rows_say_of_collisions_where_they_came_from(tmp_path: Path) -> None:
     scenario = ScenarioSource(scenario_id="ZAM_Town-1_1_T-1", path=str(town_road().write(tmp_path / "town.xml")))
     runs = [source(record(outcome="collision", obstacle_id=32, seed=seed), tmp_path) for seed in range(2)]
