@@ -675,7 +675,9 @@ def _finding_text(finding: Finding) -> str:
         parts.append(f"Suggest: {change.direction} {change.weight} of {change.config_id} ({change.why}; {tried}).")
     if finding.next_step:
         parts.append(f"See {finding.next_step}.")
-    parts.append(f"Runs: {_listed(finding.run_ids, 2, finding.run_count)}")
+    times = {moment.run_id: moment.time_s for moment in reversed(finding.moments)}
+    ids = (f"{run_id} ({times[run_id]:.1f} s)" if run_id in times else run_id for run_id in finding.run_ids)
+    parts.append(f"Runs: {_listed(ids, 2, finding.run_count)}")
     return " ".join(parts)
 
 

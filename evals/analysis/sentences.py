@@ -269,7 +269,7 @@ class Judge:
 
     def rules(self) -> list[Rule]:
         """The rules in the order in which they are tried."""
-        made = [self._evidence(), *self._of_rates(), *self._of_metrics(), *self._of_findings()]
+        made = [self._evidence(), (rf"(run_[\w-]+) \({N} s\)", self._moment), *self._of_rates(), *self._of_metrics(), *self._of_findings()]
         made += [*self._of_rules(), *self._of_rows()]
         apart = self._by_configuration()
         if apart:
@@ -323,7 +323,25 @@ class Judge:
                 return [sum(one.outcome == "infeasible" for one in self.raw.valid) - 2]
             return [None]
 
-        return (rf"(?<=\w )\+{N}$", behind)
+        return (rf"(?<=[\w)] )\+{N}$", behind)
+
+    def _moment(self, match: re.Match[str]) -> list[float | None]:
+        """The moment of a run that is named: of its moments the one that is meant, none if there is none so near."""
+        records = {one.run_id: one for one in self.raw.records}
+        one, review = records.get(match[1]), self.reviews.get(match[1]) or {}
+        if one is None:
+            return [None]
+        known = [0.0, one.metrics.duration_s if one.metrics else 0.0]
+        known += [one.collision.time_s] if one.collision else []
+        known += [moment["since_s"] for moment in review.get("pace", ())]
+        known += [moment["time_s"] for name in ("closest", "most_urgent") if (moment := review.get(name))]
+        known += [moment["time_s"] for moment in review.get("largest", ())]
+        steps = self.raw.steps.get(one.run_id)
+        if steps is not None and len(steps.x_m) > 1:
+            speeds, turns = np.array(steps.speed_mps[1:]), np.diff(np.unwrap(steps.heading_rad))
+            known.append((int(np.abs(speeds * turns).argmax()) + 1) * one.step_s)
+        said = float(match[2])
+        return [min(known, key=lambda time_s: abs(time_s - said))]
 
     def _of_rates(self) -> list[Row]:
         records, valid = self.raw.records, self.raw.valid

@@ -28,6 +28,19 @@ def test_names_are_those_of_the_registry() -> None:
     assert len({find.__name__ for find in FINDINGS}) == len(FINDINGS)
 
 
+def test_every_finding_names_a_moment_of_each_of_its_runs(tmp_path: Path) -> None:
+    outcomes = ("collision", "timeout", "goal_late", "infeasible", "goal_reached")
+    runs = [
+        source(record(f"ZAM_{n}-1_1_T-1", outcomes[n % 5], config), tmp_path, velocity_offset=9.0)  # type: ignore[arg-type]
+        for n in range(10)
+        for config in (DEFAULT, SAFE)
+    ]
+    findings = find_all(RunSet(tuple(runs), (DEFAULT, SAFE)))
+    assert len({one.name for one in findings}) >= 4
+    for finding in findings:
+        assert {moment.run_id for moment in finding.moments} >= set(finding.run_ids), finding.name
+
+
 def test_main_failure_has_both_denominators() -> None:
     runs = [source(record(f"ZAM_{n}-1_1_T-1", "collision" if n < 2 else "timeout")) for n in range(3)]
     finding = found(*runs, source(record()))["main_failure"]

@@ -339,7 +339,9 @@ def test_a_finding_counts_all_of_its_runs_and_names_the_first() -> None:
     result = analysed(*runs)
     finding = next(finding for finding in result.findings if finding.name == "uncomfortable_turns")
     assert (len(finding.run_ids), finding.run_count) == (8, 12)
-    assert f"Runs: {runs[0].record.run_id} {runs[1].record.run_id} +10" in result.to_text()
+    assert {one.run_id for one in finding.moments} == set(finding.run_ids), "each run has the moment to look at"
+    named = [f"{one.run_id} ({one.time_s:.1f} s)" for one in finding.moments[:2]]
+    assert f"Runs: {' '.join(named)} +10" in result.to_text()
 
 
 STEERING = LimitExcess(name="steering rate", value=0.75, limit=0.4, unit="rad/s", time_s=2.3)
