@@ -290,7 +290,7 @@ class CollisionCauses(Model):
         if self.is_sample:
             count = f"{self.unpreventable_share.in_words()}{some}"
             without = f"; without such ones goal about {_estimate(left)}" if without and left is not None else ""
-        made = ", those apart that the ego made" if "ego" in self.laid_to else ""
+        made = "; those that the ego caused are not among them" if "ego" in self.laid_to else ""
         drivers = f" ({REFERENCE_DRIVERS_DO}, from the moment before or from the start{made})"
         none = f"; no reference driver prevents {count}{drivers if self.not_preventable else ''}" if self.judged else ""
         laid = ", ".join(f"{cause} {count}" for cause, count in self.laid_to.items())

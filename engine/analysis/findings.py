@@ -207,7 +207,8 @@ def _weight_off(evidence: Evidence) -> Iterator[Finding]:
                 name="weight_off",
                 statement=(
                     f"{name} is {weights.get(name, 0.0):g} under {records[0].config_name}, {default:g} by default, and "
-                    f"{len(failed)} of {len(records)} runs end as it works against ({words}){evidence.among_hits}."
+                    f"{len(failed)} of {len(records)} runs fail in a way that it works against ({words})"
+                    f"{evidence.among_hits}."
                 ),
                 run_ids=_ids(failed),
                 alternatives="these scenarios are hard under the default too: run it beside",

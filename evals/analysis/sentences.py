@@ -269,7 +269,13 @@ class Judge:
 
     def rules(self) -> list[Rule]:
         """The rules in the order in which they are tried."""
-        made = [self._evidence(), (rf"(run_[\w-]+) \({N} s\)", self._moment), *self._of_rates(), *self._of_metrics(), *self._of_findings()]
+        made = [
+            self._evidence(),
+            (rf"(run_[\w-]+) \({N} s\)", self._moment),
+            *self._of_rates(),
+            *self._of_metrics(),
+            *self._of_findings(),
+        ]
         made += [*self._of_rules(), *self._of_rows()]
         apart = self._by_configuration()
         if apart:
@@ -599,7 +605,10 @@ class Judge:
                 foreseen,
             ),
             (
-                rf"(\w+) is {N} under (\S+), {N} by default, and {N} of {N} runs end as it works against \(([a-z ]+)\)",
+                (
+                    rf"(\w+) is {N} under (\S+), {N} by default,"
+                    rf" and {N} of {N} runs fail in a way that it works against \(([a-z ]+)\)"
+                ),
                 weight,
             ),
             (
@@ -865,10 +874,10 @@ class Judge:
             (rf"{N} of {N} pairs flipped to failure", lambda _: [flips[1], len(pairs.pairs)]),
             (rf"None of {N} pairs flipped", lambda _: [len(pairs.pairs)]),
             (rf"needs ({6}) scenarios that differ", lambda _: [6]),
-            (rf"chance alone does as much \(p={N}\)", lambda _: [success["p"]]),
-            (rf"about {N} scenarios would show (10) points", lambda _: [success["needed"], 10]),
+            (rf"chance alone often gives such a difference \(p={N}\)", lambda _: [success["p"]]),
+            (rf"about {N} scenarios are needed to show a difference of (10) points", lambda _: [success["needed"], 10]),
             (r"less than (10) points", lambda _: [10]),
-            (rf"p={N} alone, {N} once", lambda _: [success["p"], adjusted.get("success")]),
+            (rf"p={N} alone, {N} adjusted", lambda _: [success["p"], adjusted.get("success")]),
             (rf"(\w+) (?:rises|falls) by {N}", shift),
             (rf"^- {N} pairs:", lambda _: [len(pairs.pairs)]),
             (rf"({'|'.join(cells)}) {N}(?=[,;]|$)", lambda match: [cells[match[1]]]),
