@@ -165,6 +165,14 @@ def _versioned(record: RunRecord) -> RunRecord:
     )
 
 
+def driven_by(record: RunRecord) -> str:
+    """Return the name of a run's configuration, for a planner that is not built in with the version that drove."""
+    version = record.planner_version
+    if record.planner in PLANNERS or not version or version in record.config_name:
+        return record.config_name
+    return f"{record.config_name} {version}"
+
+
 def _look_path(run_id: str, call: ToolCall) -> Path:
     return call.workspace.root / "looks" / str(RunLook.VERSION) / f"{run_id}.json"
 
