@@ -42,7 +42,7 @@ def test_a_stand_has_the_code_of_its_reason(kind: str, codes: list[str], tmp_pat
     assert [one.code for one in answer.moments if one.code.startswith("stood")] == codes
 
 
-def test_who_crosses_later_does_not_excuse_an_ego_that_stopped_on_its_own(tmp_path: Path) -> None:
+def test_later_crossing_traffic_does_not_excuse_a_stop_without_a_cause(tmp_path: Path) -> None:
     stop = stopping(8.0, 9.5, 1.6)  # stands 2 m before the crossing from 15 s on
     later = tuple(Other(7 + n, -8.0 * passes, steady(8.0), "across") for n, passes in enumerate((26.0, 31.0, 36.0)))
     made = Made(stop, 40.0, (), later, goal_m=(180.0, 200.0), goal_steps=(100, 150), late=True)
