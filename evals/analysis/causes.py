@@ -36,8 +36,7 @@ from ...schemas.runs import (
     RunSource,
     RunSteps,
 )
-from ..harness import Figures, share
-from .bench import AnalysisBench
+from ..harness import Figures, SeededBench, share
 from .recorded import Hit, is_preventable, kind_of, public_hits
 
 STEP_S, FINE_S = 0.1, 0.005
@@ -236,7 +235,7 @@ def _record(touch_s: float, speed: float) -> RunRecord:
     )
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; 12 made collisions of each kind, or the bench's limit, and all recorded ones."""
     figures = dict(compared(bench.seed, bench.limit or 12, bench.folder("causes")))
     hits, contacts = anyio.run(public_hits, bench)

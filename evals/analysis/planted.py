@@ -34,8 +34,7 @@ from ...schemas.runs import (
     RunSteps,
     ScenarioSource,
 )
-from ..harness import Figures, share
-from .bench import AnalysisBench
+from ..harness import Figures, SeededBench, share
 
 EACH, SCENARIOS = 6, 24
 _STEP_S, _LENGTH_M, _WIDTH_M = 0.1, 4.508, 1.61
@@ -266,7 +265,7 @@ _NAMED = frozenset(_NAMES.values())
 _CAUSES = ("weight prediction", "weight velocity_offset", "blind", "class truck", "slower", "late")
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; six batches of each cause, or the bench's limit."""
     choice = random.Random(bench.seed)  # noqa: S311 - reproducible, not secret
     each = bench.limit or EACH

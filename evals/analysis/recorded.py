@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from shapely import LineString, Point
 
 from ...schemas.runs import RunRecord, RunSteps
-from ..harness import ask, finished_batch
-from .bench import AnalysisBench
+from ..harness import SeededBench, ask, finished_batch
 from .public_runs import PREDICTION, RawRuns, public_batch, public_server, raw_runs
 
 FULL_MPS2, JERK_MPS3, FINE_S, AFTER_S = 0.774 * 9.81, 12.65, 0.005, 3.0
@@ -201,7 +200,7 @@ def _box(hit: Hit, path: Array, driven: Array, headings: Array, station: float) 
     return corners(pose, hit.own_size)
 
 
-async def public_hits(bench: AnalysisBench) -> tuple[list[Hit], Mapping[str, Any]]:
+async def public_hits(bench: SeededBench) -> tuple[list[Hit], Mapping[str, Any]]:
     """The collisions of two planners on the public scenarios, and what the product tells of each, by run id."""
     async with public_server(bench) as client:
         first = await public_batch(bench, client)
@@ -212,7 +211,7 @@ async def public_hits(bench: AnalysisBench) -> tuple[list[Hit], Mapping[str, Any
         return hits, {hit.record.run_id: await _contact(client, hit.record.run_id) for hit in hits}
 
 
-def raw_scenarios(bench: AnalysisBench, batch_id: str) -> list[str]:
+def raw_scenarios(bench: SeededBench, batch_id: str) -> list[str]:
     """The scenarios of a batch."""
     return list(raw_runs(bench, batch_id).batch.scenarios)
 
