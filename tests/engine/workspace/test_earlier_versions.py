@@ -75,7 +75,6 @@ def test_what_later_versions_brought_works_in_an_earlier_workspace(version: int,
 
 
 @pytest.mark.anyio
-@pytest.mark.parametrize("era", ["auto"])
 @pytest.mark.parametrize("version", MADE)
 async def test_tools_work_with_what_an_earlier_program_made(version: int, connect: Connect, settings: Settings) -> None:
     unpacked(version, settings.workspace)

@@ -144,7 +144,6 @@ def test_a_quota_counts_what_others_write_when_its_look_is_old(
 
 
 @pytest.mark.anyio
-@pytest.mark.parametrize("era", ["auto"])
 async def test_a_call_on_a_full_workspace_says_what_to_do_and_reading_goes_on(
     connect: Connect, settings: Settings, starter_ready: None
 ) -> None:
