@@ -209,8 +209,8 @@ def _connect_directly(name: str, root: etree._Element, junction: etree._Element)
         contact = connection.get("contactPoint", "")
         if not set(ids) <= roads.keys() or contact not in ("start", "end"):
             raise UnsafeInput(
-                f"{name}: connection {connection.get('id')} of the direct junction {quoted(key)} names a road or an end "
-                "that is not there",
+                f"{name}: connection {connection.get('id')} of the direct junction {quoted(key)} names a road or an "
+                "end that is not there",
                 next_step="correct the file's direct junction",
             )
         junction.remove(connection)
