@@ -16,6 +16,7 @@ from lxml import etree
 from ...schemas.errors import NotPossible
 from ...schemas.generation import GenerationRequest
 from ...schemas.scenarios import RuleFinding
+from ...schemas.text import counted
 from ..commonroad import road_document
 from ..execution import ProgressReporter
 from ..maps import (
@@ -106,8 +107,8 @@ def prepare_site(
     usual_m = radius_for(site, request)
     usual = _known_sites().get(request, osm, site, usual_m, folder, report)
     built = usual.built(request, folder)
-    counted = 1 + sum(demand.needed for demand in vehicles_asked(request))
-    share = counted / max(VEHICLES_PER_LANE_KM["high"] * lane_km_of(built.net), 1.0)
+    asked = 1 + sum(demand.needed for demand in vehicles_asked(request))
+    share = asked / max(VEHICLES_PER_LANE_KM["high"] * lane_km_of(built.net), 1.0)
     if share <= MOST_CROWDED or isinstance(osm, LaneletMap):
         return usual.judged(request, folder, report)
     wider_m, wider = usual_m * min(math.sqrt(share), MOST_WIDENED), folder / "wider"
@@ -118,7 +119,7 @@ def prepare_site(
         note = f"a wider cut for so many vehicles is refused: {refusal.message}"
         narrow = usual.judged(request, folder, report)
         return replace(narrow, notes=(*narrow.notes, note))
-    note = f"cut out {wider_m:.0f} m around the site, not {usual_m:.0f} m, to have road for {counted} vehicles"
+    note = f"cut out {wider_m:.0f} m around the site, not {usual_m:.0f} m, to have road for {asked} vehicles"
     return replace(roomy, notes=(*roomy.notes, note))
 
 
@@ -247,7 +248,10 @@ def judged(built: SiteNetwork, report: ProgressReporter) -> SiteNetwork:
     findings = _network_findings(built)
     if built.roads is not None:
         return _as_the_file_has_it(built, findings)
-    if errors := summarise_findings(findings, "error"):
+    errors = list(summarise_findings(findings, "error"))
+    if lost := built.network.lost_connections:
+        errors.append(f"{counted(len(lost), 'connection')} of the net lost, first: {lost[0][0]} to {lost[0][1]}")
+    if errors:
         where = f"{site.latitude:.5f}, {site.longitude:.5f}"
         raise NotPossible(
             f"the road network at {where} is wrong: {'; '.join(errors)}",
