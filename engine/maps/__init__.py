@@ -44,6 +44,8 @@
 ``ROADS``: OSM's road classes that vehicles use, links left out.
 ``resolve_road_classes``: The road classes that groups (roads, link, all) and classes name together, each once.
 ``RURAL_CLASSES``: OSM's road classes of main roads outside towns.
+``jurisdiction_of``: The country and the states in which a position lies, as the table of legal limits names them.
+``RoadReader``: Writes the tags of a site's roads as netconvert reads them, and tells what it left out.
 ``Site``: A spot of a map: type, middle in degrees, streets, and the node or way that marks it.
 ``SiteFinder``: Finds the sites of one map by their type.
 ``MAP_ENDINGS``: Endings of the names of map files.
@@ -86,6 +88,8 @@ if TYPE_CHECKING:
     from .pavements import Pavements, find_pavements
     from .places import country_code, country_name, fold, place_keys
     from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, resolve_road_classes
+    from .road_tags.jurisdictions import jurisdiction_of
+    from .road_tags.road_reader import RoadReader
     from .site_search.finder import Site, SiteFinder
     from .site_search.nearness import Gathering
     from .unpacking import MAP_ENDINGS, foreign_format, is_binary, is_large, is_map, is_net, stored_name, unpacked
