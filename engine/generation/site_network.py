@@ -32,6 +32,7 @@ from ..maps import (
     find_pavements,
     jurisdiction_of,
     read_lanelet_map,
+    site_finder,
 )
 from ..network import (
     RoadNetwork,
@@ -297,7 +298,9 @@ def build_network(
             pavements = find_pavements(osm, osm.roads(frozenset(classes)), site.position, radius_m, lefthand=lefthand)
             if not pavements.mapped_km + pavements.guessed_km:
                 raise nowhere_to_walk()
-        reader = RoadReader(osm, jurisdiction_of(request.country, site.position), lefthand=lefthand)
+        reader = RoadReader(
+            site_finder(osm).built_up, jurisdiction_of(request.country, site.position), lefthand=lefthand
+        )
         cut_map(osm, site.position, radius_m, classes, cut, pavements, reader)
         warnings, notes, network = _convert_site(site, cut, net_path, lefthand=lefthand, on_foot=on_foot, report=report)
         notes += reader.notes()

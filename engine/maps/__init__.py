@@ -62,7 +62,6 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .cut import cut_map, cut_net
     from .drawn_library import Sketch
     from .extracts.cutting import cut_extract
     from .extracts.indexing import index_extract
@@ -85,11 +84,12 @@ if TYPE_CHECKING:
     from .online.fetch import fetch_maps
     from .online.places import locate_place
     from .osm import OsmMap, ground_distance_m, write_as_xml
-    from .pavements import Pavements, find_pavements
     from .places import country_code, country_name, fold, place_keys
     from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, resolve_road_classes
-    from .road_tags.jurisdictions import jurisdiction_of
-    from .road_tags.road_reader import RoadReader
+    from .site_roads.cut import cut_map, cut_net
+    from .site_roads.jurisdictions import jurisdiction_of
+    from .site_roads.pavements import Pavements, find_pavements
+    from .site_roads.road_reader import RoadReader
     from .site_search.finder import Site, SiteFinder
     from .site_search.nearness import Gathering
     from .unpacking import MAP_ENDINGS, foreign_format, is_binary, is_large, is_map, is_net, stored_name, unpacked

@@ -15,7 +15,7 @@ from functools import cached_property
 from itertools import count, pairwise
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lxml import etree
 
@@ -28,9 +28,6 @@ from .road_classes import ALL_ROADS
 from .road_tags.access import closing_tag, in_words, users_of
 from .road_tags.limits import signed_kmh
 from .unpacking import LARGEST_BYTES
-
-if TYPE_CHECKING:
-    from .site_search.built_up import BuiltUp
 
 LIMITS = XmlLimits(size_bytes=LARGEST_BYTES, depth=8, elements=4_000_000)
 """What a worker reads within its memory and time: the size is also what an extract may be unpacked into."""
@@ -119,13 +116,6 @@ class OsmMap:
     def roads(self, classes: frozenset[str] = ALL_ROADS, *, cars_only: bool = True) -> list[OsmWay]:
         """Ways of the given ``highway`` values that cars may use; ``cars_only``: otherwise those closed to them too."""
         return [way for way in self.ways if way.road_class in classes and (way.is_for_cars or not cars_only)]
-
-    @cached_property
-    def built_up(self) -> "BuiltUp":
-        """What of the map is built up; looked for once, when it is first asked for."""
-        from .site_search.built_up import BuiltUp
-
-        return BuiltUp(self)
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:

@@ -14,7 +14,7 @@ from itertools import islice, pairwise
 from ....schemas.generation import SiteType
 from ..osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, ground_distance_m, length_m
 from ..road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, THROUGH_ROADS
-from .built_up import TOWN_JUNCTIONS_PER_KM
+from .built_up import TOWN_JUNCTIONS_PER_KM, BuiltUp
 from .nearness import Gathering, Surroundings
 from .rings import RING_TAGS, Rings, direction_of
 
@@ -161,6 +161,11 @@ class SiteFinder:
         kind: SiteType = "rural" if self._far_from_houses(middle) else "urban"
         spot = self._spot(kind, middle, [way], middle.node_id if kind == "urban" else way.way_id)
         return _merged([spot])[0]
+
+    @cached_property
+    def built_up(self) -> BuiltUp:
+        """What of the map is built up."""
+        return BuiltUp(self.osm)
 
     @cached_property
     def _roads(self) -> list[OsmWay]:
@@ -353,10 +358,10 @@ class SiteFinder:
         return self._motorway_lines.any_within(self._metres(node), AT_MOTORWAY_M)
 
     def _far_from_houses(self, node: OsmNode, clear_m: float = RURAL_CLEAR_M) -> bool:
-        return not self.osm.built_up.within(node, clear_m)
+        return not self.built_up.within(node, clear_m)
 
     def _metres(self, node: OsmNode) -> tuple[float, float]:
-        return self.osm.built_up.metres(node)
+        return self.built_up.metres(node)
 
 
 _SPOTS: Mapping[SiteType, Callable[[SiteFinder], list[_Spot]]] = {

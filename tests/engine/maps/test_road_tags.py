@@ -4,15 +4,16 @@ import pytest
 from support.streets import crossing
 
 from plannerforge.engine.generation.site_network import convert_map
-from plannerforge.engine.maps.cut import cut_map
 from plannerforge.engine.maps.osm import OsmMap, read_osm
 from plannerforge.engine.maps.road_classes import ROADS
 from plannerforge.engine.maps.road_tags.access import barrier_of, is_for_access_only, users_of
-from plannerforge.engine.maps.road_tags.jurisdictions import jurisdiction_of
 from plannerforge.engine.maps.road_tags.lanes import SHARED_LANE_M, arrows, lanes_of
 from plannerforge.engine.maps.road_tags.legal_speeds import MPH_KMH, legal_speeds, parse_filter
 from plannerforge.engine.maps.road_tags.limits import Jurisdiction, limit_of
-from plannerforge.engine.maps.road_tags.road_reader import RoadReader
+from plannerforge.engine.maps.site_roads.cut import cut_map
+from plannerforge.engine.maps.site_roads.jurisdictions import jurisdiction_of
+from plannerforge.engine.maps.site_roads.road_reader import RoadReader
+from plannerforge.engine.maps.site_search.built_up import BuiltUp
 from plannerforge.engine.maps.site_search.finder import SiteFinder
 from plannerforge.engine.network import SumoNet, read_net
 from plannerforge.schemas.errors import UnsafeInput
@@ -23,7 +24,7 @@ MIDDLE = (48.1, 11.5)
 
 def cut(osm: OsmMap, folder: Path, country: str | None = "DEU") -> tuple[OsmMap, list[str]]:
     """The roads of a map as they are written for netconvert, and what is told of them."""
-    reader = RoadReader(osm, jurisdiction_of(country, MIDDLE), lefthand=False)
+    reader = RoadReader(BuiltUp(osm), jurisdiction_of(country, MIDDLE), lefthand=False)
     cut_map(osm, MIDDLE, 1000.0, ROADS, folder / "site.osm", None, reader)
     return read_osm(folder / "site.osm"), reader.notes()
 

@@ -14,10 +14,20 @@ from pathlib import Path
 
 from lxml import etree
 
-from ..osm import OsmMap, OsmNode, OsmWay, ground_distance_m
-from .access import ROAD_USERS, RoadUser, closing_tag, conditional_tags, in_words, is_for_access_only, is_open, users_of
-from .lanes import SHARED_LANE_M, Lanes, Side, arrows, lanes_of, oneway_of
-from .limits import Jurisdiction, Limit, class_limits, conditional_limits, limit_of, says_urban
+from ..osm import OsmNode, OsmWay, ground_distance_m
+from ..road_tags.access import (
+    ROAD_USERS,
+    RoadUser,
+    closing_tag,
+    conditional_tags,
+    in_words,
+    is_for_access_only,
+    is_open,
+    users_of,
+)
+from ..road_tags.lanes import SHARED_LANE_M, Lanes, Side, arrows, lanes_of, oneway_of
+from ..road_tags.limits import Jurisdiction, Limit, class_limits, conditional_limits, limit_of, says_urban
+from ..site_search.built_up import BuiltUp
 
 _REPLACED = ("lanes", "turn", "width", "est_width", "maxspeed", "source:maxspeed", "zone", "oneway", "busway")
 """Keys that are worked out anew, with all that follows a colon after them."""
@@ -57,13 +67,13 @@ class RoadReader:
     """Reads the roads of one site, and remembers what is to be told of them.
 
     Args:
-        osm: the whole map: what lies around a road tells whether it lies in a town.
+        built_up: of the whole map: what lies around a road tells whether it lies in a town.
         where: the country and states of the site.
         lefthand: whether traffic keeps to the left.
     """
 
-    def __init__(self, osm: OsmMap, where: Jurisdiction, *, lefthand: bool) -> None:
-        self._osm, self._where, self._lefthand = osm, where, lefthand
+    def __init__(self, built_up: BuiltUp, where: Jurisdiction, *, lefthand: bool) -> None:
+        self._built_up, self._where, self._lefthand = built_up, where, lefthand
         self._told = _Told()
         self._limits: dict[tuple[float, str], list[str]] = {}
         self._types: dict[str, etree._Element] = {}
@@ -152,10 +162,10 @@ class RoadReader:
             return True
         if any(way.tags.get(key) in _SIDES for key in ("sidewalk", "sidewalk:both", "sidewalk:left", "sidewalk:right")):
             return True
-        if not self._osm.built_up.is_mapped:
-            return self._osm.built_up.is_dense
+        if not self._built_up.is_mapped:
+            return self._built_up.is_dense
         points = _along(nodes)
-        inside = sum(self._osm.built_up.within(point, _HOUSES_WITHIN_M) for point in points)
+        inside = sum(self._built_up.within(point, _HOUSES_WITHIN_M) for point in points)
         return inside >= _BUILT_UP_SHARE * len(points)
 
     def _type_tags(self, way: OsmWay, users: frozenset[RoadUser], name: str) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from ..places import country_name
 from ..regions import regions_at
-from .limits import Jurisdiction
+from ..road_tags.limits import Jurisdiction
 
 _STATES = ("USA", "AUS")
 """Countries of which the short names of the states are those of ISO 3166-2."""

@@ -14,13 +14,13 @@ from pathlib import Path
 
 from lxml import etree
 
-from ...schemas.errors import NotPossible
-from ..network import run_netconvert
-from .foreign.net_map import NetMap
-from .osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, append_node, append_object, ground_distance_m
+from ....schemas.errors import NotPossible
+from ...network import run_netconvert
+from ..foreign.net_map import NetMap
+from ..osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, append_node, append_object, ground_distance_m
+from ..road_tags.access import barrier_of
 from .pavements import Pavements
-from .road_tags.access import barrier_of
-from .road_tags.road_reader import RoadReader
+from .road_reader import RoadReader
 
 MOST_ARMS = 32
 """Roads at one junction (chosen): SUMO's take 256 connections, and netconvert's time grows with their square."""
