@@ -53,6 +53,8 @@
 ``is_large``: Whether a file is a binary extract that is read into tiles without trying to read it at once.
 ``is_map``: Whether a file is a map by its name.
 ``is_net``: Whether a file, not packed, is a SUMO network by its name.
+``named_by_content``: A map under a name with the ending of its format.
+``root_element``: The root element of a file as far as formats of maps have it.
 ``stored_name``: The name under which a map is kept, not packed.
 ``unpacked``: A map as a plain file, unpacked into a folder where it is compressed.
 """
@@ -92,6 +94,17 @@ if TYPE_CHECKING:
     from .site_roads.road_reader import RoadReader
     from .site_search.finder import Site, SiteFinder
     from .site_search.nearness import Gathering
-    from .unpacking import MAP_ENDINGS, foreign_format, is_binary, is_large, is_map, is_net, stored_name, unpacked
+    from .unpacking import (
+        MAP_ENDINGS,
+        foreign_format,
+        is_binary,
+        is_large,
+        is_map,
+        is_net,
+        named_by_content,
+        root_element,
+        stored_name,
+        unpacked,
+    )
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

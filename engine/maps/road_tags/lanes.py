@@ -227,3 +227,9 @@ def arrows(turns: Sequence[str]) -> tuple[str, ...]:
             words = {"through"}
         leading.append(";".join(sorted(words - {"none", "merge_to_left", "merge_to_right"})))
     return tuple(leading)
+
+
+def mirrored(turns: Sequence[str]) -> tuple[str, ...]:
+    """Arrows of lanes as a mirror shows them: from right to left, and left is right."""
+    swapped = {"left": "right", "right": "left"}
+    return tuple(re.sub("left|right", lambda match: swapped[match[0]], turn) for turn in reversed(turns))

@@ -25,7 +25,7 @@ from ..road_tags.access import (
     is_open,
     users_of,
 )
-from ..road_tags.lanes import SHARED_LANE_M, Lanes, Side, arrows, lanes_of, oneway_of
+from ..road_tags.lanes import SHARED_LANE_M, Lanes, Side, arrows, lanes_of, mirrored, oneway_of
 from ..road_tags.limits import Jurisdiction, Limit, class_limits, conditional_limits, limit_of, says_urban
 from ..site_search.built_up import BuiltUp
 
@@ -100,12 +100,14 @@ class RoadReader:
             return None
         for note in lanes.notes:
             self._told.add(note, name)
+        if any(node.tags.get("highway") == "mini_roundabout" for node in nodes):
+            self._told.add("mini_roundabout", name)
         if is_for_access_only(way.tags):
             self._told.add("access_only", name)
         for tag in (*conditional_tags(way.tags), *conditional_limits(way.tags)):
             self._told.add("conditional", f"{name} ({tag})")
         kept = {key: value for key, value in tags.items() if not _is_replaced(key)}
-        kept |= _oneway_tags(way.tags, lanes.oneway) | _lane_tags(lanes)
+        kept |= _oneway_tags(way.tags, lanes.oneway) | _lane_tags(lanes, lefthand=self._lefthand)
         kept |= self._speed_tags(way, nodes, lanes.oneway, name)
         kept |= self._type_tags(way, users, name)
         return kept
@@ -210,6 +212,7 @@ _SENTENCES: Mapping[str, str] = {
     "no_cars": "closed to cars, not to all vehicles: {}",
     "access_only": "open to those only who have business there (destination), traffic does not know this: {}",
     "barrier": "barriers end roads here, for every vehicle: {}",
+    "mini_roundabout": "a mini-roundabout is drawn as a plain junction: {}",
     "one_lane": f"one lane for both directions, drawn as a lane of {SHARED_LANE_M:g} m in either: {{}}",
     "middle_lane": "the middle lane that both directions turn from is left out: {}",
     "odd_lanes": "the tags do not say which direction has the odd lane; forward is taken: {}",
@@ -242,7 +245,7 @@ def _oneway_tags(tags: Mapping[str, str], oneway: int) -> dict[str, str]:
     return {"oneway": {1: "yes", 0: "no", -1: "-1"}[oneway], **contraflow, **cycles}
 
 
-def _lane_tags(lanes: Lanes) -> dict[str, str]:
+def _lane_tags(lanes: Lanes, *, lefthand: bool) -> dict[str, str]:
     tags: dict[str, str] = {}
     forward, backward = lanes.forward, lanes.backward
     if lanes.oneway:
@@ -255,14 +258,16 @@ def _lane_tags(lanes: Lanes) -> dict[str, str]:
     if lanes.width_m is not None:
         tags["width"] = f"{lanes.width_m:.2f}"
     for direction, side in (("forward", forward), ("backward", backward)):
-        tags |= _lists_of(side, direction)
+        tags |= _lists_of(side, direction, lefthand=lefthand)
     return tags
 
 
-def _lists_of(side: Side, direction: str) -> dict[str, str]:
+def _lists_of(side: Side, direction: str, *, lefthand: bool) -> dict[str, str]:
+    """The lists over the lanes of a direction; netconvert mirrors roads of left-hand traffic, but not their arrows."""
     tags = {}
     if any(turn not in ("", "none") for turn in side.turns):
-        tags[f"turn:lanes:{direction}"] = "|".join(arrows(side.turns))
+        leading = arrows(side.turns)
+        tags[f"turn:lanes:{direction}"] = "|".join(mirrored(leading) if lefthand else leading)
     if any(side.buses):
         tags[f"bus:lanes:{direction}"] = "|".join("designated" if alone else "yes" for alone in side.buses)
     if any(side.widths_m):
