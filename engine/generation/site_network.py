@@ -25,12 +25,15 @@ from ..maps import (
     OsmMap,
     Pavements,
     RoadFile,
+    RoadReader,
     Site,
     cut_lanelets,
     cut_map,
     cut_net,
     find_pavements,
+    jurisdiction_of,
     read_lanelet_map,
+    site_finder,
 )
 from ..network import (
     RoadNetwork,
@@ -299,8 +302,12 @@ def build_network(
             pavements = find_pavements(osm, osm.roads(frozenset(classes)), site.position, radius_m, lefthand=lefthand)
             if not pavements.mapped_km + pavements.guessed_km:
                 raise nowhere_to_walk()
-        cut_map(osm, site.position, radius_m, classes, cut, pavements)
+        reader = RoadReader(
+            site_finder(osm).built_up, jurisdiction_of(request.country, site.position), lefthand=lefthand
+        )
+        cut_map(osm, site.position, radius_m, classes, cut, pavements, reader)
         warnings, notes, network = _convert_site(site, cut, net_path, lefthand=lefthand, on_foot=on_foot, report=report)
+        notes += reader.notes()
     if network.dropped_lanes:
         removed, later = remove_hairpins(net_path, folder)
         warnings += later
