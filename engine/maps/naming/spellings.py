@@ -132,6 +132,8 @@ _PARTICLES = frozenset(
         "het",
         "el",
         "al",
+        "section",
+        "sec",
     ]
 )
 _CHINESE_KINDS = {"大道": "avenue", "大街": "street", "路": "road", "街": "street", "道": "road", "巷": "alley"}
@@ -162,6 +164,8 @@ _LETTERED = {
     "kreisstr": "k",
 }
 """The letters of a road number by the words that are said for them."""
+_ELIDED = re.compile(r"\b(?:d|l|s|dell|dall|all|nell|sull)['’](?=\w)", re.IGNORECASE)
+"""Articles and prepositions before a vowel, in Catalan, French and Italian: ``Port d'Envalira``."""
 _MOST_READINGS = 32
 """Readings of one name that are compared: ``St`` has two, and a name has few such words (chosen)."""
 MOST_KEPT = 50_000
@@ -219,6 +223,16 @@ def whole_road_keys(name: str) -> frozenset[str]:
 def distinctive(words: Iterable[str]) -> frozenset[str]:
     """The words that tell a road from others: neither its kind nor a direction."""
     return frozenset(words) - _KINDS - _DIRECTIONS - _PARTICLES - {"and", "saint"}
+
+
+def kinds_of_road(name: str) -> frozenset[str]:
+    """The kinds of road that a name says in any of its readings (``street``, ``boulevard``)."""
+    return frozenset(word for reading in road_readings(name) for word in reading & _KINDS)
+
+
+def words_of_name(name: str) -> tuple[str, ...]:
+    """The words of a name in their order, in Latin letters without accents."""
+    return tuple(word for word in map(latin, _split(_ELIDED.sub("", name))) if word)
 
 
 def _split(name: str) -> list[str]:

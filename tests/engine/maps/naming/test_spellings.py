@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.maps.index import MapEntry, built_in_maps, find_maps, same_street
-from plannerforge.engine.maps.regions import region_of
-from plannerforge.engine.maps.spellings import route_number
+from plannerforge.engine.maps.naming.regions import region_of
+from plannerforge.engine.maps.naming.spellings import route_number
 from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.generation import PlaceArea
 
