@@ -111,6 +111,8 @@ _LEAST_LIKENESS, _LEAST_WORD_LIKENESS, _TELLING_LETTERS = 78, 85, 4
 """Of 100: from which a name is worth suggesting, or a name with such words; letters of a word that tells (chosen)."""
 _MOST_NEAR, _COMPARED = 4, 2000
 """Suggestions, and names that are compared, at most (chosen)."""
+_FEW_WORDS = 4
+"""Words of which both the place and the road may be only like those of the map (chosen)."""
 _SHOWN_ROADS, _MOST_WORDS, _LONGEST_UNSPACED = 3, 12, 24
 """Roads that a sentence names, words that are tried in all splits, letters that are (chosen)."""
 
@@ -418,7 +420,7 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
     no place and the caller names its country.
     """
     facts = entry.facts
-    reading = _read_part(place, facts, closeness)
+    reading = _read_whole(place, facts)
     if reading is None:
         listed = listed_parts(place)
         if not listed:
@@ -426,7 +428,9 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
         reading = _Reading()
         for part in listed:
             found = (
-                _read_part(part, facts, closeness)
+                _read_whole(part, facts)
+                or _read_together(part, facts, Closeness.SAME)
+                or _read_part(part, facts, closeness)
                 or _read_crossing(part, facts, closeness)
                 or _read_together(part, facts, closeness)
             )
@@ -485,10 +489,15 @@ class _Reading:
 
 def _read_part(part: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:
     """The words as one place or one road; None where they are neither."""
+    return _read_whole(part, facts) or _read_road(part, facts) or _read_alike(part, facts, closeness)
+
+
+def _read_whole(part: str, facts: MapFacts) -> _Reading | None:
+    """The words as the whole name of a place or a road; of a square as its roads, where there are any."""
     place = _read_place(part, facts)
     if place is not None and (place.area is None or place.area.kind not in ROAD_PLACES):
         return place
-    return _read_road(part, facts) or place or _read_alike(part, facts, closeness)
+    return _read_road(part, facts, whole=True) or place
 
 
 def _read_alike(part: str, facts: MapFacts, closeness: Closeness, *, wide: bool = False) -> _Reading | None:
@@ -702,6 +711,8 @@ def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading
             rest = _read_road(first, facts) or _read_place(first, facts)
             if rest is None and place is not None:
                 rest = _read_together(first, facts, closeness)
+            if rest is None and place is None and closeness is Closeness.PART and len(text.split()) <= _FEW_WORDS:
+                place = _read_alike(second, facts, Closeness.KNOWN)
             if place is None and rest is not None and rest.streets:
                 place = _read_alike(second, facts, closeness, wide=True)
             elif place is not None and rest is None:

@@ -7,8 +7,10 @@ Requests are drawn from the extracts' own tags (``name:*``, ``alt_name``, ...), 
 tag, and read from ``words_for_places.tsv``, which was written by hand before any was tried. Extracts that the file
 lists under ``tune`` were looked at while the program was made; every other one is kept aside.
 
-Keys: ``places_kept_aside``, the share of the spellings of extracts kept aside for which exactly the maps are found
-that show the name, and a road among the streets of the site if a road is meant; ``half_typed``, the same of half-typed
+A request for a place is right if exactly the maps are found that show it, one for a road if the map is found and the
+road is among the streets that the site must carry there; other maps may have a road of that name too.
+
+Keys: ``places_kept_aside``, the share of the spellings of extracts kept aside that are right; ``half_typed``, the same of half-typed
 and compound words; ``places_tuned`` and ``half_typed_tuned``, of the others; ``places_asked``, ``half_asked`` and
 ``languages``, how many requests and languages the first two count.
 """
@@ -156,8 +158,12 @@ def _is_right(asked: _Asked, maps: Sequence[MapEntry], stems: Mapping[str, str])
         sys.stderr.write(f"{asked.words!r} of {sorted(asked.maps)}: {refusal.message}\n")
         return False
     shown = {stems.get(match.entry.facts.map_id, "") for match in found}
-    streets = {name for match in found for names in match.streets for name in names}
-    right = shown <= asked.maps and (not asked.road or not streets.isdisjoint(asked.road.split("|")))
+    meant = [match for match in found if stems.get(match.entry.facts.map_id) in asked.maps]
+    streets = {name for match in meant for names in match.streets for name in names}
+    if asked.road:
+        right = not streets.isdisjoint((asked.words, *asked.road.split("|")))
+    else:
+        right = bool(meant) and shown <= asked.maps
     if not right:
         sys.stderr.write(f"{asked.words!r} of {sorted(asked.maps)}: {sorted(shown)}, {sorted(streets)[:4]}\n")
     return right

@@ -80,6 +80,11 @@ def _cases(name: str) -> Iterator[str]:
     yield " ".join(word if index and len(word) < 4 else word.title() for index, word in enumerate(words))
     if len(name) < 5:
         yield name.upper()
+    if not name.isascii():
+        from anyascii import anyascii
+
+        yield anyascii(name).title()
+        yield " ".join(anyascii(letter).casefold() for letter in name)  # GeoNames has the pinyin of Chinese names so
 
 
 def _records(name: str) -> Iterator[dict[str, Any]]:

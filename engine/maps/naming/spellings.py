@@ -5,13 +5,18 @@ road it is, or which end of it, become one English word in all languages. Two na
 left, in whatever order.
 """
 
+import gzip
+import json
 import re
 from collections.abc import Iterable
 from functools import cache, lru_cache
 from itertools import islice, product
+from pathlib import Path
 
 from .places import fold, latin
 
+_ABBREVIATIONS = Path(__file__).parent / "road_words.json.gz"
+"""What libpostal knows of abbreviations (``scripts/make_road_words.py``)."""
 _SAME_WORDS = """
 street: street st str strasse straat strada stradal rue ulitsa
 street: ulica ul vulitsya vulytsya calle via rruga rr gata gatan
@@ -174,13 +179,25 @@ MOST_KEPT = 50_000
 
 @cache
 def _meanings() -> dict[str, tuple[str, ...]]:
-    """The words that a spelling may stand for."""
+    """The words that a spelling may stand for.
+
+    Our own words, which are one for all languages, and libpostal's abbreviations: they stand for one of ours if that is
+    written like them, otherwise for the word that they abbreviate.
+    """
     found: dict[str, tuple[str, ...]] = {}
     for line in _SAME_WORDS.strip().splitlines():
         meaning, spellings = line.split(": ")
         for spelling in spellings.split():
             plain = latin(spelling)
             found[plain] = tuple(dict.fromkeys((*found.get(plain, ()), meaning)))
+    own = dict(found)
+    table = json.loads(gzip.decompress(_ABBREVIATIONS.read_bytes()))
+    for word, written in (*table["kinds"].items(), *table["others"].items()):
+        spellings = [word, *(each for each in written if len(each) > 1)]
+        told = [own[each] for each in spellings if len(each) > 2 and len(own.get(each, ())) == 1]
+        meanings = own.get(word) or (told[0] if told else (word,))
+        for spelling in spellings:
+            found[spelling] = tuple(dict.fromkeys((*found.get(spelling, ()), *meanings)))
     return found
 
 

@@ -125,7 +125,7 @@ def test_a_country_that_the_map_does_not_lie_in_contradicts(words: str) -> None:
 
 @pytest.mark.parametrize(
     ("words", "near"),
-    [("Seatle", "Seattle"), ("Siätl", None), ("Pyne Street", "Pine Street"), ("Quary", "Quarry Hill")],
+    [("Seatle", "Seattle"), ("Wörgl", None), ("Pyne Street", "Pine Street"), ("Quary", "Quarry Hill")],
 )
 def test_only_what_is_near_is_suggested(words: str, near: str | None) -> None:
     with pytest.raises(UnknownName) as refusal:
