@@ -500,17 +500,20 @@ def _read_whole(part: str, facts: MapFacts) -> _Reading | None:
     return _read_road(part, facts, whole=True) or place
 
 
-def _read_alike(part: str, facts: MapFacts, closeness: Closeness, *, wide: bool = False) -> _Reading | None:
+def _read_alike(
+    part: str, facts: MapFacts, closeness: Closeness, *, wide: bool = False, settled: bool = False
+) -> _Reading | None:
     """The words as a place or a road that is only like them.
 
-    ``wide``: a settlement counts whose outskirts the map may lie in, because a road was named with it.
+    ``wide``: a settlement counts whose outskirts the map may lie in, because a road was named with it. ``settled``:
+    other words name a place of the map, so that these name none elsewhere.
     """
     if closeness is Closeness.SAME or not any(map(str.isalpha, part)):
         return None
     found = _read_name_elsewhere(part, facts) or _read_settlement(part, facts, wide=wide)
     if found is None and closeness >= Closeness.HEARD:
         found = _read_place_like(part, facts, is_transliterated) or _read_road_like(part, facts, is_transliterated)
-    if found is None and closeness >= Closeness.PLACE_PART and not _lies_elsewhere(part, facts):
+    if found is None and closeness >= Closeness.PLACE_PART and (settled or not _lies_elsewhere(part, facts)):
         words = without_frame(part)
         found = _read_place_like(words, facts, is_half_of)
         if found is None and closeness is Closeness.PART:
@@ -545,9 +548,9 @@ def _is_near(settlement: Settlement, facts: MapFacts) -> bool:
 
 
 def _lies_elsewhere(part: str, facts: MapFacts) -> bool:
-    """Whether the words name cities of the world, all in other countries: no road that begins so is meant."""
-    known = [one for one in settlements_called(without_frame(part)) if one.population >= CITY_PEOPLE]
-    return bool(known) and not any(
+    """Whether the words name a city of the world, and nothing in the map's country: no road that begins so is meant."""
+    known = settlements_called(without_frame(part))
+    return any(settlement.population >= CITY_PEOPLE for settlement in known) and not any(
         settlement.country in _countries(facts) or _is_near(settlement, facts) for settlement in known
     )
 
@@ -717,7 +720,7 @@ def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading
                 place = _read_alike(second, facts, closeness, wide=True)
             elif place is not None and rest is None:
                 rest = _read_crossing(first, facts, closeness)
-                rest = rest or _read_alike(first, facts, closeness)
+                rest = rest or _read_alike(first, facts, closeness, settled=True)
             if place is not None and rest is not None:
                 return place + rest if first == tail else rest + place
     return None

@@ -171,6 +171,8 @@ _LETTERED = {
 """The letters of a road number by the words that are said for them."""
 _ELIDED = re.compile(r"\b(?:d|l|s|dell|dall|all|nell|sull)['’](?=\w)", re.IGNORECASE)
 """Articles and prepositions before a vowel, in Catalan, French and Italian: ``Port d'Envalira``."""
+_CONTRACTED = re.compile(r"\b(\w{1,2})\.(\w{2,3})\b(?!\.)")
+"""Contractions with a point inside: ``P.za``, ``C.so``, ``V.le``."""
 _MOST_READINGS = 32
 """Readings of one name that are compared: ``St`` has two, and a name has few such words (chosen)."""
 MOST_KEPT = 50_000
@@ -197,7 +199,8 @@ def _meanings() -> dict[str, tuple[str, ...]]:
         told = [own[each] for each in spellings if len(each) > 2 and len(own.get(each, ())) == 1]
         meanings = own.get(word) or (told[0] if told else (word,))
         for spelling in spellings:
-            found[spelling] = tuple(dict.fromkeys((*found.get(spelling, ()), *meanings)))
+            itself = () if spelling in own else (spelling,)
+            found[spelling] = tuple(dict.fromkeys((*found.get(spelling, itself), *meanings)))
     return found
 
 
@@ -253,7 +256,7 @@ def words_of_name(name: str) -> tuple[str, ...]:
 
 
 def _split(name: str) -> list[str]:
-    plain = re.sub(r"['’ʼ`´]", "", name.casefold()).replace("&", " and ")
+    plain = re.sub(r"['’ʼ`´]", "", _CONTRACTED.sub(r"\1\2", name.casefold())).replace("&", " and ")
     return [word for word in re.split(r"[\W_]+", plain) if word]
 
 
