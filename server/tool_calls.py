@@ -58,7 +58,7 @@ async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> Ca
         error = as_told(raised, spec.name)
         if isinstance(error, UnexpectedFailure):
             logger.error("incident %s:\n%s", error.incident, error.details)  # noqa: TRY400 - it holds the traceback
-        return _refusal(error)
+        return refusal(error)
 
 
 def _with_view(result: CallToolResult, call: ToolCall) -> CallToolResult:
@@ -154,8 +154,8 @@ def _shown_images(result: ImageAnswer, most_bytes: int) -> tuple[list[ImageConte
     return shown, len(result.images) - len(shown)
 
 
-def _refusal(error: PlannerForgeError) -> CallToolResult:
-    """An error result: its text holds code, message, valid values and next step."""
+def refusal(error: PlannerForgeError) -> CallToolResult:
+    """Return an error as a result: its text holds code, message, valid values and next step."""
     return CallToolResult(content=[TextContent(type="text", text=printable(error.text))], is_error=True)
 
 
