@@ -92,7 +92,7 @@ _NO_PLACES = frozenset(
 )
 """Words of file names that say what kind of map it is."""
 _PLACE_WORDS = (
-    r"city|town|village|quarter|district|suburb|borough|county|township|municipality|neighbou?rhood|stadt(?:teil)?|viertel|"
+    r"city|town|village|quarter|district|suburb|borough|ward|parish|county|township|municipality|neighbou?rhood|stadt(?:teil)?|viertel|"
     r"gemeinde|bezirk|(?:land)?kreis|ville|commune|quartier|arrondissement|ciudad|municipio|barrio|distrito|"
     r"cidade|bairro|freguesia|concelho|citt[aà]|comune|quartiere|miasto|gmina|powiat|kommune?n?|wijk|gemeente|"
     r"ilçe(?:si)?|mahalle(?:si)?|г\.?|город|район|(?:муниципальный )?округ|м[іi]сто"

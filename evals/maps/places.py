@@ -10,9 +10,9 @@ lists under ``tune`` were looked at while the program was made; every other one 
 A request for a place is right if exactly the maps are found that show it, one for a road if the map is found and the
 road is among the streets that the site must carry there; other maps may have a road of that name too.
 
-Keys: ``places_kept_aside``, the share of the spellings of extracts kept aside that are right; ``half_typed``, the same of half-typed
-and compound words; ``places_tuned`` and ``half_typed_tuned``, of the others; ``places_asked``, ``half_asked`` and
-``languages``, how many requests and languages the first two count.
+Keys: ``places_kept_aside``, the share of the spellings of extracts kept aside that are right; ``half_typed``, the same
+of half-typed and compound words; ``places_tuned`` and ``half_typed_tuned``, of the others; ``places_asked``,
+``half_asked`` and ``languages``, how many requests and languages the first two count.
 """
 
 import re

@@ -1,6 +1,7 @@
 """The names in OpenStreetMap's tags: of places, roads and addresses."""
 
 import re
+import unicodedata
 from collections.abc import Mapping
 
 from .spellings import road_keys, whole_road_keys
@@ -56,7 +57,21 @@ def names_of(tags: Mapping[str, str]) -> list[str]:
     found.sort(key=lambda pair: (NAME_KEYS.index(pair[0]), pair[1] != "name:en", pair[1]))
     names = [name.strip() for _, key in found for name in tags[key].split(";")]
     parts = [part.strip() for name in names if _BOTH.search(name) for part in _BOTH.split(name)]
+    parts += [part for name in names for part in _by_script(name)]
     return list(dict.fromkeys(name for name in (*names, *parts) if name))[:MOST_NAMES]
+
+
+def _by_script(name: str) -> list[str]:
+    """The parts of a name that is written in two scripts (``Shubra حي شبرا``); nothing for any other name."""
+    runs: list[tuple[bool, list[str]]] = []
+    for word in name.split():
+        is_latin = all(
+            letter.isascii() or "LATIN" in unicodedata.name(letter, "") for letter in word if letter.isalpha()
+        )
+        if not runs or runs[-1][0] != is_latin:
+            runs.append((is_latin, []))
+        runs[-1][1].append(word)
+    return [" ".join(words) for _, words in runs] if len(runs) > 1 else []
 
 
 def refs_of(tags: Mapping[str, str]) -> list[str]:

@@ -1,6 +1,7 @@
 """Sites that the map promises are built: lights at a junction with signals on some of its roads only."""
 
 from pathlib import Path
+from typing import Any
 
 from plannerforge.engine.execution import silent
 from plannerforge.engine.generation.site_network import prepare_site
@@ -28,12 +29,15 @@ def crossing_with_a_signal_on_one_arm() -> OsmMap:
 def test_a_junction_with_a_signal_on_one_arm_gets_lights_and_the_answer_says_so(tmp_path: Path) -> None:
     osm = crossing_with_a_signal_on_one_arm()
     (site,) = SiteFinder(osm).find("signalised_intersection")
+    wish: dict[str, Any] = {
+        **dict.fromkeys(("map_path", "map_id", "attribution", "folder"), ""),
+        **dict.fromkeys(("streets", "vehicles", "road_classes"), ()),
+        **dict.fromkeys(("country", "bbox"), None),
+        **dict.fromkeys(("ego", "goal"), "any"),
+    }
     request = GenerationRequest(
-        **{"map_path": "", "map_id": "map", "place": "Crossing", "country": None, "attribution": ""},
-        **{"scenario_type": "signalised_intersection", "streets": (), "bbox": None, "road_classes": ()},
-        **{"density": "medium", "vehicles": (), "duration_s": 20.0, "ego": "any", "goal": "any"},
-        **{"seed": 1, "index": 0, "folder": ""},
-    )  # type: ignore[arg-type]
+        place="Crossing", scenario_type=site.kind, density="medium", duration_s=20.0, seed=1, index=0, **wish
+    )
     built = prepare_site(request, osm, site, tmp_path, silent)
     assert "traffic_light" in set(built.net.junction_types.values())
     assert any("lights were made" in note for note in built.notes)
