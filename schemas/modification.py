@@ -172,6 +172,17 @@ class VehicleRoute(Model):
     advice: str = Field("", description="what may help it to arrive")
 
 
+class Achieved(Model):
+    """What came out of one quantity that an edit asks for, measured on the motion that was written."""
+
+    vehicle_id: int
+    quantity: str = Field(description="what was asked for: speed, gap, lateral_duration …")
+    asked: float | None = Field(None, description="the value asked for; null where the edit leaves it open")
+    value: float = Field(description="the value that came out")
+    unit: str
+    reached: bool = Field(True, description="whether the value is the one asked for")
+
+
 class EditReport(Model):
     """What became of one edit; ``meant``: whom its words for vehicles meant."""
 
@@ -182,15 +193,19 @@ class EditReport(Model):
     what: str = Field(description="what was done, in one sentence with figures")
     vehicles: tuple[int, ...] = Field((), description="ids of the vehicles that it edited or added")
     routes: tuple[VehicleRoute, ...] = Field((), description="where these drive now")
+    achieved: tuple[Achieved, ...] = Field((), description="the values that came out")
     meant: str = ""
 
     @property
     def verdict(self) -> str:
-        """``done``, or that nothing is left of it, or that not all get where it sends them."""
+        """``done``, or that nothing is left of it, or that not all get where, or drive as, it tells them."""
         if not self.done:
             return "without effect"
-        missed = sum(route.arrives is False for route in self.routes)
-        sent = sum(route.arrives is not None for route in self.routes)
+        missing = {route.vehicle_id for route in self.routes if route.arrives is False}
+        missing |= {one.vehicle_id for one in self.achieved if not one.reached}
+        asked = {route.vehicle_id for route in self.routes if route.arrives is not None}
+        asked |= {one.vehicle_id for one in self.achieved}
+        missed, sent = len(missing), len(asked)
         return "done" if not missed else "not reached" if missed == sent else f"reached by {sent - missed} of {sent}"
 
 
@@ -237,6 +252,7 @@ class TouchedVehicle(Model):
     )
     handover_speed_step_mps: float | None = Field(None, description="how much its speed jumps at the hand-over")
     moved_m: float | None = None
+    stood_until_s: float | None = Field(None, description="until when it stood in the recording, where it drives now")
     reason: str = ""
 
 
@@ -374,7 +390,7 @@ class ModifyScenarioResult(Result):
             most, _ = self._most(_MOST_TOUCHED)
             more = f" and {len(named) - most} more" if len(named) > most else ""
             lines.append(f"Driven besides, to react: {', '.join(named[:most])}{more}.")
-        lines += self._moved()
+        lines += [*self._moved(), *self._standing_before()]
         if self.detail == "checks":
             lines += first_of([_touched_text(vehicle) for vehicle in self.touched], *self._most(0))
         return [*lines, f"{counted(self.untouched, 'vehicle')} exactly as recorded."]
@@ -389,6 +405,15 @@ class ModifyScenarioResult(Result):
         told = ", ".join(f"{vehicle.vehicle_id} {vehicle.moved_m:.3g} m" for vehicle in moved[:most])
         least = f" and {len(moved) - most} more by less" if len(moved) > most else ""
         return [f"Away from where it was recorded, at most: {told}{least}."] if moved else []
+
+    def _standing_before(self) -> list[str]:
+        """Who stood in the recording, at a light that the file does not tell of perhaps, and drives now."""
+        stood = [(one.vehicle_id, one.stood_until_s) for one in self.touched if one.stood_until_s is not None]
+        most, _ = self._most(_MOST_TOUCHED)
+        told = ", ".join(f"{key} (until {until_s:.1f} s)" for key, until_s in stood[:most])
+        more = f" and {len(stood) - most} more" if len(stood) > most else ""
+        drive = "drives" if len(stood) == 1 else "drive"
+        return [f"Stood in the recording, now {drive}: {told}{more}."] if stood else []
 
     def _judged(self) -> list[str]:
         if self.checkers_agree is None:

@@ -9,6 +9,7 @@
 ``values_set``: Single parameters as given, relative ones with the value that acts.
 ``DrivePlan``: A vehicle that SUMO drives from ``from_step`` on.
 ``recorded_plan``: The ``DrivePlan`` of a recorded vehicle along its recorded route.
+``sent_on``: The plan of a vehicle that an edit sends somewhere, which does not stand any more.
 ``Manoeuvre``: An order to a driven vehicle from a step on: a speed, or a change of lanes.
 ``Halt``: An order to a driven vehicle to stand, from a step on until another one.
 ``JunctionLaneChange``: A change of lane inside a junction.
@@ -57,7 +58,16 @@ if TYPE_CHECKING:
     )
     from .handover import TakenOverTrack, taken_over_track
     from .manoeuvres import LANE_CHANGE_S, Halt, Manoeuvre
-    from .plans import PROGRESS_ACROSS, DrivePlan, JunctionLaneChange, Replay, class_of, not_drivable, recorded_plan
+    from .plans import (
+        PROGRESS_ACROSS,
+        DrivePlan,
+        JunctionLaneChange,
+        Replay,
+        class_of,
+        not_drivable,
+        recorded_plan,
+        sent_on,
+    )
     from .replay import (
         ROUTES_FILE,
         TYPES_FILE,

@@ -103,6 +103,13 @@ def recorded_plan(scene: Scene, vehicle_id: int, cause: Cause, from_step: int) -
     )
 
 
+def sent_on(plan: DrivePlan) -> DrivePlan:
+    """The plan of a vehicle that an edit sends somewhere: one that was put in to stand does not stand any more."""
+    if plan.cause != "added" or plan.manoeuvres != (Manoeuvre(plan.from_step, speed_mps=0.0),):
+        return plan
+    return replace(plan, manoeuvres=())
+
+
 def not_drivable(scene: Scene, vehicle_id: int) -> str:
     """Why a recorded vehicle cannot be driven by SUMO; empty if it can."""
     if vehicle_id not in scene.tracks:

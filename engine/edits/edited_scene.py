@@ -113,6 +113,12 @@ class EditedScene:
         replays = self.changes.replays.items()
         return {key: replay.track for key, replay in replays if replay.recording is not None}
 
+    @cached_property
+    def told_speeds(self) -> frozenset[int]:
+        """The driven vehicles that an edit tells how fast to drive."""
+        plans = self.result.plans.items()
+        return frozenset(key for key, plan in plans if any(order.speed_mps is not None for order in plan.manoeuvres))
+
     @property
     def driven_shifts(self) -> tuple[int, ...]:
         """The vehicles that edits only move in time and that are driven nevertheless, by ascending id."""

@@ -18,7 +18,7 @@ from ...schemas.grammar import parse_quantity
 from ...schemas.modification import Edit
 from ...schemas.vocabulary import vehicle_class_of
 from ..commonroad import Track
-from ..cosimulation import DrivePlan, Replay, behaviour_from, own_minimum_gap_m, usual_behaviour
+from ..cosimulation import DrivePlan, Manoeuvre, Replay, behaviour_from, own_minimum_gap_m, usual_behaviour
 from ..geometry import Points, length_m, point_at, project, without_repeats
 from ..network import station_m
 from ..scene import Scene
@@ -96,7 +96,8 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     where = f"{_where(places, spacing)}{_why_there(edit)}"
     why = f" ({entering[0].reason})" if entering[0].reason else ""
     gaps = f"{entering[-1].ahead} and {entering[0].behind}"
-    what = f"{who} {where}, {_entries(edit, scene, changes, added)}{why}, gaps: {gaps}"
+    stands = ", and stands until another edit sends it on" if changes.driven[added[0]].manoeuvres else ""
+    what = f"{who} {where}, {_entries(edit, scene, changes, added)}{why}{stands}, gaps: {gaps}"
     aims = {key: (changes.driven[key].targets,) for key in added if changes.driven[key].targets}
     return EditStep(changes, tuple(added), what, added=tuple(added), aims=aims)
 
@@ -197,8 +198,14 @@ def _plan(
         targets=targets,
         behaviour=usual,
         vehicle_class=vehicle_class,
+        manoeuvres=(Manoeuvre(step, speed_mps=0.0),) if _is_to_stand(edit, speed) else (),
     )
     return _Entering(plan, reason, *gaps_in_words(scene, changes, vehicle_class, place, step, speed))
+
+
+def _is_to_stand(edit: Edit, speed_mps: float) -> bool:
+    """Whether a vehicle is put in to stand, until another edit sends it somewhere."""
+    return edit.speed is not None and speed_mps == 0.0 and not edit.to
 
 
 def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place) -> int:

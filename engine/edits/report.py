@@ -20,7 +20,14 @@ from ..vehicles import Feasibility, Motion, check_drivability, check_kinematics,
 from .edited_scene import EditedScene, SimulatedEdits
 from .ego_risk import EgoRisk, ego_risk_after
 from .entries import entering_onto_ego
-from .explanations import speeds_reached, vehicle_route, why_handed_over, why_shifts_are_driven, why_undone
+from .explanations import (
+    speeds_reached,
+    stood_until_s,
+    vehicle_route,
+    why_handed_over,
+    why_shifts_are_driven,
+    why_undone,
+)
 from .writing import replayed_motion
 
 
@@ -72,7 +79,7 @@ def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tu
         edit, step = request.edits[index], simulated.steps[index]
         driven = [key for key in step.vehicles if key in simulated.result.tracks]
         routes = tuple(vehicle_route(simulated, step, key) for key in driven)
-        speeds = speeds_reached(simulated, step)
+        speeds, achieved = speeds_reached(simulated, step)
         shifts = why_shifts_are_driven(simulated, step.vehicles) if edit.op == "shift_time" else []
         undone = why_undone(edit.op, step, simulated.steps[index + 1 :], simulated.result, routes)
         reports.append(
@@ -84,6 +91,7 @@ def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tu
                 what="; ".join([step.what, *speeds, *shifts, *([] if undone is None else [undone])]),
                 vehicles=step.vehicles,
                 routes=routes,
+                achieved=tuple(achieved),
                 meant=step.meant,
             )
         )
@@ -109,6 +117,10 @@ def _touched_vehicles(edited: EditedScene, check: Callable[..., Feasibility]) ->
         key: _touched(scene, result.plans[key], track, _verdict(scene, track, track.motion, check))
         for key, track in result.tracks.items()
     }
+    for key in result.tracks:
+        stood_s = None if key in edited.told_speeds else stood_until_s(edited, key)
+        if stood_s is not None:
+            driven[key] = driven[key].model_copy(update={"stood_until_s": round(stood_s, 3)})
     for key in edited.driven_shifts:
         driven[key] = driven[key].model_copy(update={"cause": "shifted"})
     for key, reason in why_handed_over(edited).items():

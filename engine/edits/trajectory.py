@@ -21,6 +21,7 @@ from ..cosimulation import (
     own_minimum_gap_m,
     parameters_set,
     presets,
+    sent_on,
     values_set,
 )
 from ..scene import Scene
@@ -55,7 +56,7 @@ def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     aims: dict[int, tuple[frozenset[int], ...]] = {}
     since: dict[int, int] = {}
     for vehicle_id in vehicles:
-        plan, step = _plan_from(scene, changes, vehicle_id, edit.time_s)
+        plan, step = _plan_from(scene, changes, vehicle_id, edit.time_s, sends_on=True)
         is_first = vehicle_id not in changes.driven
         here = _lanelets_at(scene, plan, step, exact=is_first)
         beside = _lanes_beside(scene, here, edit.lane)
@@ -261,10 +262,13 @@ def _drivable(edit: Edit, scene: Scene, changes: Changes) -> tuple[tuple[int, ..
     return tuple(key for key in vehicles if key not in refusals), tuple(refusals)
 
 
-def _plan_from(scene: Scene, changes: Changes, vehicle_id: int, time_s: float | None) -> tuple[DrivePlan, int]:
+def _plan_from(
+    scene: Scene, changes: Changes, vehicle_id: int, time_s: float | None, *, sends_on: bool = False
+) -> tuple[DrivePlan, int]:
     """The plan of a vehicle that is driven from a time on at the latest, and the step of that time.
 
-    ``time_s``: from the scenario's start; None: from the vehicle's first step on.
+    ``time_s``: from the scenario's start; None: from the vehicle's first step on. ``sends_on``: one that was put in to
+    stand does so no more.
 
     Raises:
         InvalidRequest: the vehicle is not there then.
@@ -272,6 +276,7 @@ def _plan_from(scene: Scene, changes: Changes, vehicle_id: int, time_s: float | 
     """
     before = changes.driven.get(vehicle_id)
     plan = plan_of(scene, changes, vehicle_id)
+    plan = sent_on(plan) if sends_on else plan
     first, last = plan.from_step, scene.last_step - 1
     if vehicle_id in scene.tracks and before is None:
         last = scene.tracks[vehicle_id].last_step - 1
