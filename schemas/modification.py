@@ -21,9 +21,20 @@ EditOperation = Literal[
     "remove_vehicle",
     "set_goal",
     "set_ego",
+    "cut_in",
+    "swerve",
+    "wrong_way",
+    "run_red_light",
+    "move",
+    "replace",
+    "close_lane",
+    "set_light",
+    "set_weather",
+    "crop",
+    "mirror",
 ]
-Letter = Literal["T", "B", "P", "G"]
-"""The paper's kinds of edits: trajectory, behaviour, population, goal."""
+Letter = Literal["T", "B", "P", "G", "S"]
+"""The paper's kinds of edits: trajectory, behaviour, population, goal; and S: the scene itself."""
 TrafficAfterEdits = Literal["recorded", "reactive"]
 """Whether vehicles that no edit names stay as recorded, or are driven anew from their first state on."""
 CheckedBy = Literal["closed_form", "drivability_checker"]
@@ -44,15 +55,15 @@ class EditKind(NamedTuple):
 
 EDITS: Final[dict[EditOperation, EditKind]] = {
     "reroute": EditKind("T", ("vehicles", "to", "via", "turn")),
-    "change_lane": EditKind("T", ("vehicles", "lane", "time_s")),
-    "set_speed": EditKind("T", ("vehicles", "speed", "time_s")),
+    "change_lane": EditKind("T", ("vehicles", "lane", "time_s", "lateral_s")),
+    "set_speed": EditKind("T", ("vehicles", "speed", "time_s", "rate_mps2")),
     "shift_time": EditKind("T", ("vehicles", "time_s")),
     "set_behaviour": EditKind("B", ("vehicles", "preset", "params")),
     "add_vehicle": EditKind(
         "P",
         (
             *("vehicle_class", "count", "spacing_m", "at", "lane", "offset_m", "position", "speed", "time_s", "to"),
-            *("preset", "params"),
+            *("preset", "params", "gap_s", "side"),
         ),
     ),
     "remove_vehicle": EditKind("P", ("vehicles",)),
@@ -60,6 +71,19 @@ EDITS: Final[dict[EditOperation, EditKind]] = {
     "set_ego": EditKind(
         "G", ("vehicles", "vehicle_class", "at", "lane", "offset_m", "position", "speed", "former_ego")
     ),
+    "cut_in": EditKind("T", ("vehicles", "at", "gap_s", "lateral_s", "time_s", "speed")),
+    "swerve": EditKind("T", ("vehicles", "side", "offset_m", "lateral_s", "duration_s", "time_s")),
+    "wrong_way": EditKind(
+        "T", ("vehicles", "time_s", "lateral_s", "vehicle_class", "at", "lane", "offset_m", "position", "speed")
+    ),
+    "run_red_light": EditKind("T", ("vehicles", "speed")),
+    "move": EditKind("P", ("vehicles", "at", "lane", "offset_m", "position", "gap_s")),
+    "replace": EditKind("P", ("vehicles", "vehicle_class")),
+    "close_lane": EditKind("S", ("to", "position", "time_s", "duration_s")),
+    "set_light": EditKind("S", ("to", "params")),
+    "set_weather": EditKind("S", ("params",)),
+    "crop": EditKind("S", ("time_s", "duration_s", "at", "rectangle_m")),
+    "mirror": EditKind("S", ()),
 }
 """All operations; any argument of another one is refused. The engine's function of an edit has the operation's name."""
 
@@ -81,7 +105,9 @@ class Edit(Arguments):
     via: list[str] = Field([], description="reroute through these in order")
     turn: Literal["left", "right", "straight"] | None = Field(None, description="at the next fork")
     preset: str | None = Field(None, description="aggressive, cautious, emergency (urgent), eco, balanced, speeder")
-    params: list[str] = Field([], description="SUMO names: 'tau=0.7', 'minGap=1'")
+    params: list[str] = Field(
+        [], description="SUMO names: 'tau=0.7'; set_light: seconds 'red=10', 'green=20'; set_weather: 'weather=rain'"
+    )
     vehicle_class: str | None = Field(None, description="added, or the ego's")
     """The class of what is added, or `pedestrian`; with `set_ego`, what the ego is: `truck`, `bus`, `motorcycle` …"""
     count: int | None = Field(None, ge=1, le=20)
@@ -96,11 +122,17 @@ class Edit(Arguments):
         None,
         description="on the lanelet: beginning, quarter, middle, three_quarter, final (a goal's default), 0.66, '35m'",
     )
-    speed: str | None = Field(None, description="'30km/h', '8m/s'")
+    speed: str | None = Field(None, description="'30km/h', '8m/s', '+10%'")
     time_s: float | None = Field(None, description="from when on; shift_time: later by, - earlier")
+    gap_s: float | None = Field(None, description="time gap bumper to bumper: cut_in; in place of offset_m")
+    lateral_s: float | None = Field(None, ge=0.5, description="moving aside takes; prescribed")
+    rate_mps2: float | None = Field(None, ge=0.1, description="prescribed acceleration or braking")
+    duration_s: float | None = Field(None, ge=0.1)
+    """How long a swerve stays aside, a lane is closed, or a cut-out scenario lasts."""
+    side: Literal["left", "right"] | None = Field(None, description="swerve to, pedestrian from, parked at this kerb")
     former_ego: Literal["vanish", "traffic"] | None = None
     """What becomes of the old ego where a recorded car takes its place."""
-    rectangle_m: list[float] | None = Field(None, description="goal [length, width]")
+    rectangle_m: list[float] | None = Field(None, description="goal or crop [length, width]")
     goal_time: str | None = Field(None, description="'8..12s', '<=90steps'")
     goal_speed: str | None = None
     """Speed at the goal, such as `'5..10m/s'`."""

@@ -26,11 +26,20 @@ ROUNDING_MPS = 1e-6
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """An order from a step on: drive at ``speed_mps``, or change ``lanes_left`` lanes (1 left, -1 right)."""
+    """An order from a step on: drive at ``speed_mps``, or change ``lanes_left`` lanes (1 left, -1 right).
+
+    ``profile_mps``: speeds of the first steps, before ``speed_mps`` is kept.
+    """
 
     from_step: int
     speed_mps: float | None = None
     lanes_left: int = 0
+    profile_mps: tuple[float, ...] = ()
+
+    def speed_at(self, step: int) -> float | None:
+        """The speed that is ordered for a step."""
+        since = step - self.from_step
+        return self.profile_mps[since] if 0 <= since < len(self.profile_mps) else self.speed_mps
 
 
 @dataclass(frozen=True)
@@ -83,7 +92,7 @@ class ManoeuvreExecutor:
                     self._change_lane((key, place), manoeuvre)
                 is_changing = is_changing or (key, place) not in self._done
             else:
-                self._keep_speed(key, manoeuvre.speed_mps)
+                self._keep_speed(key, manoeuvre.speed_at(step) or 0.0)
         if highest_mps is not None:
             self._braking.add(key)
             self._sumo.slow_down(key, highest_mps)

@@ -111,7 +111,7 @@ class EditedScene:
     def shifted(self) -> dict[int, Track]:
         """The recordings as edits move them in time, by ascending id; driven or not."""
         replays = self.changes.replays.items()
-        return {key: replay.track for key, replay in replays if replay.recording is not None}
+        return {key: replay.track for key, replay in replays if replay.recording is not None and replay.shifted_steps}
 
     @cached_property
     def told_speeds(self) -> frozenset[int]:

@@ -142,7 +142,7 @@ def _speed_achieved(key: int, wanted_mps: float, speed_mps: float, *, reached: b
 
 
 _STOOD_MPS, _STOOD_S, _DROVE_ON_M = 0.1, 2.0, 2.0
-"""A vehicle that was this slow for this long stood in its recording, and drives now if it gets this far in that time."""
+"""A vehicle that was this slow for this long stood in its recording; it drives now if it gets this far in that time."""
 
 
 def stood_until_s(edited: EditedScene, key: int) -> float | None:

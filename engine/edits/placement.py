@@ -14,6 +14,8 @@ from .references import EGO_WORDS, known_lanelet, select
 
 _ONCOMING_RAD = math.radians(135.0)
 """Lanes whose directions differ by more are oncoming ones (chosen)."""
+_STANDING_MPS = 0.5
+"""Below this speed a road user stands, and a time is no gap (chosen)."""
 _ONCOMING_REACH_M = 15.0
 """How far beside its own lane a vehicle's oncoming lane may lie: a median is narrower (chosen)."""
 
@@ -37,6 +39,8 @@ class _Reference:
     name: str
     lanelet_id: int
     position: Points
+    speed_mps: float = 0.0
+    length_m: float = 0.0
 
 
 def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> Place:
@@ -71,11 +75,34 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
             next_step="leave position out, or name a lanelet in 'at'",
         )
     reference = _reference(edit.at, scene, changes)
+    offset_m = _offset_m(edit, reference, length_m)
     if edit.lane == "oncoming":
-        return _oncoming(reference, edit.offset_m or 0.0, scene)
+        return _oncoming(reference, offset_m, scene)
     lane = _lane_beside(reference, edit.lane or "same", scene)
     station, _ = project(scene.layout.table.lanes[lane].center, reference.position)
-    return advance_along_lane(scene, Place(lane, station), edit.offset_m or 0.0)
+    return advance_along_lane(scene, Place(lane, station), offset_m)
+
+
+def _offset_m(edit: Edit, reference: _Reference, length_m: float) -> float:
+    """How far along the lane a place is from its reference, between centres: as named, or by a time gap.
+
+    A time gap lies between bumpers, and is that of the one behind: of the reference for a place ahead of it. For a
+    place behind it counts with the reference's speed too, as who follows drives about as fast.
+
+    Raises:
+        InvalidRequest: both a distance and a time gap, or a time gap to one that stands.
+    """
+    if edit.gap_s is None:
+        return edit.offset_m or 0.0
+    if edit.offset_m is not None or reference.speed_mps < _STANDING_MPS:
+        stands = f"{reference.name} stands, so that no time gap leads to a place"
+        raise InvalidRequest(
+            "gap_s and offset_m both say where" if edit.offset_m is not None else stands,
+            valid=["offset_m", *([] if edit.offset_m is None else ["gap_s"])],
+            next_step="name offset_m alone" if edit.offset_m is None else "name one of them",
+        )
+    room_m = abs(edit.gap_s) * reference.speed_mps + (reference.length_m + length_m) / 2
+    return math.copysign(room_m, edit.gap_s)
 
 
 def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: frozenset[int] = frozenset()) -> Place:
@@ -138,7 +165,8 @@ def _reference(text: str, scene: Scene, changes: Changes) -> _Reference:
     if body.lower() in EGO_WORDS:
         if scene.ego is None or not scene.ego.lanelets:
             raise NotPossible("the scenario has no ego on a lanelet", next_step="name a lanelet or a vehicle")
-        return _Reference("the ego", scene.ego.lanelets[0], scene.ego.position)
+        ego = scene.ego
+        return _Reference("the ego", ego.lanelets[0], ego.position, ego.speed_mps, ego.size_m[0])
     vehicles = _vehicles_meant(text, body.removeprefix("vehicle:"), scene, changes)
     if len(vehicles) != 1:
         raise NotPossible(f"'{text}' means {len(vehicles)} vehicles", valid=vehicles, next_step="name one by its id")
@@ -147,7 +175,8 @@ def _reference(text: str, scene: Scene, changes: Changes) -> _Reference:
         raise NotPossible(f"vehicle {key} is recorded on no lanelet", next_step="name a lanelet")
     track, match = there.tracks[key], there.matches[key]
     index = track.index_at(scene.ego.step if scene.ego else 0) or 0
-    return _Reference(f"vehicle {key}", match.at(index), track.positions[index])
+    speed_mps = float(track.speeds_mps[index])
+    return _Reference(f"vehicle {key}", match.at(index), track.positions[index], speed_mps, track.length_m)
 
 
 def _vehicles_meant(text: str, selector: str, scene: Scene, changes: Changes) -> tuple[int, ...]:

@@ -19,7 +19,7 @@ _PARSER_OPTIONS = {"resolve_entities": False, "huge_tree": True}
 
 @dataclass(frozen=True)
 class RoadUser:
-    """A road user's states: ``first`` is the time step of the first one; places in m, headings in rad, speeds in m/s."""
+    """A road user's states: ``first`` is the time step of the first one; places in m, headings in rad, speeds m/s."""
 
     key: int
     kind: str

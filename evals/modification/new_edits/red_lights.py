@@ -10,7 +10,7 @@ from .written import Lane, Light, RoadUser, WrittenFile
 OVER_M = 1.0
 """A front so far behind the line has crossed it; a nose over the line has not."""
 YELLOW_EXCUSE_MPS2 = 4.5
-"""One who could not have stopped with this much when the light ceased to be green is excused (SUMO's default braking)."""
+"""One who could not have stopped with this much when the light ceased to be green is excused (SUMO's default)."""
 HARDEST_MPS2 = 8.0
 """One who begins to be driven so near to the line that it could not stop with this much is excused."""
 _TURNS = {
@@ -48,7 +48,7 @@ def red_crossings(file: WrittenFile, key: int, since: int) -> list[Crossing]:
             continue
         holding = [light for light in lights if _holds(file, lane, user, step, light.direction)]
         colours = {light.colour(step) for light in holding}
-        if colours and colours <= {"red", "redYellow"} and not _excused(file, user, lane, step, since, holding):
+        if colours and colours <= {"red", "redYellow"} and not _excused(user, lane, step, since, holding):
             found.append(Crossing(key, lane.key, step))
     return found
 
@@ -80,7 +80,7 @@ def _holds(file: WrittenFile, lane: Lane, user: RoadUser, step: int, direction: 
     return words <= set(_TURNS.get(direction, ()))
 
 
-def _excused(file: WrittenFile, user: RoadUser, lane: Lane, step: int, since: int, lights: list[Light]) -> bool:
+def _excused(user: RoadUser, lane: Lane, step: int, since: int, lights: list[Light]) -> bool:
     """Whether it could not stop: neither when the light ceased to be green, nor when it began to be driven."""
     last_green = next(
         (past for past in range(step, user.first - 1, -1) if any(light.colour(past) == "green" for light in lights)),
