@@ -55,15 +55,15 @@ class EditKind(NamedTuple):
 
 EDITS: Final[dict[EditOperation, EditKind]] = {
     "reroute": EditKind("T", ("vehicles", "to", "via", "turn")),
-    "change_lane": EditKind("T", ("vehicles", "lane", "time_s", "lateral_s")),
-    "set_speed": EditKind("T", ("vehicles", "speed", "time_s", "rate_mps2")),
+    "change_lane": EditKind("T", ("vehicles", "lane", "time_s", "lateral_s", "when")),
+    "set_speed": EditKind("T", ("vehicles", "speed", "time_s", "rate_mps2", "when")),
     "shift_time": EditKind("T", ("vehicles", "time_s")),
     "set_behaviour": EditKind("B", ("vehicles", "preset", "params")),
     "add_vehicle": EditKind(
         "P",
         (
             *("vehicle_class", "count", "spacing_m", "at", "lane", "offset_m", "position", "speed", "time_s", "to"),
-            *("preset", "params", "gap_s", "side"),
+            *("preset", "params", "gap_s", "side", "when"),
         ),
     ),
     "remove_vehicle": EditKind("P", ("vehicles",)),
@@ -72,9 +72,9 @@ EDITS: Final[dict[EditOperation, EditKind]] = {
         "G", ("vehicles", "vehicle_class", "at", "lane", "offset_m", "position", "speed", "former_ego")
     ),
     "cut_in": EditKind("T", ("vehicles", "at", "gap_s", "lateral_s", "time_s", "speed")),
-    "swerve": EditKind("T", ("vehicles", "side", "offset_m", "lateral_s", "duration_s", "time_s")),
+    "swerve": EditKind("T", ("vehicles", "side", "offset_m", "lateral_s", "duration_s", "time_s", "when")),
     "wrong_way": EditKind(
-        "T", ("vehicles", "time_s", "lateral_s", "vehicle_class", "at", "lane", "offset_m", "position", "speed")
+        "T", ("vehicles", "time_s", "when", "lateral_s", "vehicle_class", "at", "lane", "offset_m", "position", "speed")
     ),
     "run_red_light": EditKind("T", ("vehicles", "speed")),
     "move": EditKind("P", ("vehicles", "at", "lane", "offset_m", "position", "gap_s")),
@@ -127,6 +127,7 @@ class Edit(Arguments):
     gap_s: float | None = Field(None, description="time gap bumper to bumper: cut_in; in place of offset_m")
     lateral_s: float | None = Field(None, ge=0.5, description="moving aside takes; prescribed")
     rate_mps2: float | None = Field(None, ge=0.1, description="prescribed acceleration or braking")
+    when: str | None = Field(None, description="trigger: 'ego@LANELET:35m', 'gap<=2s' of the ego; prescribed")
     duration_s: float | None = Field(None, ge=0.1)
     """How long a swerve stays aside, a lane is closed, or a cut-out scenario lasts."""
     side: Literal["left", "right"] | None = Field(None, description="swerve to, pedestrian from, parked at this kerb")

@@ -4,8 +4,8 @@ A script changes a track that is there already: its speed from a step on, by a p
 across the road, in a prescribed time. Acts follow one another: each is applied to what those before it made. The
 result is smoothed and joined to the track before it like a motion that SUMO drove, so that it can be driven.
 
-Across the road a vehicle moves by 10p³ - 15p⁴ + 6p⁵ after the share p of the time: speed and acceleration across are 0
-at both ends, and of all such motions this one has the least jerk (Flash and Hogan 1985).
+Across the road a vehicle moves at one speed for most of the prescribed time, as in the cut-ins of UN Regulation 157,
+and comes to it and back to none in a sixth of the time each.
 """
 
 from collections.abc import Sequence
@@ -16,13 +16,15 @@ from numpy.typing import NDArray
 
 from ..commonroad import Track
 from ..geometry import Points, Values, arc_length, interpolate
-from .handover import taken_over_track
-from .replay import DrivenTrack
+from .handover import led_track
 
 _TANGENT_M = 1.5
 """The direction of a path is that between two points this far before and behind a place (chosen)."""
 _REPEATED_M = 0.02
 """Points of a path nearer to each other are one: a vehicle that stands is recorded many times at one place."""
+
+RAMP_SHARE = 1.0 / 6.0
+"""The share of a lateral motion in which it gets to its speed, and that in which it comes to rest again (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ def scripted_track(base: Track, acts: Sequence[Act], beyond: Points, last_step: 
     Args:
         base: the track that the acts change.
         acts: what is prescribed.
-        beyond: where the front goes on behind the end of the track, (n, 2) in m.
+        beyond: where the centre goes on behind the end of the track, (n, 2) in m.
         last_step: the last step of the scenario.
         step_s: duration of a time step in s.
 
@@ -63,7 +65,7 @@ def scripted_track(base: Track, acts: Sequence[Act], beyond: Points, last_step: 
         return base
     first = min(act.from_step for act in acts)
     index = first - base.first_step
-    recorded = np.array([base.front_at(place) for place in range(len(base.positions))])
+    recorded = base.positions
     line, at_each = _path(np.concatenate([recorded, beyond]), base)
     along = arc_length(line)
     stations = along[at_each[: len(recorded)]]
@@ -82,37 +84,37 @@ def scripted_track(base: Track, acts: Sequence[Act], beyond: Points, last_step: 
         wanted.append(wanted[-1] + max(speed + float(change) / 2, 0.0) * step_s)
         speed = max(speed + float(change), 0.0)
     reached = np.array([station for station in wanted if station <= along[-1]])
-    times = np.arange(len(reached)) * step_s + first * step_s
+    times: Values = np.arange(len(reached), dtype=np.float64) * step_s + first * step_s
     aside = sum(
         (
-            act.aside_m * smooth_step((times - act.from_step * step_s) / act.duration_s)
+            act.aside_m * smooth_step(np.asarray((times - act.from_step * step_s) / act.duration_s, dtype=np.float64))
             for act in acts
             if isinstance(act, LateralAct)
         ),
         np.zeros(len(reached)),
     )
-    fronts = interpolate(line, along, reached) + aside[:, None] * _left_of(line, along, reached)
-    return joined_track(base, first, fronts, last_step, step_s, leaves=len(reached) < len(wanted))
+    centers = interpolate(line, along, reached) + aside[:, None] * _left_of(line, along, reached)
+    return joined_track(base, first, centers, last_step, step_s)
 
 
-def joined_track(
-    base: Track, from_step: int, fronts: Points, last_step: int, step_s: float, *, leaves: bool = False
-) -> Track | None:
-    """A track up to a step, and from there on the motion along a track (n, 2) of the front, smoothed and drivable.
+def joined_track(base: Track, from_step: int, centers: Points, last_step: int, step_s: float) -> Track | None:
+    """A track up to a step, and from there on the motion along a track (n, 2) of the centre, smoothed and drivable.
 
-    ``fronts``: one place a step, the first one that of the track at the step. None with fewer than two new states.
+    ``centers``: one place a step, the first one that of the track at the step. None with fewer than two new states.
     """
-    driven = DrivenTrack(from_step, fronts, ("",) * len(fronts), leaves)
-    taken = taken_over_track(base, driven, step_s, last_step)
+    taken = led_track(base, from_step, centers, step_s, last_step)
     if taken is None:
         return None
     return taken.whole(base)
 
 
 def smooth_step(share: Values) -> Values:
-    """10p³ - 15p⁴ + 6p⁵ of shares (n,) of a time; 0 before it begins and 1 after it."""
+    """How far aside, from 0 to 1, a vehicle is after shares (n,) of the time that it takes."""
     p = np.clip(share, 0.0, 1.0)
-    smooth: Values = p**3 * (10.0 - 15.0 * p + 6.0 * p**2)
+    ramp, speed = RAMP_SHARE, 1.0 / (1.0 - RAMP_SHARE)
+    ends = speed / (2.0 * ramp) * np.minimum(p, 1.0 - p) ** 2
+    steady = speed * (p - ramp / 2.0)
+    smooth: Values = np.where(p < ramp, ends, np.where(p > 1.0 - ramp, 1.0 - ends, steady))
     return smooth
 
 

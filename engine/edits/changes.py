@@ -128,7 +128,7 @@ def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:
     first = scene.tracks[vehicle_id].first_step if vehicle_id in scene.tracks else 0
     if vehicle_id in changes.driven:
         plan = changes.driven[vehicle_id]
-        return plan if plan.cause == "added" else replace(plan, from_step=first)
+        return plan if plan.cause == "added" else replace(plan, from_step=first, cause="edited")
     return recorded_plan(scene, vehicle_id, "edited", first)
 
 

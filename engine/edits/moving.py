@@ -31,6 +31,8 @@ _RED = frozenset("ru")
 """SUMO's letters of a red light, and of red and yellow."""
 _SLOWEST_SHARE, _FASTEST_SHARE, _LEAST_MPS = 0.4, 1.4, 3.0
 """How much slower and faster than it would a vehicle may come to a light to run it, and how slow at least (chosen)."""
+_OVER_LINE_M = 1.0
+"""A front so far behind the line has crossed it; a nose over the line has not (chosen)."""
 _INTO_RED_S = 0.7
 """A vehicle that runs a light crosses the line this long after it turns red and before it turns green (chosen)."""
 _SPEEDING_UP_MPS2 = 2.0
@@ -65,11 +67,11 @@ def move(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     places = OccupiedPlaces.at(scene, base.first_step, without)
     places.check_free(place, base.size_m, "choose a free place")
     first = replace(base.part(0, 1), positions=center[None], headings_rad=np.array([heading]))
-    line = line_from(scene, first.front_at(0), _way_from(scene, key, place.lanelet_id))
+    line = line_from(scene, first.positions[0], _way_from(scene, key, place.lanelet_id))
     along = arc_length(line)
     rolled = np.concatenate([[0.0], np.cumsum(np.maximum(base.speeds_mps[:-1], 0.0) * scene.step_s)])
-    fronts = interpolate(line, along, rolled[rolled <= along[-1]])
-    track = joined_track(first, base.first_step, fronts, base.last_step, scene.step_s) if rolled[-1] > 0.0 else None
+    centers = interpolate(line, along, rolled[rolled <= along[-1]])
+    track = joined_track(first, base.first_step, centers, base.last_step, scene.step_s) if rolled[-1] > 0.0 else None
     if track is None:
         track = replace(
             base,
@@ -182,11 +184,13 @@ def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             track = edited.road_users.get(key)
             step = None if track is None else crossing_step(scene, track, lanelet)
             if step is None:
-                found.append(achieved(key, "crossing", None, math.nan if track is None else 0.0, "s", False))
+                found.append(achieved(key, "lines crossed", 1.0, 0.0, "", reached=False))
                 continue
             is_red = signal.letter_at(step * scene.step_s) in _RED
             found.append(
-                achieved(key, "crossing at red" if is_red else "crossing", None, step * scene.step_s, "s", is_red)
+                achieved(
+                    key, "crossing at red" if is_red else "crossing", None, step * scene.step_s, "s", reached=is_red
+                )
             )
         return tuple(found)
 
@@ -250,7 +254,7 @@ def crossing_step(scene: Scene, track: Track, lanelet: int) -> int | None:
     ahead = np.array([math.cos(heading), math.sin(heading)])
     for index in range(len(track.positions)):
         away = track.front_at(index) - end
-        if float(away @ ahead) > 0.0 and float(np.linalg.norm(away)) < 8.0:
+        if float(away @ ahead) > _OVER_LINE_M and float(np.linalg.norm(away)) < 8.0:
             return track.first_step + index
     return None
 

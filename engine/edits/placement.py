@@ -1,11 +1,16 @@
 """The place on a lanelet that an edit names: an arc length in m along the lanelet's middle."""
 
 import math
+import re
+from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
-from ...schemas.grammar import SELECTORS, parse_selector
+from ...schemas.grammar import SELECTORS, parse_quantity, parse_selector
 from ...schemas.modification import Edit
+from ..commonroad import Track
 from ..geometry import Points, point_at, project, wrap_angle
 from ..network import station_m
 from ..scene import Scene, straightness
@@ -103,6 +108,72 @@ def _offset_m(edit: Edit, reference: _Reference, length_m: float) -> float:
         )
     room_m = abs(edit.gap_s) * reference.speed_mps + (reference.length_m + length_m) / 2
     return math.copysign(room_m, edit.gap_s)
+
+
+_TRIGGER_REACH_M = 4.0
+"""The ego passes a place on a lanelet if it is no farther beside its middle (chosen): half of a wide lane and more."""
+
+
+def trigger_step(text: str, scene: Scene, changes: Changes, place_at: Callable[[int], Points | None]) -> int:
+    """The first step at which a trigger holds on the ego's drive by an ordinary driver.
+
+    ``ego@595:35m`` holds once the ego's centre has passed a place on a lanelet (``ego@595`` is its beginning), and
+    ``gap<=2s`` once the ego would be at the road user in that time at its speed, and is behind it.
+
+    Args:
+        text: the trigger.
+        scene: the scene as the edits before leave it.
+        changes: they know the ego's drive.
+        place_at: gives the place (2,) of the road user at a step; None where it is not there.
+
+    Raises:
+        InvalidRequest: no such trigger.
+        NotPossible: there is no ego, or it never gets there.
+    """
+    drive = changes.ego_drive()
+    if drive is None:
+        raise NotPossible("the scenario has no ego that drives", next_step="name a time in 'time_s'")
+    word = text.replace(" ", "")
+    gap = re.fullmatch(r"gap<=?(.+)", word)
+    place = re.fullmatch(r"ego@(\w+)(?::(.+))?", word)
+    if gap is not None:
+        seconds = parse_quantity(gap[1], "s")
+        holds = (step for step in _steps_of(drive) if _is_near(drive, step, place_at(step), seconds))
+        never = f"the ego never comes within {seconds:g} s"
+    elif place is not None:
+        lanelet = known_lanelet(place[1], scene)
+        line = scene.layout.table.lanes[lanelet].center
+        station = station_m(place[2] or "beginning", lanelet, scene.layout.table.lanes[lanelet].length_m)
+        holds = (step for step in _steps_of(drive) if _has_passed(drive, step, line, station))
+        never = f"the ego never passes lanelet {lanelet} at {station:.1f} m"
+    else:
+        raise InvalidRequest(
+            f"'{text}' is no trigger",
+            valid=["ego@LANELET:35m", "gap<=2s", "time_s=3 for a time"],
+            next_step="write it like one of these",
+        )
+    step = next(holds, None)
+    if step is None:
+        raise NotPossible(never, valid=["another place", "a larger gap", "time_s"], next_step="choose one of these")
+    return step
+
+
+def _steps_of(track: Track) -> range:
+    return range(track.first_step, track.last_step + 1)
+
+
+def _is_near(drive: Track, step: int, place: Points | None, seconds: float) -> bool:
+    index = step - drive.first_step
+    if place is None:
+        return False
+    away, heading = place - drive.front_at(index), float(drive.headings_rad[index])
+    ahead_m = float(away[0]) * math.cos(heading) + float(away[1]) * math.sin(heading)
+    return ahead_m >= 0.0 and float(np.linalg.norm(away)) <= seconds * float(drive.speeds_mps[index])
+
+
+def _has_passed(drive: Track, step: int, line: Points, station: float) -> bool:
+    here, aside = project(line, drive.positions[step - drive.first_step])
+    return here >= station and abs(aside) <= _TRIGGER_REACH_M
 
 
 def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: frozenset[int] = frozenset()) -> Place:

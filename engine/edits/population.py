@@ -25,7 +25,7 @@ from ..scene import Scene
 from ..vehicles import VehicleClass, vehicle_classes
 from .changes import Changes, EditStep, check_speed, listed
 from .entries import CLEARANCE_M, PLACE_TAKEN, OccupiedPlaces, entry_speed, gaps_in_words
-from .placement import Place, advance_along_lane, first_place
+from .placement import Place, advance_along_lane, first_place, trigger_step
 from .references import drive_to, nearest_driven, select, target_lanelets
 
 _USUAL_SPACING_M = 10.0
@@ -78,6 +78,12 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     vehicle_class = class_named(edit.vehicle_class)
     if edit.side is not None:
         return _add_parked(edit, scene, changes, vehicle_class)
+    if edit.when is not None:
+        raise InvalidRequest(
+            "when is for pedestrians here; a vehicle enters at a time",
+            valid=["time_s", "vehicle_class=pedestrian"],
+            next_step="name a time, or give the added vehicle an edit with 'when' of its own",
+        )
     place = first_place(edit, scene, changes, vehicle_class.length_m)
     check_allowed(vehicle_class.name, place.lanelet_id, scene)
     count = edit.count or 1
@@ -354,14 +360,17 @@ def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         )
     speed = _WALKING_MPS if edit.speed is None else parse_quantity(edit.speed, "m/s")
     check_speed(speed, _RUNNING_MPS, f"a pedestrian does not walk {edit.speed}", "choose a slower speed")
+    line, where = _line(edit, scene, changes, stands=speed == 0.0)
+    middle = line[[0, -1]].mean(axis=0)
     first = _asked_step(edit, scene)
+    if edit.when is not None:
+        first = trigger_step(edit.when, scene, changes, lambda _: middle)
     if not 0 <= first < scene.last_step:
         raise InvalidRequest(
             f"departure at {first * scene.step_s:.1f} s is not within the scenario",
             valid=[f"0 … {(scene.last_step - 1) * scene.step_s:.1f} s"],
             next_step="choose another time_s",
         )
-    line, where = _line(edit, scene, changes, stands=speed == 0.0)
     track = _walk(changes.next_id, line, speed, first, scene)
     places = OccupiedPlaces.at(scene, first, changes)
     occupant = places.occupant_at(track.positions[0], float(track.headings_rad[0]), _SIZE_M)

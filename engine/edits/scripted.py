@@ -33,7 +33,7 @@ from ..vehicles import COMFORTABLE_MPS2, HARDEST_BRAKING_MPS2
 from .changes import Changes, EditStep, check_speed, named_vehicles
 from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
-from .placement import first_place
+from .placement import first_place, trigger_step
 from .population import class_named
 from .references import EGO_WORDS, select
 
@@ -122,17 +122,17 @@ def motion_of(scene: Scene, changes: Changes, vehicle_id: int) -> tuple[Track, t
 
 def _rolling(scene: Scene, start: Track, lanelets: tuple[int, ...]) -> Track:
     """The track of a vehicle that enters and drives on at its speed along lanelets, and straight on behind them."""
-    line = line_from(scene, start.front_at(0), lanelets)
+    line = line_from(scene, start.positions[0], lanelets)
     along = arc_length(line)
     count = scene.last_step - start.first_step + 1
     stations = np.arange(count) * scene.step_s * float(start.speeds_mps[0])
-    fronts = interpolate(line, along, stations[stations <= along[-1]])
+    centers = interpolate(line, along, stations[stations <= along[-1]])
     if float(start.speeds_mps[0]) <= 0.0:
         return _standing(start, count)
     one = replace(
         start, positions=start.positions[:1], headings_rad=start.headings_rad[:1], speeds_mps=start.speeds_mps[:1]
     )
-    return joined_track(one, start.first_step, fronts, scene.last_step, scene.step_s) or one
+    return joined_track(one, start.first_step, centers, scene.last_step, scene.step_s) or one
 
 
 def _standing(start: Track, count: int) -> Track:
@@ -145,18 +145,18 @@ def _standing(start: Track, count: int) -> Track:
 
 
 def beyond(scene: Scene, track: Track) -> Points:
-    """Where the front of a road user goes on beyond its track, (n, 2): along its lane and straight on behind it.
+    """Where the centre of a road user goes on beyond its track, (n, 2): along its lane and straight on behind it.
 
     A distance beside the middle of the lane fades out.
     """
     match, last = scene.matcher.match(track), len(track.positions) - 1
     if match is None:
         return np.zeros((0, 2))
-    return line_from(scene, track.front_at(last), (match.at(last),))[1:]
+    return line_from(scene, track.positions[last], (match.at(last),))[1:]
 
 
-def line_from(scene: Scene, front: Points, lanelets: tuple[int, ...]) -> Points:
-    """The path (n, 2) of a front from a place, its first point, along lanelets and straight on behind them."""
+def line_from(scene: Scene, place: Points, lanelets: tuple[int, ...]) -> Points:
+    """The path (n, 2) from a place, its first point, along lanelets and straight on behind them."""
     lanes = scene.layout.table.lanes
     chain = list(lanelets)
     while sum(lanes[key].length_m for key in chain) < _LOOK_M + lanes[chain[0]].length_m:
@@ -165,17 +165,17 @@ def line_from(scene: Scene, front: Points, lanelets: tuple[int, ...]) -> Points:
             break
         chain += following
     middle = _joined_centers(scene, chain)
-    station, aside = project(middle, front)
+    station, aside = project(middle, place)
     along = arc_length(middle)
     ahead = np.arange(1.0, max(float(along[-1]) - station, 1.0), 1.0)
     points = interpolate(middle, along, station + ahead)
     if not len(points):
-        return np.asarray(front)[None]
-    direction = np.gradient(np.vstack([front, points]), axis=0)[1:]
+        return np.asarray(place)[None]
+    direction = np.gradient(np.vstack([place, points]), axis=0)[1:]
     direction /= np.maximum(np.linalg.norm(direction, axis=1), 1e-9)[:, None]
     left = np.column_stack([-direction[:, 1], direction[:, 0]])
     fade = 1.0 - smooth_step(ahead / _JOIN_M)
-    return np.vstack([front, points + left * (aside * fade)[:, None]])
+    return np.vstack([place, points + left * (aside * fade)[:, None]])
 
 
 def _joined_centers(scene: Scene, chain: Sequence[int]) -> Points:
@@ -193,10 +193,10 @@ def _joined_centers(scene: Scene, chain: Sequence[int]) -> Points:
     return np.concatenate(parts)
 
 
-def _behind(scene: Scene, front: Points, lanelet_id: int) -> Points:
+def _behind(scene: Scene, point: Points, lanelet_id: int) -> Points:
     """The way (n, 2) that leads to a place on a lanelet, from the farther end on, without the place itself."""
     table = scene.layout.table
-    chain, total = [lanelet_id], project(table.lanes[lanelet_id].center, front)[0]
+    chain, total = [lanelet_id], project(table.lanes[lanelet_id].center, point)[0]
     while total < _BACK_M:
         before = [key for key in table.predecessors[chain[0]] if key not in chain]
         if not before:
@@ -206,14 +206,14 @@ def _behind(scene: Scene, front: Points, lanelet_id: int) -> Points:
         total += table.lanes[chain[0]].length_m
     middle = np.concatenate([table.lanes[key].center for key in chain])
     along = arc_length(middle)
-    here = project(middle, front)[0]
+    here = project(middle, point)[0]
     points: Points = interpolate(middle, along, np.arange(max(here - _BACK_M, 0.0), max(here - 1.0, 0.0), 1.0))
     return points
 
 
 @dataclass(frozen=True)
 class _Path:
-    """The path of a motion's front: its line (n, 2) with arc lengths, and the station of the front at every state."""
+    """The path of a motion's centre: its line (n, 2) with arc lengths, and the station of the centre at every state."""
 
     line: Points
     along: Values
@@ -223,10 +223,9 @@ class _Path:
     def of(cls, scene: Scene, track: Track, ahead: Points | None = None) -> "_Path":
         """The path of a track, led back and on."""
         match = scene.matcher.match(track)
-        fronts = np.array([track.front_at(index) for index in range(len(track.positions))])
-        back = np.zeros((0, 2)) if match is None else _behind(scene, fronts[0], match.at(0))
-        line = _thinned(np.concatenate([back, fronts, beyond(scene, track) if ahead is None else ahead]))
-        stations, _ = project_all(line, fronts)
+        back = np.zeros((0, 2)) if match is None else _behind(scene, track.positions[0], match.at(0))
+        line = _thinned(np.concatenate([back, track.positions, beyond(scene, track) if ahead is None else ahead]))
+        stations, _ = project_all(line, track.positions)
         return cls(line, arc_length(line), np.maximum.accumulate(stations))
 
 
@@ -241,12 +240,15 @@ def _thinned(points: Points) -> Points:
     return np.array(kept)
 
 
-def _step_of(edit: Edit, scene: Scene, track: Track) -> int:
-    """The step from which on an edit holds.
+def _step_of(edit: Edit, scene: Scene, changes: Changes, track: Track) -> int:
+    """The step from which on an edit holds: by its time, by its trigger, or when the ego and the vehicle are there.
 
     Raises:
-        InvalidRequest: the vehicle is not there then.
+        InvalidRequest: the vehicle is not there then, or no such trigger.
+        NotPossible: the trigger never holds.
     """
+    if edit.when is not None:
+        return _triggered(edit, scene, changes, track)
     begin = max(track.first_step, scene.ego.step if scene.ego else 0)
     step = begin if edit.time_s is None else round(edit.time_s / scene.step_s)
     last = track.last_step - 2
@@ -255,6 +257,37 @@ def _step_of(edit: Edit, scene: Scene, track: Track) -> int:
             f"vehicle {track.obstacle_id} is not there at {step * scene.step_s:g} s",
             valid=[f"time_s in {track.first_step * scene.step_s:g} … {max(last, 0) * scene.step_s:g}"],
             next_step="choose a time_s at which it is there",
+        )
+    return step
+
+
+def _since(edit: Edit) -> str:
+    """From when on an edit holds, as the end of a sentence."""
+    if edit.when is not None:
+        return f" once {edit.when} holds"
+    return "" if edit.time_s is None else f" from {edit.time_s:g} s on"
+
+
+def _triggered(edit: Edit, scene: Scene, changes: Changes, track: Track) -> int:
+    """The step at which the trigger of an edit holds.
+
+    Raises:
+        InvalidRequest: a time as well, or no such trigger.
+        NotPossible: it never holds while the vehicle is there.
+    """
+    if edit.time_s is not None:
+        raise InvalidRequest("when and time_s both say when", valid=["when", "time_s"], next_step="name one of them")
+
+    def place_at(step: int) -> Points | None:
+        index = track.index_at(step)
+        return None if index is None else track.positions[index]
+
+    step = trigger_step(edit.when or "", scene, changes, place_at)
+    if not track.first_step <= step <= track.last_step - 2:
+        raise NotPossible(
+            f"vehicle {track.obstacle_id} is not there any more when the trigger holds, at {step * scene.step_s:.1f} s",
+            valid=["another trigger", "time_s"],
+            next_step="choose one of these",
         )
     return step
 
@@ -272,7 +305,7 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
     made: dict[int, tuple[int, float, Track]] = {}
     for vehicle_id in vehicles:
         base, _ = motion_of(scene, changes, vehicle_id)
-        step = _step_of(edit, scene, base)
+        step = _step_of(edit, scene, changes, base)
         now_mps = float(base.speeds_mps[step - base.first_step])
         wanted = wanted_speed(edit.speed or "", now_mps)
         check_speed(
@@ -289,13 +322,13 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
             closest = float(speeds[int(np.argmin(np.abs(speeds - wanted)))])
             within = round(1.0 / scene.step_s)
             change = np.abs(speeds[within:] - speeds[:-within]) if len(speeds) > within else np.zeros(1)
-            found.append(achieved(key, "speed", wanted, closest, "m/s", abs(closest - wanted) <= 0.3))
+            found.append(achieved(key, "speed", wanted, closest, "m/s", reached=abs(closest - wanted) <= 0.3))
             total = abs(float(speeds[0]) - wanted)
             if edit.rate_mps2 is not None and total > 1.5 * rate:
                 found.append(achieved(key, "acceleration", rate, float(change.max()), "m/s²"))
         return tuple(found)
 
-    when = "" if edit.time_s is None else f" from {edit.time_s:g} s on"
+    when = _since(edit)
     speed = ", ".join(f"{wanted:.1f} m/s" for _, wanted, _ in list(made.values())[:3])
     what = f"{named_vehicles(vehicles)} brought to {speed} by {rate:g} m/s²{when}, prescribed"
     return EditStep(changes, vehicles, what, measure=measured)
@@ -323,7 +356,7 @@ def is_relative(text: str) -> bool:
 
 
 def achieved(
-    key: int, quantity: str, asked: float | None, value: float, unit: str, reached: bool | None = None
+    key: int, quantity: str, asked: float | None, value: float, unit: str, *, reached: bool | None = None
 ) -> Achieved:
     """What came out of a value; without a verdict it is reached within a tenth of what was asked for."""
     if reached is None:
@@ -338,11 +371,11 @@ def scripted_lane_change(edit: Edit, scene: Scene, changes: Changes, vehicles: I
     made: dict[int, tuple[int, float, Track]] = {}
     for vehicle_id in vehicles:
         base, _ = motion_of(scene, changes, vehicle_id)
-        step = _step_of(edit, scene, base)
+        step = _step_of(edit, scene, changes, base)
         aside_m = _aside_to_lane(scene, base, step, str(edit.lane))
         changes, before, _ = prescribed(scene, changes, vehicle_id, [LateralAct(step, aside_m, duration_s)])
         made[vehicle_id] = step, aside_m, before
-    when = "" if edit.time_s is None else f" from {edit.time_s:g} s on"
+    when = _since(edit)
     what = f"{named_vehicles(vehicles)} moved one lane to the {edit.lane} within {duration_s:g} s{when}, prescribed"
     return EditStep(changes, vehicles, what, measure=lambda edited: _asides(edited, made))
 
@@ -402,13 +435,13 @@ def swerve(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     made: dict[int, tuple[int, float, Track]] = {}
     for vehicle_id in vehicles:
         base, _ = motion_of(scene, changes, vehicle_id)
-        step = _step_of(edit, scene, base)
+        step = _step_of(edit, scene, changes, base)
         back = step + round((duration_s + hold_s) / scene.step_s)
         acts = [LateralAct(step, aside_m, duration_s), LateralAct(back, -aside_m, duration_s)]
         changes, before, _ = prescribed(scene, changes, vehicle_id, acts)
         made[vehicle_id] = step, aside_m, before
     side = "right" if edit.side == "right" else "left"
-    when = "" if edit.time_s is None else f" from {edit.time_s:g} s on"
+    when = _since(edit)
     what = (
         f"{named_vehicles(vehicles)} swerves {far_m:g} m to the {side} within {duration_s:g} s{when}, stays there "
         f"{hold_s:g} s and comes back"
@@ -457,8 +490,8 @@ def cut_in(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     share = smooth_step((np.arange(len(found.stations)) - (found.last - over - found.first)) / over)
     there = interpolate(path.line, path.along, found.stations)
     beside = interpolate(own.line, own.along, project_all(own.line, there)[0])
-    fronts = beside * (1.0 - share)[:, None] + there * share[:, None]
-    track = joined_track(base, found.first, fronts, scene.last_step, scene.step_s)
+    centers = beside * (1.0 - share)[:, None] + there * share[:, None]
+    track = joined_track(base, found.first, centers, scene.last_step, scene.step_s)
     if track is None:
         raise NotPossible(f"the scenario ends before vehicle {key} could cut in", next_step="choose an earlier time_s")
     changes = with_motion(scene, changes, key, track, found.first)
@@ -498,7 +531,7 @@ def _check_beside(scene: Scene, base: Track, path: _Path, first: int, who: str) 
         raise NotPossible(
             f"vehicle {base.obstacle_id} and {who} are not there at the same time", next_step="choose another vehicle"
         )
-    station, aside = project(path.line, base.front_at(index))
+    station, aside = project(path.line, base.positions[index])
     along = point_at(path.line, station)[1]
     turned = abs(wrap_angle(float(base.headings_rad[index]) - along))
     low, high = _BESIDE_M
@@ -517,7 +550,7 @@ def _is_beside(track: Track, path: _Path, step: int) -> bool:
     index = track.index_at(step)
     if index is None:
         return False
-    station, aside = project(path.line, track.front_at(index))
+    station, aside = project(path.line, track.positions[index])
     turned = abs(wrap_angle(float(track.headings_rad[index]) - point_at(path.line, station)[1]))
     return _BESIDE_M[0] <= abs(aside) <= _BESIDE_M[1] and turned < math.radians(45.0)
 
@@ -541,7 +574,7 @@ def _cut_in_motion(
         NotPossible: at no time, or not at the one that is named.
     """
     step_s, index = scene.step_s, first - base.first_step
-    x0, v0 = project(path.line, base.front_at(index))[0], float(max(base.speeds_mps[index], 0.0))
+    x0, v0 = project(path.line, base.positions[index])[0], float(max(base.speeds_mps[index], 0.0))
     over = round(lateral_s / step_s)
     last = min(scene.last_step - 1, other.last_step)
     if edit.time_s is not None:
@@ -584,7 +617,7 @@ def _prepared(
     step_s, at = scene.step_s, end - other.first_step
     other_mps = float(other.speeds_mps[at])
     final_mps = other_mps if edit.speed is None else wanted_speed(edit.speed, other_mps)
-    goal = float(path.stations[at]) + gap_s * other_mps + base.length_m
+    goal = float(path.stations[at]) + gap_s * other_mps + (base.length_m + other.length_m) / 2
     taken_s = (end - first) * step_s
     way = goal - x0
     begin_mps2 = 6 * way / taken_s**2 - (4 * v0 + 2 * final_mps) / taken_s
@@ -615,10 +648,14 @@ def _cut_in_achieved(
     at, mine = target.index_at(found.last), track.index_at(found.last)
     if at is None or mine is None:
         return ()
-    ahead = project(path.line, track.front_at(mine))[0] - track.length_m
-    gap_m = ahead - project(path.line, target.front_at(at))[0]
+    ahead = project(path.line, track.positions[mine])[0] - project(path.line, target.positions[at])[0]
+    gap_m = ahead - (track.length_m + target.length_m) / 2
     speed = float(target.speeds_mps[at])
-    gap = [achieved(key, "gap", gap_s, gap_m / speed, "s", abs(gap_m / speed - gap_s) <= 0.1)] if speed > 0.5 else []
+    gap = (
+        [achieved(key, "gap", gap_s, gap_m / speed, "s", reached=abs(gap_m / speed - gap_s) <= 0.1)]
+        if speed > 0.5
+        else []
+    )
     return (*gap, achieved(key, "gap", None, gap_m, "m"))
 
 
@@ -643,11 +680,11 @@ def _sent_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     made: dict[int, tuple[int, float, Track]] = {}
     for vehicle_id in vehicles:
         base, _ = motion_of(scene, changes, vehicle_id)
-        step = _step_of(edit, scene, base)
+        step = _step_of(edit, scene, changes, base)
         aside_m = _aside_to_oncoming(scene, base, step)
         changes, before, _ = prescribed(scene, changes, vehicle_id, [LateralAct(step, aside_m, duration_s)])
         made[vehicle_id] = step, aside_m, before
-    when = "" if edit.time_s is None else f" from {edit.time_s:g} s on"
+    when = _since(edit)
     what = f"{named_vehicles(vehicles)} goes over to the oncoming lane within {duration_s:g} s{when} and stays there"
     return EditStep(changes, vehicles, what, measure=lambda edited: _asides(edited, made))
 
@@ -709,9 +746,9 @@ def _added_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     )
     places = OccupiedPlaces.at(scene, step, changes)
     places.check_free(place, (vehicle_class.length_m, vehicle_class.width_m), "choose a free place")
-    stations = project(line, start.front_at(0))[0] + np.arange(scene.last_step - step + 1) * scene.step_s * speed
-    fronts = interpolate(line, along, stations[stations <= along[-1]])
-    track = joined_track(start, step, fronts, scene.last_step, scene.step_s) if speed > 0.0 else start
+    stations = project(line, start.positions[0])[0] + np.arange(scene.last_step - step + 1) * scene.step_s * speed
+    centers = interpolate(line, along, stations[stations <= along[-1]])
+    track = joined_track(start, step, centers, scene.last_step, scene.step_s) if speed > 0.0 else start
     if track is None:
         raise NotPossible("the scenario ends before it could drive", next_step="choose an earlier time_s")
     key = changes.next_id

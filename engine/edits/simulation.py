@@ -215,7 +215,7 @@ def plans_giving_way(
         waits = [
             _wait(plans[key], tracks[key], road_users[other], hit.step)
             for key, other in pairs
-            if key in tracks and other in road_users
+            if key in tracks and other in road_users and not plans[key].ignores_lights
         ]
         possible = [wait for wait in waits if wait is not None]
         if possible:

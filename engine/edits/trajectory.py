@@ -46,8 +46,8 @@ from .scripted import achieved, beyond, is_relative, motion_of, scripted_lane_ch
 
 _STANDING_MPS = 0.1
 """Slower motion has no speed that a share could be taken of (chosen): SUMO's speed of a waiting vehicle."""
-_NEAR_MPS = 0.3
-"""A mean speed is reached within this (chosen)."""
+_NEAR_SHARE = 0.02
+"""A mean speed is reached within this share of it (chosen)."""
 
 
 def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
@@ -64,7 +64,7 @@ def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             "change_lane goes left or right", valid=["lane=left", "lane=right"], next_step="name one in 'lane'"
         )
     vehicles = select(edit.vehicles, scene, changes)
-    if edit.lateral_s is not None or not changes.scripted.isdisjoint(vehicles):
+    if edit.lateral_s is not None or edit.when is not None or not changes.scripted.isdisjoint(vehicles):
         return scripted_lane_change(edit, scene, changes, vehicles)
     aims: dict[int, tuple[frozenset[int], ...]] = {}
     since: dict[int, int] = {}
@@ -154,7 +154,7 @@ def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             "set_speed needs a speed", valid=["speed='30km/h'", "speed='0m/s'"], next_step="name one in 'speed'"
         )
     vehicles = select(edit.vehicles, scene, changes)
-    if edit.rate_mps2 is not None or not changes.scripted.isdisjoint(vehicles):
+    if edit.rate_mps2 is not None or edit.when is not None or not changes.scripted.isdisjoint(vehicles):
         return scripted_speed(edit, scene, changes, vehicles)
     if is_relative(edit.speed):
         return _relative_speed(edit, scene, changes, vehicles)
@@ -204,7 +204,16 @@ def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[
             count = min(len(speeds), len(profile_of(edited, key)))
             mean = float(speeds[:count].mean())
             wanted_mps = float(np.mean(profile_of(edited, key)[:count])) if count else asked
-            found.append(achieved(key, "mean speed", wanted_mps, mean, "m/s", abs(mean - wanted_mps) <= _NEAR_MPS))
+            found.append(
+                achieved(
+                    key,
+                    "mean speed",
+                    wanted_mps,
+                    mean,
+                    "m/s",
+                    reached=abs(mean - wanted_mps) <= _NEAR_SHARE * wanted_mps,
+                )
+            )
         return tuple(found)
 
     def profile_of(edited: EditedScene, key: int) -> tuple[float, ...]:

@@ -410,7 +410,7 @@ def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
         for ref in refs:
             if ref in lights:
                 _write_cycle(lights[ref], phases)
-                changed.append(int(ref))
+                changed.append(int(ref or 0))
     told = ", ".join(f"{colour} {steps * scene.step_s:g} s" for steps, colour in phases)
     new = f"; a light was made for lanelet {', '.join(map(str, made))}" if made else ""
     return f"lights {', '.join(map(str, sorted(set(changed))))} show {told} in turn from 0 s on{new}"
@@ -429,7 +429,8 @@ def _phase(text: str, step_s: float) -> tuple[int, str]:
 
 def _new_light(root: _Element, scene: Scene, lanelet: int) -> _Element:
     """A light at the right edge of a lanelet's end."""
-    highest = max((int(one) for one in root.xpath("//@id") if str(one).isdigit()), default=0)
+    ids = [one.get("id", "") for one in root.iter() if isinstance(one.tag, str)]
+    highest = max((int(one) for one in ids if one.isdigit()), default=0)
     light = etree.Element("trafficLight", id=str(highest + 1))
     etree.SubElement(light, "cycle")
     lane = scene.layout.table.lanes[lanelet]

@@ -43,7 +43,7 @@ def red_crossings(file: WrittenFile, key: int, since: int) -> list[Crossing]:
         lights = [file.lights[light] for light in lane.lights if light in file.lights]
         if not lights or len(lane.center) < 2:
             continue
-        step = _crossed(user, lane)
+        step = crossed(user, lane)
         if step is None or step <= since:
             continue
         holding = [light for light in lights if _holds(file, lane, user, step, light.direction)]
@@ -53,7 +53,7 @@ def red_crossings(file: WrittenFile, key: int, since: int) -> list[Crossing]:
     return found
 
 
-def _crossed(user: RoadUser, lane: Lane) -> int | None:
+def crossed(user: RoadUser, lane: Lane) -> int | None:
     """The step at which the front is over the end of a lane that the road user drove along; None if it never is."""
     stations, offsets, directions = lane.along(user.fronts)
     aligned = np.abs(np.remainder(user.headings - directions + np.pi, 2 * np.pi) - np.pi) < math.radians(45.0)

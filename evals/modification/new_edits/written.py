@@ -14,7 +14,6 @@ from lxml import etree
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-_PARSER_OPTIONS = {"resolve_entities": False, "huge_tree": True}
 
 
 @dataclass(frozen=True)
@@ -143,7 +142,7 @@ class WrittenFile:
     @classmethod
     def read(cls, path: Path) -> "WrittenFile":
         """Read a file."""
-        root = etree.parse(path, etree.XMLParser(**_PARSER_OPTIONS)).getroot()
+        root = etree.parse(path, etree.XMLParser(resolve_entities=False, huge_tree=True)).getroot()
         lanes = {lane.key: lane for lane in map(_lane, root.findall("lanelet"))}
         lights = {light.key: light for light in map(_light, root.findall("trafficLight"))}
         users = {}

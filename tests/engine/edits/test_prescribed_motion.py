@@ -112,3 +112,23 @@ def test_a_reroute_after_a_prescribed_motion_is_refused(apply: Apply) -> None:
     swerve = {"op": "swerve", "vehicles": ["31"], "time_s": 2.0}
     with pytest.raises(NotPossible):
         apply(swerve, {"op": "reroute", "vehicles": ["31"], "to": ["13"]}, builder=ALONE)
+
+
+@pytest.mark.parametrize(("trigger", "step"), [("gap<=4s", 0), ("ego@1:60m", 20), ("gap <= 0.1 s", 100)])
+def test_a_trigger_is_looked_up_on_the_drive_of_the_ego(apply: Apply, trigger: str, step: int) -> None:
+    road = town_road().with_vehicles(driving(31, (75, 0), 10.0, 121))
+    braking = {"op": "set_speed", "vehicles": ["31"], "speed": "4m/s", "rate_mps2": 3.0, "when": trigger}
+    if step == 100:
+        with pytest.raises(NotPossible):
+            apply(braking, builder=road)
+        return
+    speeds = apply(braking, builder=road).tracks()[31].speeds_mps
+    first = int(np.argmax(speeds < 9.7))
+    assert step - 1 <= first <= step + 6
+
+
+def test_a_pedestrian_steps_out_when_the_ego_is_near(apply: Apply) -> None:
+    walker = {"op": "add_vehicle", "vehicle_class": "pedestrian", "at": "1", "position": "0.7", "when": "gap<=3s"}
+    applied = apply(walker, builder=ALONE)
+    (key,) = applied.outcome.edits[0].vehicles
+    assert 30 < applied.tracks()[key].first_step < 100
