@@ -20,7 +20,7 @@ from ...schemas.errors import ResourceFailure
 
 Kept = TypeVar("Kept")
 logger = logging.getLogger(__name__)
-SCHEMA_VERSION = 4
+SCHEMA_VERSION = 5
 _PRIVATE = 0o700
 """Others on the machine need not read what somebody works on."""
 _BUSY_TIMEOUT_S = 10.0

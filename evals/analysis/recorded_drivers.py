@@ -1,7 +1,7 @@
 """What reference drivers do in the place of an ego that collided in a recorded scenario, apart from the product.
 
-The drivers are those of ``evals.planners.driver_models``, written from ``docs/reference_drivers.md``. Here each follows the way
-that the ego drove, straight on after its end, at the ego's speeds until it reacts, in steps of 20 ms; others are
+The drivers are those of ``evals.planners.driver_models``, written from ``docs/reference_drivers.md``. Each follows the
+way that the ego drove, straight on after its end, at the ego's speeds until it reacts, in steps of 20 ms; others are
 projected onto that way near their last place on it. A track that has ended goes on straight at its last speed, or
 brakes to a stop if it braked. A driver prevents a collision if it touches neither the one that was hit until both can
 no longer meet, at most 30 s after the contact, nor another ahead of it once it brakes.

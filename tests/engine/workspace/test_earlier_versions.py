@@ -25,6 +25,7 @@ MADE = {
     1: ("run_b3085e620874", "ZAM_Kreiselheim-80708322_1_T-1", "search_a68248053e25"),
     2: ("run_98dd2be6b421", "ZAM_Kreiselheim-214760387_1_T-1", "search_be049abef292"),
     3: ("run_98dd2be6b421", "ZAM_Kreiselheim-214760387_1_T-1", "search_b07ca4c47803"),
+    4: ("run_98dd2be6b421", "ZAM_Kreiselheim-214760387_1_T-1", "search_b07ca4c47803"),
 }
 CONFIGURATION = "cfg_504647410ee4"
 
@@ -68,7 +69,7 @@ def test_what_later_versions_brought_works_in_an_earlier_workspace(version: int,
     job, is_new = JobStore(workspace.database).start("batch", Recipe(tool="run_planner"))
     assert (is_new, job.state) == (True, "running")
     tables = {row[0] for row in workspace.database.connection().execute("SELECT name FROM sqlite_master")}
-    assert {"tasks", "claims", "map_files", "artifacts_by_superseded", "job_owners"} <= tables
+    assert {"tasks", "claims", "map_files", "artifacts_by_superseded", "job_owners", "imported"} <= tables
     store_search(workspace, "new")
     export_workspace(workspace, tmp_path / "work.zip")
     assert import_workspace(Workspace(tmp_path / "other"), tmp_path / "work.zip").added == 6
