@@ -271,6 +271,9 @@ class RunRecord(Model):
     uses_prediction: bool | None = Field(
         None, description="whether the planner plans on predictions of others; null: it did not say"
     )
+    imported: bool = Field(
+        False, exclude_if=lambda imported: not imported, description="it came in an archive, whose maker vouches for it"
+    )
 
 
 ContactKind = Literal[

@@ -162,6 +162,20 @@ async def test_services_that_fail_leave_nothing_behind(connect: Connect, online:
         assert "Nominatim cannot be used" in text
 
 
+async def test_an_invented_place_is_no_failure_of_the_service(
+    connect: Connect, online: Settings, servers: MapServers
+) -> None:
+    async with connect(online) as client:
+        servers.fail("nominatim", Fault("403", 9))
+        invented, _ = await generate(client, place="Xyldrun am Quelm")
+        assert invented.startswith("[unknown_name]")
+        assert "GeoNames" in invented
+        real, _ = await generate(client, place="Ouagadougou")
+        assert real.startswith("[service_failure]")
+        misspelled, _ = await generate(client, place="Kraiselheim")
+        assert "place='Kreiselheim'" in misspelled
+
+
 async def test_which_of_two_towns_is_asked_where_the_client_can_ask(
     warm_workers: None, online: Settings, era: str, tmp_path: Path
 ) -> None:
