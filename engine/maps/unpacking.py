@@ -32,7 +32,7 @@ _ASIDES = {"<?": "?>", "<!--": "-->"}
 """Begins and ends of what may stand before the root element: declarations and comments."""
 _HEAD_BYTES = 16_384
 """That are read to find a document's root element (chosen): it comes after comments, if at all."""
-_OPENERS = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open}
+_OPENERS: dict[bytes, Callable[..., IO[bytes]]] = {b"\x1f\x8b": gzip.GzipFile, b"BZh": bz2.BZ2File}
 """What unpacks a file, by its first bytes."""
 ForeignFormat = Literal["OpenDRIVE", "CommonRoad", "Lanelet2"]
 _LANELET_VALUE = re.compile(rb"""v\s*=\s*["']lanelet["']""")
@@ -55,7 +55,7 @@ def unpacked(path: Path, folder: Path, limit_bytes: int = LARGEST_BYTES) -> Path
     if opened is None and (not packed_name or _root_of(path) is not None):
         return path
     target, size = folder / (path.stem if packed_name else path.name), 0
-    opened = opened or gzip.open
+    opened = opened or gzip.GzipFile
     try:
         with opened(path, "rb") as source, target.open("wb") as sink:
             while chunk := source.read(CHUNK_BYTES):

@@ -188,8 +188,8 @@ def _meanings() -> dict[str, tuple[str, ...]]:
     """
     found: dict[str, tuple[str, ...]] = {}
     for line in _SAME_WORDS.strip().splitlines():
-        meaning, spellings = line.split(": ")
-        for spelling in spellings.split():
+        meaning, same = line.split(": ")
+        for spelling in same.split():
             plain = latin(spelling)
             found[plain] = tuple(dict.fromkeys((*found.get(plain, ()), meaning)))
     own = dict(found)
