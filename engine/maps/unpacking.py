@@ -7,12 +7,13 @@ Nothing heavy is imported here: the server's process asks.
 
 import bz2
 import gzip
+import io
 import re
 import shutil
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import IO, Literal
+from typing import Literal
 
 from ...schemas.errors import UnsafeInput
 
@@ -32,7 +33,7 @@ _ASIDES = {"<?": "?>", "<!--": "-->"}
 """Begins and ends of what may stand before the root element: declarations and comments."""
 _HEAD_BYTES = 16_384
 """That are read to find a document's root element (chosen): it comes after comments, if at all."""
-_OPENERS: dict[bytes, Callable[..., IO[bytes]]] = {b"\x1f\x8b": gzip.GzipFile, b"BZh": bz2.BZ2File}
+_OPENERS: dict[bytes, Callable[..., io.BufferedIOBase]] = {b"\x1f\x8b": gzip.GzipFile, b"BZh": bz2.BZ2File}
 """What unpacks a file, by its first bytes."""
 ForeignFormat = Literal["OpenDRIVE", "CommonRoad", "Lanelet2"]
 _LANELET_VALUE = re.compile(rb"""v\s*=\s*["']lanelet["']""")
@@ -70,7 +71,7 @@ def unpacked(path: Path, folder: Path, limit_bytes: int = LARGEST_BYTES) -> Path
     return target
 
 
-def _opener(path: Path) -> Callable[..., IO[bytes]] | None:
+def _opener(path: Path) -> Callable[..., io.BufferedIOBase] | None:
     """What unpacks a file; None for one that is not packed."""
     with path.open("rb") as stream:
         head = stream.read(3)

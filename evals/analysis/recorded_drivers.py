@@ -1,6 +1,6 @@
 """What reference drivers do in the place of an ego that collided in a recorded scenario, apart from the product.
 
-The drivers are those of ``evals.loop.verdicts``, written from ``docs/reference_drivers.md``. Here each follows the way
+The drivers are those of ``evals.planners.driver_models``, written from ``docs/reference_drivers.md``. Here each follows the way
 that the ego drove, straight on after its end, at the ego's speeds until it reacts, in steps of 20 ms; others are
 projected onto that way near their last place on it. A track that has ended goes on straight at its last speed, or
 brakes to a stop if it braked. A driver prevents a collision if it touches neither the one that was hit until both can
@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..loop.verdicts import BRAKES, STEP_S, TOUCH_M, Careful, Responding, View, fuzzy_asks, rss_asks
+from ..planners.driver_models import BRAKES, STEP_S, TOUCH_M, Careful, Responding, View, fuzzy_asks, rss_asks
 from .recorded import Array, Hit, corners, overlap, pose_of, size_of
 
 DRIVERS = ("full_braking", "r157_careful", "fsm", "rss")
