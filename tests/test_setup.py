@@ -3,6 +3,7 @@
 import functools
 import http.server
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -73,12 +74,19 @@ def set_up(folder: Path, address: str) -> tuple[str, str]:
     return told.stdout, subprocess.run(look, capture_output=True, text=True, check=True).stdout.strip()
 
 
+@pytest.fixture(scope="module")
+def new_environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An environment with pip alone, made once: tests copy it, as bringing pip into one takes seconds."""
+    folder = tmp_path_factory.mktemp("environment") / "venv"
+    venv.create(folder, with_pip=True, symlinks=True)
+    return folder
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the usual index has the build for the CPU")
-def test_torch_is_had_for_the_cpu_and_otherwise_from_the_usual_index(tmp_path: Path) -> None:
+def test_torch_is_had_for_the_cpu_and_otherwise_from_the_usual_index(tmp_path: Path, new_environment: Path) -> None:
     version = pinned_torch()
     put_wheel(tmp_path / "indexes" / "usual", version)
-    environment = tmp_path / "venv"
-    venv.create(environment, with_pip=True, symlinks=True)
+    environment = shutil.copytree(new_environment, tmp_path / "venv", symlinks=True)
     with serving(tmp_path / "indexes") as address:
         told, installed = set_up(environment, address)
         assert "from the usual index" in told
@@ -90,14 +98,14 @@ def test_torch_is_had_for_the_cpu_and_otherwise_from_the_usual_index(tmp_path: P
         assert installed == f"{version}+cpu"
 
 
-def stand_in_uv(folder: Path, status: int) -> Path:
-    """A program ``uv`` that writes down its arguments, makes an environment and ends so."""
+def stand_in_uv(folder: Path, status: int, new_environment: Path) -> Path:
+    """A program ``uv`` that writes down its arguments, gives a new environment and ends so."""
     folder.mkdir()
     program = folder / "uv"
     program.write_text(
         f"""#!/bin/bash
 echo "$*" >> {folder}/asked
-if [ "$1" = venv ]; then {sys.executable} -m venv "${{@: -1}}"; exit; fi
+if [ "$1" = venv ]; then cp -a {new_environment} "${{@: -1}}"; exit; fi
 exit {status}
 """,
         encoding="utf-8",
@@ -113,8 +121,8 @@ def set_up_by_uv(folder: Path, uv: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(script, cwd=CHECKOUT, env=environment, capture_output=True, text=True, check=False)
 
 
-def test_uv_installs_where_it_is_exactly_what_is_pinned(tmp_path: Path) -> None:
-    uv = stand_in_uv(tmp_path / "bin", 0)
+def test_uv_installs_where_it_is_exactly_what_is_pinned(tmp_path: Path, new_environment: Path) -> None:
+    uv = stand_in_uv(tmp_path / "bin", 0, new_environment)
     told = set_up_by_uv(tmp_path / "venv", uv)
     assert told.returncode == 0, told.stderr
     assert "by uv" in told.stdout
@@ -123,8 +131,10 @@ def test_uv_installs_where_it_is_exactly_what_is_pinned(tmp_path: Path) -> None:
     assert "--no-deps -r packaging/requirements.txt -e ." in asked[1]
 
 
-def test_pip_goes_on_where_uv_could_not_and_chooses_where_versions_are_gone(tmp_path: Path) -> None:
-    told = set_up_by_uv(tmp_path / "venv", stand_in_uv(tmp_path / "bin", 2))
+def test_pip_goes_on_where_uv_could_not_and_chooses_where_versions_are_gone(
+    tmp_path: Path, new_environment: Path
+) -> None:
+    told = set_up_by_uv(tmp_path / "venv", stand_in_uv(tmp_path / "bin", 2, new_environment))
     steps = ["by uv", "uv could not; pip does it", "by pip", "pip chooses others", "Installing torch"]
     places = [told.stdout.find(step) for step in steps]
     assert -1 not in places, told.stdout

@@ -89,9 +89,14 @@ class Summary:
     by_corpus: Mapping[str, tuple[int, float]] = field(default_factory=dict)
 
 
-def opened(workspace: Path, roots: Sequence[Path], checkout: Path | None = None) -> AbstractAsyncContextManager[Client]:
-    """A client of a server on a workspace: in this process, or in one of its own that runs another checkout."""
-    maps = shared_folder() / "data" / "osm"
+def opened(
+    workspace: Path, roots: Sequence[Path], checkout: Path | None = None, *, maps: Path | None = None
+) -> AbstractAsyncContextManager[Client]:
+    """A client of a server on a workspace: in this process, or in one of its own that runs another checkout.
+
+    Its maps are the built-in ones and those of a folder, or of the shared data if none is given.
+    """
+    maps = maps or shared_folder() / "data" / "osm"
     if checkout is None:
         settings = Settings(
             workspace=workspace,

@@ -140,9 +140,14 @@ def town_of(cell: int) -> str:
     return name_of(cell * _NAMES_OF_CELL)
 
 
-def write_country(maps: Path, target: Path, *, columns: int = COLUMNS, rows: int = ROWS) -> int:
-    """Write the country as .osm.pbf, nodes before ways before relations; the number of its nodes."""
-    pieces = [_piece(maps / name) for name in _SOURCES[: columns * rows]]
+def write_country(
+    maps: Path, target: Path, *, columns: int = COLUMNS, rows: int = ROWS, sources: Sequence[str] = _SOURCES
+) -> int:
+    """Write the country as .osm.pbf, nodes before ways before relations; the number of its nodes.
+
+    Its cells are copies of the files of these names in the folder of maps, in turn.
+    """
+    pieces = [_piece(maps / name) for name in sources[: columns * rows]]
     cells = [_Cell(number, columns, pieces[number % len(pieces)]) for number in range(columns * rows)]
     count = 0
     with osmium.SimpleWriter(str(target), overwrite=True) as writer:

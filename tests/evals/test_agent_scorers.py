@@ -24,7 +24,7 @@ def attempt_of(*calls: MadeCall, ending: Any = "answered", answers: tuple[str, .
 async def carried_out(folder: Path, *calls: Call) -> list[MadeCall]:
     """Calls and their answers on a workspace with one generated scenario, which they name ``latest``."""
     made = []
-    async with opened(folder / "workspace", (folder,)) as client:
+    async with opened(folder / "workspace", (folder,), maps=folder) as client:
         for call in (Call("generate_scenarios", MADE), *calls):
             answer = await answer_to(client, call)
             made.append(MadeCall(call.tool, call.arguments, answer.text, answer.structured, answer.is_error, 0.1))

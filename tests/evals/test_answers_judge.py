@@ -23,7 +23,7 @@ MADE = Call(
 async def made_once(anyio_backend: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A workspace with one scenario, all maps read: to be copied."""
     folder = tmp_path_factory.mktemp("judged")
-    async with opened(folder / "workspace", (folder,)) as client:
+    async with opened(folder / "workspace", (folder,), maps=folder) as client:
         answer = await answer_to(client, MADE)
         assert not answer.is_error, answer.text
     return folder / "workspace"
@@ -38,7 +38,7 @@ def place(made_once: Path, tmp_path: Path) -> Path:
 
 async def answered(folder: Path, *calls: Call) -> tuple[Told, World]:
     """The last answer of some calls on a workspace with one scenario, and the world that it is judged by."""
-    async with opened(folder / "workspace", (folder,)) as client:
+    async with opened(folder / "workspace", (folder,), maps=folder) as client:
         for call in (MADE, *calls):
             answer = await answer_to(client, call)
             assert not answer.is_error, answer.text

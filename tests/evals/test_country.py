@@ -6,19 +6,25 @@ import osmium
 import pytest
 from support.extracts import indexed
 
+from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.evals.maps.country import town_of, write_country
 
 
+def written(path: Path) -> int:
+    """A country of two cells out of built-in maps: streets of a town, and ramps of a motorway."""
+    return write_country(LIBRARY, path, columns=2, rows=1, sources=("musterstadt.osm", "neuland.osm"))
+
+
 @pytest.fixture(scope="module")
-def country(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def country(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("country") / "Land.osm.pbf"
-    write_country(shared_data / "data" / "osm", path, columns=1, rows=1)
+    written(path)
     return path
 
 
-def test_the_same_country_is_written_again(country: Path, shared_data: Path, tmp_path: Path) -> None:
+def test_the_same_country_is_written_again(country: Path, tmp_path: Path) -> None:
     again = tmp_path / "Land.osm.pbf"
-    count = write_country(shared_data / "data" / "osm", again, columns=1, rows=1)
+    count = written(again)
     assert again.read_bytes() == country.read_bytes()
     assert count == sum(1 for _ in osmium.FileProcessor(str(again), osmium.osm.NODE))
 
@@ -29,8 +35,8 @@ def test_each_place_has_a_name_of_its_own(country: Path) -> None:
     assert len({town_of(cell) for cell in range(144)}) == 144
 
 
-def test_a_copied_cell_is_read_into_tiles_and_has_its_town(country: Path, tmp_path: Path) -> None:
+def test_copied_cells_are_read_into_tiles_and_have_their_towns(country: Path, tmp_path: Path) -> None:
     facts = indexed(country, tmp_path / "index").facts
-    assert town_of(0) in facts.places
+    assert {town_of(0), town_of(1)} <= set(facts.places)
     assert facts.sites["intersection"]
     assert facts.sites["ramp"]

@@ -58,8 +58,8 @@ def test_a_rate_over_nothing_is_endless() -> None:
 
 
 def test_a_sound_file_is_executable(tmp_path: Path) -> None:
-    problem = Problem(goal=(90.0, 0.0, 20.0, 3.0), steps=(20, 80))
-    path = replace(town_road(), problems=(problem,)).write(tmp_path / "a.xml")
+    problem = Problem(goal=(62.0, 0.0, 8.0, 3.0), steps=(15, 30))
+    path = replace(town_road().cut(31), problems=(problem,)).write(tmp_path / "a.xml")
     verdict = judge_file(path, 1)
     assert (verdict.fault, verdict.outcome, verdict.executable) == ("", "goal_reached", True)
 
@@ -71,9 +71,9 @@ def test_an_ego_inside_another_vehicle_is_a_fault(tmp_path: Path) -> None:
 
 
 def test_a_goal_that_no_lanelet_leads_to_is_a_fault(tmp_path: Path) -> None:
-    road = town_road()
+    road = town_road().cut(31)
     alone = tuple(replace(lane, left=None, right=None, successors=(), predecessors=()) for lane in road.lanes)
-    beside = Problem(goal=(150.0, 3.5, 8.0, 1.0))
+    beside = Problem(goal=(150.0, 3.5, 8.0, 1.0), steps=(5, 15))
     path = replace(road, lanes=alone, problems=(beside,)).write(tmp_path / "a.xml")
     assert judge_file(path, 1).fault == "no way from the start to the goal"
 
@@ -86,7 +86,7 @@ def test_a_goal_that_no_lanelet_leads_to_is_a_fault(tmp_path: Path) -> None:
     ],
 )
 def test_a_broken_file_is_a_fault_with_its_reason(tmp_path: Path, old: str, new: str, fault: str) -> None:
-    path = town_road().write(tmp_path / "a.xml")
+    path = replace(town_road().cut(31), problems=(Problem(steps=(5, 15)),)).write(tmp_path / "a.xml")
     path.write_text(path.read_text(encoding="utf-8").replace(old, new, 1), encoding="utf-8")
     verdict = judge_file(path, 1)
     assert verdict.fault.startswith(fault)

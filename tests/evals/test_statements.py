@@ -201,7 +201,7 @@ def test_what_collisions_are_laid_to_is_counted_apart_from_how_many_there_are(tm
 @pytest.mark.parametrize(
     ("away_m", "limit_kmh", "out_of_reach"), [(64.2, 50.0, False), (64.7, 50.0, True), (84.0, None, False)]
 )
-def test_goals_out_of_reach_are_those_that_the_hardest_acceleration_to_the_limit_misses(
+def test_goals_out_of_reach_are_missed_by_the_hardest_acceleration_too(
     away_m: float, limit_kmh: float | None, out_of_reach: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """From 10 m/s an ego comes 54.9 m in 4 s if it accelerates by 11.5 m/s² to 50 km/h; the goal begins 5 m nearer."""
