@@ -32,6 +32,10 @@ _RETRIEVAL_MEMORY_BYTES = 8 * 1024**3
 """Data memory of the retrieval worker; chosen: PyTorch, for models by setting, reserves far more than it uses."""
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """More threads would make sums depend on their order, and the cores are shared by the workers anyway."""
+_KEPT_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(4 * 2**20), "MALLOC_TRIM_THRESHOLD_": str(64 * 2**20)}
+"""How glibc keeps freed memory (others ignore it; both chosen). A planning step makes and drops arrays of 200 kB again
+and again, and by default their pages are given back and fetched anew each time, which takes as long as the computing:
+4.7 ms instead of 2.2 ms for 800 candidates of Frenetix."""
 _SHORT_BYTES = 20_000
 """Reports to this length are read in less time than a thread takes; longer ones would hold up the server. Chosen."""
 logger = logging.getLogger(__name__)
@@ -175,7 +179,7 @@ class _WorkerProcess:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=stderr,
-                env={**os.environ, **_ONE_THREAD, **environment},
+                env={**os.environ, **_ONE_THREAD, **_KEPT_MEMORY, **environment},
                 start_new_session=True,
             )
         worker = cls(process)

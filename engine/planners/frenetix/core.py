@@ -22,6 +22,7 @@ Traps (``test_frenetix_traps.py`` holds them):
   Everything is copied.
 - It keeps cost functions until one of the same name replaces them (:func:`add_step_functions`), cannot take an empty
   array of obstacles, and compares its state i with entry i − 1 of a prediction (:func:`_core_prediction`).
+- Its term ``distance_to_obstacles`` keeps a view of the array that it is given, not a copy.
 - It refuses paths that come back over themselves (:func:`_longest_accepted`).
 """
 
@@ -42,7 +43,7 @@ from ..driving.following import is_on_plan
 from ..interface import EgoState, Observation, PlannedTrajectory, PredictedObstacle
 from ..reference_path import FASTEST_MPS
 
-_SECOND_DERIVATIVE_FACTOR = 2.0
+SECOND_DERIVATIVE_FACTOR = 2.0
 """True over reported second derivatives of the core's samples; a test holds it against differences."""
 SAFE_RANGE_RAD = 0.75 * math.pi
 """Chosen: headings of a frame stay within this of its direction, far from ±π."""
@@ -52,8 +53,8 @@ _DURATION_STEPS_S = (1.0, 0.5, 0.3, 0.2)
 """Steps of the sampled durations at the levels 0 to 3, as in the reference for time steps of 0.1 s."""
 _SHORTEST_REST_S = 0.2
 """Chosen: what is left of the driven plan is an end state as long as it lasts this long."""
-FINAL_SPEED = 5
-"""Column of the sampling matrix."""
+FINAL_SPEED, FINAL_OFFSET = 5, 10
+"""Columns of the sampling matrix."""
 _STANDING_MPS = 1e-3
 """Slower, derivatives by time say nothing about those by arc length."""
 CONSTRAINTS = {
@@ -247,7 +248,7 @@ class EndState:
     def of(cls, sample: "frenetix.TrajectorySample") -> "EndState":
         """The end that a sample was made for."""
         row = sample.sampling_parameters
-        return cls(duration_s=float(row[1]), speed_mps=float(row[FINAL_SPEED]), offset_m=float(row[10]))
+        return cls(duration_s=float(row[1]), speed_mps=float(row[FINAL_SPEED]), offset_m=float(row[FINAL_OFFSET]))
 
 
 def sampling_matrix(
@@ -277,7 +278,7 @@ def sampling_matrix(
         rest = going_on.duration_s, going_on.speed_mps, going_on.offset_m
         t1, v1, d1 = (np.append(axis, value) for axis, value in zip((t1, v1, d1), rest, strict=True))
     matrix = np.zeros((len(t1), 13))
-    matrix[:, 1], matrix[:, FINAL_SPEED], matrix[:, 10] = t1, v1, d1
+    matrix[:, 1], matrix[:, FINAL_SPEED], matrix[:, FINAL_OFFSET] = t1, v1, d1
     matrix[:, 2:5], matrix[:, 7:10] = state.longitudinal, state.lateral
     return matrix
 
@@ -287,6 +288,7 @@ class PlanningStep:
     """One planning step in progress: what the functions of the core depend on, and what is counted.
 
     ``reach_m``: distance that the fastest candidate covers within the horizon; ``core_s``: time that the core took.
+    ``obstacle_places``: the array that the core's cost term reads, which has to live as long as candidates are made.
     """
 
     observation: Observation
@@ -300,6 +302,7 @@ class PlanningStep:
     candidates: int = 0
     fastest_mps: float = 0.0
     core_s: float = 0.0
+    obstacle_places: Points | None = None
 
     @property
     def ego(self) -> EgoState:
@@ -316,7 +319,7 @@ def add_feasibility(handler: "frenetix.TrajectoryHandler", vehicle: VehicleParam
     handler.add_feasability_function(feasibility.CheckYawRateConstraint(steering, wheelbase, False))
     handler.add_feasability_function(
         feasibility.CheckAccelerationConstraint(
-            vehicle.switching_speed_mps, vehicle.maximum_acceleration_mps2 / _SECOND_DERIVATIVE_FACTOR, False
+            vehicle.switching_speed_mps, vehicle.maximum_acceleration_mps2 / SECOND_DERIVATIVE_FACTOR, False
         )
     )
     handler.add_feasability_function(feasibility.CheckCurvatureConstraint(steering, wheelbase, False))
@@ -354,9 +357,10 @@ def add_step_functions(handler: "frenetix.TrajectoryHandler", weights: dict[str,
     # the core raises TypeError for an empty (0, 2) array of obstacles
     if weights["distance_to_obstacles"] > 0 and step.observation.obstacles:
         present = step.frame.inwards(np.array([obstacle.positions[0] for obstacle in step.observation.obstacles]))
+        step.obstacle_places = np.ascontiguousarray(present)
         handler.add_cost_function(
             costs.CalculateDistanceToObstacleCost(
-                "distance_to_obstacles", weights["distance_to_obstacles"], np.ascontiguousarray(present)
+                "distance_to_obstacles", weights["distance_to_obstacles"], step.obstacle_places
             )
         )
 
@@ -468,5 +472,5 @@ def copied_curvilinear(sample: "frenetix.TrajectorySample") -> Points:
     inner = sample.curvilinear
     rows = (inner.s, inner.s_dot, inner.s_ddot, inner.d, inner.d_dot, inner.d_ddot)
     states = np.array([np.array(row, dtype=float) for row in rows])
-    states[[2, 5]] *= _SECOND_DERIVATIVE_FACTOR
+    states[[2, 5]] *= SECOND_DERIVATIVE_FACTOR
     return states

@@ -7,14 +7,17 @@ that stops soonest.
 """
 
 import heapq
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby, islice
+from operator import itemgetter
 from time import perf_counter
 from typing import Any, Protocol, TypeVar
 
 import frenetix
 import numpy as np
+from numpy.typing import NDArray
 
 from ...geometry import Points
 from ..driving.desired_speed import DesiredSpeed
@@ -40,6 +43,7 @@ from .core import (
     sampling_matrix,
 )
 from .costs import OWN_TERMS, CandidateBatch
+from .screening import Screening
 
 _LOW_SPEED_MPS = 2.0
 """Chosen: under it the core plans with lateral derivatives by arc length (``CurvilinearState``)."""
@@ -47,8 +51,8 @@ _STANDSTILL_MPS = 0.1
 """Chosen: an ego as slow as this that has no safe candidate stands still."""
 COMPLETED_AT_ONCE = 16
 """Chosen: candidates for which our own cost terms are computed together; the core's are computed one by one."""
-_COPIED_AT_ONCE = 48
-"""Chosen: as many of the cheapest candidates are enough for most planning steps."""
+_MADE_AT_ONCE = 16
+"""Chosen: as many of the cheapest candidates are made by the core at a time."""
 
 
 class Frenetix:
@@ -117,8 +121,7 @@ class Frenetix:
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
         """Of the feasible candidates of the last planning step, as they are ranked before the expensive terms."""
-        step = self._step
-        samples = [sample for sample in self._handler.get_sorted_trajectories() if sample.feasible]
+        step, samples = self._step, list(self._candidates)
         chosen = evenly_chosen(len(samples), most)
         return [copied_trajectory(samples[i], step.frame, step.ego, self._task.vehicle).positions for i in chosen]
 
@@ -126,9 +129,8 @@ class Frenetix:
         """The feasible candidates with their quick terms; the others are counted by what rejects them."""
         add_step_functions(self._handler, self._weights, step)
         began = perf_counter()
-        self._handler.generate_trajectories(matrix, step.low_speed)
-        self._handler.evaluate_all_current_functions(False)
-        feasible = _Feasible(self._handler)
+        screening = Screening.of(matrix, step, self._task.vehicle, self._weights)
+        self._candidates = feasible = _Feasible(self._handler, matrix, step, screening)
         step.core_s = perf_counter() - began
         step.candidates, step.fastest_mps = len(matrix), float(matrix[:, FINAL_SPEED].max())
         for broken, count in feasible.others.items():
@@ -226,34 +228,56 @@ class Frenetix:
 
 
 class _Feasible:
-    """The feasible candidates of a planning step, by ascending cost as the core sorts them, the same objects each time.
+    """The feasible candidates of a planning step, by ascending cost, the same objects each time.
 
-    The core makes a copy of each candidate that is looked at, and keeping it costs as much again: the cheapest are
-    kept, the others are copied where they are asked for. ``count``: how many there are; ``others``: how many
-    infeasible ones broke which constraints.
+    The core makes those that screening leaves open, and of the others the cheapest as far as they are asked for: making
+    and copying them takes most of a planning step. ``count``: how many there are; ``others``: how many infeasible ones
+    broke which constraints.
     """
 
-    def __init__(self, handler: "frenetix.TrajectoryHandler") -> None:
-        self._handler = handler
-        self._cheapest: list[frenetix.TrajectorySample] = []
-        self._rest: list[frenetix.TrajectorySample] | None = None
-        self.count, self.others = 0, Counter[tuple[str, ...]]()
-        for sample in handler.get_sorted_trajectories():
-            if not sample.feasible:
-                broken = sample.feasabilityMap.items()
-                self.others[tuple(CONSTRAINTS[name] for name, count in broken if count > 0)] += 1
-                continue
-            self.count += 1
-            if self.count <= _COPIED_AT_ONCE:
-                self._cheapest.append(sample)
+    def __init__(
+        self, handler: "frenetix.TrajectoryHandler", matrix: Points, step: PlanningStep, screening: Screening
+    ) -> None:
+        self._handler, self._matrix, self._step = handler, matrix, step
+        is_feasible = screening.is_clear & ~screening.broken.any(axis=1)
+        names = list(CONSTRAINTS.values())
+        rejected = screening.broken[screening.is_clear & ~is_feasible].tolist()
+        self.others = Counter(tuple(name for name, is_so in zip(names, row, strict=True) if is_so) for row in rejected)
+        self._made: list[tuple[float, int, frenetix.TrajectorySample]] = []
+        rows = np.flatnonzero(is_feasible)
+        self._waiting = rows[np.argsort(screening.least_cost[rows], kind="stable")]
+        self._least_costs = screening.least_cost
+        self._make(np.flatnonzero(~screening.is_clear))
+        self.count = len(self._made) + len(self._waiting)
 
     def __iter__(self) -> Iterator["frenetix.TrajectorySample"]:
-        yield from self._cheapest
-        if self._rest is None:
-            kept = {sample.uniqueId for sample in self._cheapest}
-            again = (sample for sample in self._handler.get_sorted_trajectories() if sample.feasible)
-            self._rest = [] if len(kept) == self.count else [one for one in again if one.uniqueId not in kept]
-        yield from self._rest
+        given = 0
+        while True:
+            bound = self._least_costs[self._waiting[0]] if len(self._waiting) else math.inf
+            while given < len(self._made) and self._made[given][0] < bound:
+                yield self._made[given][-1]
+                given += 1
+            if not len(self._waiting):
+                return
+            began = perf_counter()
+            several, self._waiting = np.split(self._waiting, [_MADE_AT_ONCE])
+            self._make(np.sort(several))
+            self._step.core_s += perf_counter() - began
+
+    def _make(self, rows: NDArray[np.intp]) -> None:
+        """Have the core make the candidates of some rows of the matrix; their ids are their rows."""
+        if not len(rows):
+            return
+        self._handler.generate_trajectories(self._matrix[rows], self._step.low_speed)
+        self._handler.evaluate_all_current_functions(False)
+        for sample in self._handler.get_sorted_trajectories():
+            if sample.feasible:
+                sample.uniqueId = int(rows[sample.uniqueId])
+                self._made.append((sample.cost, sample.uniqueId, sample))
+            else:
+                broken = sample.feasabilityMap.items()
+                self.others[tuple(CONSTRAINTS[name] for name, count in broken if count > 0)] += 1
+        self._made.sort(key=itemgetter(0, 1))
 
 
 class _Candidate(Protocol):
