@@ -20,8 +20,8 @@ _PLACE = {"geoNameId": "-999", "gpsLatitude": "999", "gpsLongitude": "999"}
 def complete(root: Any) -> None:
     """Complete a parsed document (ElementTree), in place, where it is clear what is meant.
 
-    Heights of lanelets' points are left out, since roads are read as a plane; a file without tags gets an empty list, a location
-    without a place the words for a place that is not known; a network of format 2017a is read as one of 2018b.
+    Heights of lanelets' points are left out, since roads are read as a plane; a file without tags gets an empty list, a
+    location without a place the words for a place that is not known; a network of format 2017a is read as one of 2018b.
     """
     for point in root.iterfind("lanelet/*/point"):
         for height in point.findall("z"):

@@ -150,7 +150,9 @@ def test_a_large_network_is_cut_and_what_refers_to_the_rest_goes(scenario: Path,
         ({"subtype": "walkway", "participant:pedestrian": "yes"}, ("pedestrian",)),
     ],
 )
-def test_participants_of_lanelet2_say_who_may_use_a_lanelet(tags: dict[str, str], users: tuple[str, ...]) -> None:
+def test_participants_of_lanelet2_decide_on_the_users_of_a_lanelet(
+    tags: dict[str, str], users: tuple[str, ...]
+) -> None:
     found = users_of(tags)
     assert found[: len(users)] == users if "car" in users else found == users
     assert "truck" not in found
