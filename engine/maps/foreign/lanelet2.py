@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,8 @@ from ...geometry import Points, arc_length, without_repeats
 from ..osm import LIMITS
 
 LARGEST_ID = 2**31
+SAME_PLACE_M = 0.01
+"""Nodes in one square of this size are one (chosen): positions in degrees have 7 decimals, 1 cm, in many files."""
 MOST_LANELETS = 10_000
 """Chosen, as for all CommonRoad files."""
 USERS = {
@@ -91,6 +94,15 @@ class _Plane:
     positions: Mapping[int, tuple[float, float]]
     projection: str
     degrees: tuple[float, float]
+
+    @cached_property
+    def same(self) -> dict[int, int]:
+        """Node → the first node at its place: some programs write a node anew for every line that ends there."""
+        first: dict[tuple[int, int], int] = {}
+        return {
+            key: first.setdefault((round(x / SAME_PLACE_M), round(y / SAME_PLACE_M)), key)
+            for key, (x, y) in self.positions.items()
+        }
 
 
 def convert_lanelet2(source: Path, target: Path) -> tuple[str, ...]:
@@ -230,6 +242,7 @@ def _lane(
     subtype = relation.tags.get("subtype", "")
     ways_of = frozenset(relation.left), frozenset(relation.right)
     users = users_of(relation.tags)
+    left, right = (tuple(plane.same[key] for key in keys) for keys in (left, right))
     return _Lane(relation.key, left, right, *ways_of, left_line, right_line, subtype, posted, users)
 
 

@@ -1,11 +1,13 @@
 """OpenDRIVE, Lanelet2 and CommonRoad files as maps: what is read, what is told as lost, what is refused."""
 
 import re
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
 import pytest
 from commonroad.common.file_reader import CommonRoadFileReader
+from lxml import etree
 from support.builders import town_road
 from support.foreign_maps import lanelet2_of, straight_road
 
@@ -156,6 +158,21 @@ def test_participants_of_lanelet2_decide_on_the_users_of_a_lanelet(
     found = users_of(tags)
     assert found[: len(users)] == users if "car" in users else found == users
     assert "truck" not in found
+
+
+def test_lanelets_follow_where_each_line_has_nodes_of_its_own(tmp_path: Path, scenario: Path) -> None:
+    path = lanelet2_of(scenario, tmp_path / "lanes.osm")
+    root = etree.parse(path).getroot()
+    nodes = {node.get("id"): node for node in root.iterfind("node")}
+    for number, reference in enumerate(root.iterfind("way/nd"), start=900_000):
+        node = deepcopy(nodes[reference.get("ref")])
+        node.set("id", str(number))
+        reference.set("ref", str(number))
+        root.insert(0, node)
+    path.write_bytes(etree.tostring(root))
+    made, known = (CommonRoadFileReader(str(file)).open_lanelet_network() for file in (converted(path).path, scenario))
+    for lanelet in known.lanelets:
+        assert sorted(made.find_lanelet_by_id(lanelet.lanelet_id).successor) == sorted(lanelet.successor)
 
 
 def test_a_lanelet_that_is_closed_to_all_is_no_way(tmp_path: Path, scenario: Path) -> None:
