@@ -15,7 +15,7 @@ import anyio
 
 from ..engine.catalog import open_catalogue
 from ..engine.execution import Job, JobProgress, OnProgress
-from ..engine.maps import MAP_ENDINGS, is_binary, is_net
+from ..engine.maps import MAP_ENDINGS, is_binary, is_net, root_element
 from ..engine.workspace import Recipe
 from ..schemas.artifacts import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
 from ..schemas.errors import InvalidRequest, PlannerForgeError, UnexpectedFailure, as_told
@@ -136,6 +136,8 @@ def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, 
     paths = [entry for entry in paths if not call.workspace.owns(entry)]
     if arguments.kind != "map":  # networks lie beside scenarios; they are taken in where maps are asked for
         paths = [entry for entry in paths if not is_net(entry)]
+    if arguments.kind != "auto":
+        paths = [entry for entry in paths if _kind_of(entry, arguments.kind) == arguments.kind]
     if not paths:
         raise InvalidRequest(f"{quoted(arguments.path)} holds no file to import", valid=[f"*{end}" for end in wanted])
     if len(paths) > _MOST_FILES:
@@ -178,16 +180,27 @@ _PROTOBUF = (
 def _kind(path: Path, wanted: str) -> _ImportKind:
     if path.suffix.lower() == PROTOBUF_ENDING:
         raise InvalidRequest(f"{quoted(path.name)}: {_PROTOBUF}", valid=[f"*{end}" for end in _SUFFIXES])
-    known = next((kind for ending, kind in _SUFFIXES.items() if path.name.lower().endswith(ending)), None)
+    known = _kind_of(path, wanted)
     if known is None:
         raise InvalidRequest(
             f"{quoted(path.name)} is of no kind that can be imported", valid=[f"*{end}" for end in _SUFFIXES]
         )
-    if wanted == "map" and path.name.lower().endswith(".xml"):  # a road network, to be filled with other traffic
-        return "map"
     if wanted not in ("auto", known):
         raise InvalidRequest(f"{quoted(path.name)} is a {known}, not a {wanted}", valid=[known, "auto"])
     return known
+
+
+def _kind_of(path: Path, wanted: str) -> _ImportKind | None:
+    """What a file is, by its content where that tells, else by its name; None for what cannot be imported."""
+    root = root_element(path)
+    if root == "commonRoad":  # as a map it is a road network, to be filled with other traffic
+        return "map" if wanted == "map" else "scenario"
+    if root is not None:
+        return "map"
+    if path.suffix.lower() == ".pbf" and is_binary(path):
+        return "map"
+    known = next((kind for ending, kind in _SUFFIXES.items() if path.name.lower().endswith(ending)), None)
+    return "map" if wanted == "map" and path.name.lower().endswith(".xml") else known
 
 
 async def _import_as_job(

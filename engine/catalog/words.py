@@ -15,6 +15,7 @@ _FEATURE_WORDS = {
 _MANOEUVRES = {
     "ego_turns_left": "turns left",
     "ego_turns_right": "turns right",
+    "ego_turns_back": "turns back",
     "ego_goes_straight": "goes straight on",
     "ego_changes_lane": "changes lane",
 }

@@ -25,12 +25,15 @@ from ..maps import (
     OsmMap,
     Pavements,
     RoadFile,
+    RoadReader,
     Site,
     cut_lanelets,
     cut_map,
     cut_net,
     find_pavements,
+    jurisdiction_of,
     read_lanelet_map,
+    site_finder,
 )
 from ..network import (
     RoadNetwork,
@@ -195,6 +198,8 @@ class _KnownSite:
         """A site that is built in the folder."""
         try:
             built = build_network(request, osm, site, radius_m, folder, report)
+            if _lacks_lights(built, osm):
+                built = _with_lights(build_network(request, _lit(osm, site), site, radius_m, folder, report))
         except NotPossible as refusal:
             return cls(_anew(refusal), b"")
         return cls(built, built.net_path.read_bytes())
@@ -227,6 +232,28 @@ class _KnownSite:
         net_path.write_bytes(self._net)
         metadata = replace(ScenarioMetadata.of(request, known.site, known.net), tags=known.metadata.tags)
         return replace(known, net_path=net_path, metadata=metadata)
+
+
+def _lacks_lights(built: SiteNetwork, osm: OsmMap) -> bool:
+    """Whether netconvert made no lights at a junction that has signals on the map.
+
+    It makes lights where all roads that lead to a junction have a signal; some of them have it on a link road or a
+    crossing that is not cut out.
+    """
+    is_map_of_lines = not isinstance(osm, (LaneletMap, NetMap))
+    is_wanted = built.site.kind == "signalised_intersection" and built.site.mark in osm.nodes
+    return is_map_of_lines and is_wanted and why_not_realised(built.site, built.net) is not None
+
+
+def _lit(osm: OsmMap, site: Site) -> OsmMap:
+    """The map with a signal at the junction itself, where netconvert makes lights for all its roads."""
+    node = osm.nodes[site.mark]
+    return replace(osm, nodes={**osm.nodes, site.mark: replace(node, tags={**node.tags, "highway": "traffic_signals"})})
+
+
+def _with_lights(built: SiteNetwork) -> SiteNetwork:
+    note = "the map has signals on some of the roads that lead to the junction; lights were made for all of them"
+    return replace(built, notes=(*built.notes, note))
 
 
 def _anew(refusal: NotPossible) -> NotPossible:
@@ -299,8 +326,12 @@ def build_network(
             pavements = find_pavements(osm, osm.roads(frozenset(classes)), site.position, radius_m, lefthand=lefthand)
             if not pavements.mapped_km + pavements.guessed_km:
                 raise nowhere_to_walk()
-        cut_map(osm, site.position, radius_m, classes, cut, pavements)
+        reader = RoadReader(
+            site_finder(osm).built_up, jurisdiction_of(request.country, site.position), lefthand=lefthand
+        )
+        cut_map(osm, site.position, radius_m, classes, cut, pavements, reader)
         warnings, notes, network = _convert_site(site, cut, net_path, lefthand=lefthand, on_foot=on_foot, report=report)
+        notes += reader.notes()
     if network.dropped_lanes:
         removed, later = remove_hairpins(net_path, folder)
         warnings += later

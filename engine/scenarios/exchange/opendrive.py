@@ -204,7 +204,7 @@ class RoadPlan:
 
     @cached_property
     def bridges(self) -> dict[int, int]:
-        """Connecting road → the id of a very short common road behind it, if other connecting roads follow.
+        """Connecting road → id of a common road of hardly any length behind it, if other connecting roads follow.
 
         A connecting road must not lead into a junction (ASAM's rule ``connect_road_no_incoming_road``).
         """
@@ -391,7 +391,7 @@ def _write_lane(
 
 
 def _straights(stations: Values, values: Values) -> Iterable[tuple[float, float, float]]:
-    """From where on, value there, and slope, of the straights between places; equal ones in a row are one."""
+    """Yield start, value there and slope of the straights between places; one that goes on as before is no other."""
     slopes = np.diff(values) / np.diff(stations)
     written: list[tuple[float, float, float]] = []
     for station, value, slope in zip(stations[:-1].tolist(), values[:-1].tolist(), slopes.tolist(), strict=True):
