@@ -13,7 +13,7 @@ SEED ?= 1
 
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-edits bench-import-crashes bench-drivable bench-same-bytes \
-	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-places bench-analysis bench-tuning bench-serve bench-loop bench-database \
+	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-places bench-analysis bench-tuning bench-serve bench-loop bench-database bench-peers \
 	dist requirements bundle starter house chat-page tutorial-page reference docs train-rbfn format clean
 
 help:
@@ -27,6 +27,8 @@ help:
 	@echo "make bench-loop  measure whether verdicts on planners can be relied on (developers)"
 	@echo "make bench-database FOLDER=FOLDER"
 	@echo "             run every scenario of a folder, such as the public CommonRoad database, under every planner (developers)"
+	@echo "make bench-peers FOLDER=FOLDER"
+	@echo "             import foreign CommonRoad, OpenDRIVE and Lanelet2 files and judge what came of them (developers)"
 	@echo "make bench-places FOLDER=FOLDER"
 	@echo "             find the maps of a folder of OpenStreetMap extracts by other spellings of what they show (developers)"
 	@echo "make dist    build sdist and wheel into dist/ (developers)"
@@ -168,6 +170,9 @@ bench-loop: $(DEV_STAMP)
 
 bench-database: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.loop.database $(addprefix --folder ,$(FOLDER)) --workers $(WORKERS)
+
+bench-peers: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.maps.peers $(addprefix --folder ,$(FOLDER)) $(addprefix --part ,$(PART)) $(addprefix --asam ,$(ASAM))
 
 dist: $(DEV_STAMP)
 	@echo "==> Building sdist and wheel"

@@ -31,16 +31,16 @@ _ROAD_TYPES = {
     "driveWay": "residential",
 }
 """OSM's class for a lanelet's type, the first that fits: what sites are told by. Without a type the speed tells."""
-_ALLOWED = {
-    frozenset({"bicycle"}): "bicycle",
-    frozenset({"bus"}): "bus coach",
-    frozenset({"bus", "taxi"}): "bus coach taxi",
-    frozenset({"bus", "bicycle"}): "bus coach bicycle",
-    frozenset({"bus", "taxi", "bicycle"}): "bus coach taxi bicycle",
-    frozenset({"taxi"}): "taxi",
-    frozenset({"priorityVehicle"}): "emergency",
+_CLASSES = {
+    "bus": "bus coach",
+    "taxi": "taxi",
+    "bicycle": "bicycle",
+    "priorityVehicle": "emergency",
+    "truck": "truck trailer delivery",
+    "motorcycle": "motorcycle moped",
+    "pedestrian": "pedestrian",
 }
-"""SUMO's classes for the users of a lanelet; lanelets for any others are open to all."""
+"""SUMO's classes for the users of a lanelet that is closed to cars; any other lanelet is open to all."""
 
 
 @dataclass(frozen=True)
@@ -146,8 +146,8 @@ def _completed(text: str, layout: NetLayout, lanelets: "Mapping[int, Lanelet]", 
             edge.set("type", f"highway.{kind}")
     lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}
     for name, keys in layout.lanelets_of_lane.items():
-        users = {_ALLOWED.get(_users(lanelets[key])) for key in keys}
-        if name in lanes and len(users) == 1 and (allowed := users.pop()) is not None:
+        users = {_allowed(_users(lanelets[key])) for key in keys}
+        if name in lanes and len(users) == 1 and (allowed := users.pop()) != "":
             lanes[name].set("allow", allowed)
     return etree.tostring(root, encoding="UTF-8", xml_declaration=True)
 
@@ -155,6 +155,13 @@ def _completed(text: str, layout: NetLayout, lanelets: "Mapping[int, Lanelet]", 
 def _road_type(lanelet: "Lanelet") -> str:
     kinds = {str(kind.value) for kind in lanelet.lanelet_type or ()}
     return next((road for kind, road in _ROAD_TYPES.items() if kind in kinds), "")
+
+
+def _allowed(users: frozenset[str]) -> str:
+    """SUMO's classes on a lanelet for these users; empty if it is open to all."""
+    if not users or not users <= _CLASSES.keys():
+        return ""
+    return " ".join(classes for user, classes in _CLASSES.items() if user in users)
 
 
 def _users(lanelet: "Lanelet") -> frozenset[str]:

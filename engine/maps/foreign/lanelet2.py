@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,8 @@ from ...geometry import Points, arc_length, without_repeats
 from ..osm import LIMITS
 
 LARGEST_ID = 2**31
+SAME_PLACE_M = 0.01
+"""Nodes in one square of this size are one (chosen): positions in degrees have 7 decimals, 1 cm, in many files."""
 MOST_LANELETS = 10_000
 """Chosen, as for all CommonRoad files."""
 USERS = {
@@ -40,6 +43,20 @@ USERS = {
 KINDS = {"highway": "highway", "crosswalk": "crosswalk", "walkway": "sidewalk", "stairs": "sidewalk"}
 KINDS |= {"shared_walkway": "sidewalk", "bicycle_lane": "bicycleLane", "bus_lane": "busLane"}
 """CommonRoad's type of a lanelet by its subtype."""
+PARTICIPANTS = {
+    "vehicle:car": "car",
+    "vehicle:truck": "truck",
+    "vehicle:bus": "bus",
+    "vehicle:motorcycle": "motorcycle",
+    "vehicle:taxi": "taxi",
+    "vehicle:emergency": "priorityVehicle",
+    "bicycle": "bicycle",
+    "pedestrian": "pedestrian",
+}
+"""CommonRoad's user by Lanelet2's participant."""
+PARTICIPANT = "participant:"
+"""Before a participant in the key of a tag that says whether it may use a lanelet."""
+_NO = ("no", "false", "0")
 MPS_OF = {"km/h": 1 / 3.6, "kmh": 1 / 3.6, "mph": 0.44704, "m/s": 1.0, "mps": 1.0, "": 1 / 3.6}
 _PLANE = "+proj=tmerc +lat_0={:.7f} +lon_0={:.7f} +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m +no_defs"
 _SPEED = re.compile(r"\s*(\d{1,3}(?:\.\d{1,3})?)\s*([a-z/]*)\s*")
@@ -67,6 +84,7 @@ class _Lane:
     right: Points
     subtype: str
     speed_mps: float | None
+    users: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -76,6 +94,15 @@ class _Plane:
     positions: Mapping[int, tuple[float, float]]
     projection: str
     degrees: tuple[float, float]
+
+    @cached_property
+    def same(self) -> dict[int, int]:
+        """Node → the first node at its place: some programs write a node anew for every line that ends there."""
+        first: dict[tuple[int, int], int] = {}
+        return {
+            key: first.setdefault((round(x / SAME_PLACE_M), round(y / SAME_PLACE_M)), key)
+            for key, (x, y) in self.positions.items()
+        }
 
 
 def convert_lanelet2(source: Path, target: Path) -> tuple[str, ...]:
@@ -101,7 +128,16 @@ def convert_lanelet2(source: Path, target: Path) -> tuple[str, ...]:
     lanes = [lane for one in wanted if (lane := _lane(one, ways, plane, limits)) is not None]
     if not lanes:
         raise UnsafeInput(f"{source.name} holds no lanelet with two bounds", next_step="use a map with lanelets in it")
+    closed = [lane for lane in lanes if not lane.users]
     lost = _lost(root, relations, wanted, lanes)
+    lanes = [lane for lane in lanes if lane.users]
+    if closed:
+        lost.append(f"{counted(len(closed), 'lanelet')} that no participant may use")
+    if not lanes:
+        raise UnsafeInput(
+            f"no participant may use any lanelet of {source.name} (tags participant:…)",
+            next_step="use a map with open lanelets in it",
+        )
     if len({lane.key for lane in lanes}) < len(lanes) or any(not 0 < lane.key < LARGEST_ID for lane in lanes):
         lanes = [replace(lane, key=number) for number, lane in enumerate(lanes, start=1)]
         lost.append("ids of lanelets that CommonRoad cannot hold: they are numbered anew")
@@ -205,7 +241,28 @@ def _lane(
     posted = own or next((limits[rule] for rule in relation.rules if rule in limits), None)
     subtype = relation.tags.get("subtype", "")
     ways_of = frozenset(relation.left), frozenset(relation.right)
-    return _Lane(relation.key, left, right, *ways_of, left_line, right_line, subtype, posted)
+    users = users_of(relation.tags)
+    left, right = (tuple(plane.same[key] for key in keys) for keys in (left, right))
+    return _Lane(relation.key, left, right, *ways_of, left_line, right_line, subtype, posted, users)
+
+
+def users_of(tags: Mapping[str, str]) -> tuple[str, ...]:
+    """CommonRoad's users of a lanelet with these tags.
+
+    As in Lanelet2's traffic rules: the subtype decides as long as no tag ``participant:…`` is there; otherwise a
+    participant may use the lanelet where the longest tag that fits it says so, and no other may.
+    """
+    overrides = {key.removeprefix(PARTICIPANT): value for key, value in tags.items() if key.startswith(PARTICIPANT)}
+    if not overrides:
+        return (USERS.get(tags.get("subtype", ""), "vehicle"),)
+    allowed = []
+    for participant, user in PARTICIPANTS.items():
+        fitting = [key for key in overrides if participant == key or participant.startswith(f"{key}:")]
+        if fitting and overrides[max(fitting, key=len)].strip().lower() not in _NO:
+            allowed.append(user)
+    vehicles = [user for participant, user in PARTICIPANTS.items() if participant.startswith("vehicle:")]
+    others = [user for user in allowed if user not in vehicles]
+    return ("vehicle", *others) if set(vehicles) <= set(allowed) else tuple(allowed)
 
 
 def _chain(keys: tuple[int, ...], ways: Mapping[int, tuple[int, ...]]) -> tuple[int, ...]:
@@ -349,7 +406,8 @@ def _write(
             key, direction = beside[side]
             etree.SubElement(element, side, {"ref": str(key), "drivingDir": direction})
     _add(element, "laneletType", KINDS.get(lane.subtype, "urban" if lane.subtype == "road" else "unknown"))
-    _add(element, "userOneWay", USERS.get(lane.subtype, "vehicle"))
+    for user in lane.users:
+        _add(element, "userOneWay", user)
     if lane.speed_mps is not None:
         etree.SubElement(element, "trafficSignRef", {"ref": str(signs[lane.speed_mps])})
 

@@ -35,6 +35,8 @@ STEP_S = 0.1
 """Time step of generated scenarios, in which the cycles of a kept map's lights are counted."""
 NOWHERE = GeoReference("+proj=tmerc +lat_0=0 +lon_0=0 +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m +no_defs", (0.0, 0.0))
 """Where a network lies that says nothing of it: about 0° N 0° E, where no country is."""
+_ARTIFICIAL = "ZAM"
+"""CommonRoad's country of networks that lie nowhere; if the file says where it lies, the place decides."""
 _OSM_WORDS = ("openstreetmap", "osm")
 _SHORTEST_STEP_S = 1e-3
 """Chosen: of a file's time step."""
@@ -73,7 +75,8 @@ def read_lanelet_map(path: Path) -> LaneletMap:
         net_path = Path(scratch) / "over_lanelets.net.xml"
         net_path.write_bytes(net)
         roads = read_net_map(net_path)
-    country, place = parse_benchmark_id(loaded.benchmark_id)
+    stated, place = parse_benchmark_id(loaded.benchmark_id)
+    country = None if located and stated == _ARTIFICIAL else stated
     return LaneletMap(
         roads.nodes,
         roads.ways,

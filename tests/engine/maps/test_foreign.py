@@ -1,18 +1,23 @@
 """OpenDRIVE, Lanelet2 and CommonRoad files as maps: what is read, what is told as lost, what is refused."""
 
+import re
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
 import pytest
 from commonroad.common.file_reader import CommonRoadFileReader
+from lxml import etree
 from support.builders import town_road
 from support.foreign_maps import lanelet2_of, straight_road
 
 from plannerforge.engine.commonroad import schema_errors
 from plannerforge.engine.maps import LaneletMap, SiteFinder, cut_lanelets, foreign_format, read_map_file
+from plannerforge.engine.maps.facts import read_map
 from plannerforge.engine.maps.foreign.conversion import convert_roads
+from plannerforge.engine.maps.foreign.lanelet2 import users_of
 from plannerforge.schemas.errors import UnsafeInput
-from plannerforge.schemas.generation import ConvertedMap, ConvertMapRequest
+from plannerforge.schemas.generation import ConvertedMap, ConvertMapRequest, ReadMapRequest
 
 
 def converted(path: Path) -> ConvertedMap:
@@ -133,3 +138,66 @@ def test_a_large_network_is_cut_and_what_refers_to_the_rest_goes(scenario: Path,
     assert first in keys
     assert keys < set(found.network.lanelets)
     assert all(set(lanelet.successor) | set(lanelet.predecessor) <= keys for lanelet in left.lanelets)
+
+
+@pytest.mark.parametrize(
+    ("tags", "users"),
+    [
+        ({"subtype": "road"}, ("vehicle",)),
+        ({"subtype": "road", "participant:vehicle": "no"}, ()),
+        ({"subtype": "road", "participant:vehicle": "yes"}, ("vehicle",)),
+        ({"subtype": "road", "participant:vehicle:bus": "yes"}, ("bus",)),
+        ({"subtype": "road", "participant:vehicle": "yes", "participant:vehicle:truck": "no"}, ("car", "bus")),
+        ({"subtype": "road", "participant:vehicle": "no", "participant:bicycle": "yes"}, ("bicycle",)),
+        ({"subtype": "walkway", "participant:pedestrian": "yes"}, ("pedestrian",)),
+    ],
+)
+def test_participants_of_lanelet2_decide_on_the_users_of_a_lanelet(
+    tags: dict[str, str], users: tuple[str, ...]
+) -> None:
+    found = users_of(tags)
+    assert found[: len(users)] == users if "car" in users else found == users
+    assert "truck" not in found
+
+
+def test_lanelets_follow_where_each_line_has_nodes_of_its_own(tmp_path: Path, scenario: Path) -> None:
+    path = lanelet2_of(scenario, tmp_path / "lanes.osm")
+    root = etree.parse(path).getroot()
+    nodes = {node.get("id"): node for node in root.iterfind("node")}
+    for number, reference in enumerate(root.iterfind("way/nd"), start=900_000):
+        node = deepcopy(nodes[reference.get("ref")])
+        node.set("id", str(number))
+        reference.set("ref", str(number))
+        root.insert(0, node)
+    path.write_bytes(etree.tostring(root))
+    made, known = (CommonRoadFileReader(str(file)).open_lanelet_network() for file in (converted(path).path, scenario))
+    for lanelet in known.lanelets:
+        assert sorted(made.find_lanelet_by_id(lanelet.lanelet_id).successor) == sorted(lanelet.successor)
+
+
+def test_a_lanelet_that_is_closed_to_all_is_no_way(tmp_path: Path, scenario: Path) -> None:
+    path = lanelet2_of(scenario, tmp_path / "lanes.osm")
+    text = path.read_text(encoding="utf-8")
+    tag = '<tag k="subtype" v="road"/>'
+    path.write_text(text.replace(tag, f'{tag}<tag k="participant:vehicle" v="no"/>', 1), encoding="utf-8")
+    told = converted(path)
+    assert any("1 lanelet that no participant may use" in words for words in told.lost)
+    known = CommonRoadFileReader(str(scenario)).open_lanelet_network()
+    assert len(CommonRoadFileReader(told.path).open_lanelet_network().lanelets) == len(known.lanelets) - 1
+
+
+def test_a_lanelet2_map_lies_in_the_country_of_its_position(tmp_path: Path, scenario: Path) -> None:
+    request = ReadMapRequest(path=converted(lanelet2_of(scenario, tmp_path / "lanes.osm")).path, map_id="map_1")
+    assert read_map(request, lambda *_: None).country == "DEU"
+
+
+def test_lanelets_for_bicycles_alone_are_closed_to_cars(tmp_path: Path, scenario: Path) -> None:
+    text = scenario.read_text(encoding="utf-8")
+    first = text.index("</laneletType>") + len("</laneletType>")
+    users = "<userOneWay>bicycle</userOneWay><userOneWay>pedestrian</userOneWay>"
+    end = text.index("</lanelet>", first)
+    inside = re.sub(r"<userOneWay>.*?</userOneWay>", "", text[first:end])
+    scenario.write_text(text[:first] + users + inside + text[end:], encoding="utf-8")
+    lanelets = read_map_file(Path(converted(scenario).path))
+    assert isinstance(lanelets, LaneletMap)
+    assert b'allow="bicycle pedestrian"' in lanelets.net
