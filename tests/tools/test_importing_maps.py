@@ -49,7 +49,7 @@ async def test_a_map_is_taken_by_its_content_whatever_its_name(connect: Connect,
     async with connect() as client:
         for kind in ("auto", "map"):
             answer = await client.call_tool("import_files", {"path": str(folder / "web.osm.xml"), "kind": kind})
-            assert structured(answer)["refused"] == 0
+            assert (answer.structured_content or {})["refused"] == 0
         answer = await client.call_tool("import_files", {"path": str(folder)})
-        assert structured(answer)["refused"] == 0
-        assert {item["kind"] for item in structured(answer)["items"]} == {"map"}
+        assert (answer.structured_content or {})["refused"] == 0
+        assert {item["kind"] for item in (answer.structured_content or {})["items"]} == {"map"}
