@@ -63,7 +63,12 @@ async def _amend_old(call: ToolCall) -> None:
             continue
         request = ReadMapRequest(path=str(map_entry(call, artifact).path), map_id=facts.map_id)
         read = await call.run(READ_MAP, request)
-        names = {"road_names": read.road_names, "areas": read.areas, "facts_version": read.facts_version}
+        names = {
+            "places": tuple(dict.fromkeys((*facts.places[:1], *read.places))),
+            "road_names": read.road_names,
+            "areas": read.areas,
+            "facts_version": read.facts_version,
+        }
         call.workspace.amend("map", artifact.artifact_id, facts.model_copy(update=names))
 
 

@@ -8,6 +8,10 @@
 ``find_pavements``: The pavements of roads within a circle around a point.
 ``read_map``: An operation: the facts of a map file, its place and country among them.
 ``MapEntry``: A map at hand: its facts and its file.
+``Closeness``: How near words must come to what a map shows.
+``file_stem``: A file's name without the endings of maps.
+``names_elsewhere``: The keys of a place, and of what it is called in other languages.
+``settlements_called``: The settlements of the world that have a name, the largest first.
 ``MapMatch``: A map that shows an asked place, with the streets that a site there must carry.
 ``SeenFile``: What became of a file in a map folder: the id of a map, or why it was refused.
 ``SeenFiles``: The files of map folders that were looked at, kept in the database.
@@ -73,20 +77,23 @@ if TYPE_CHECKING:
     from .foreign.net_map import NetMap
     from .index import (
         NOT_SHOWN,
+        Closeness,
         MapEntry,
         MapMatch,
         SeenFile,
         SeenFiles,
         built_in_maps,
+        file_stem,
         find_maps,
         match_fetched,
         place_parts,
     )
     from .map_file import read_map_file, site_finder
+    from .naming.gazetteer import names_elsewhere, settlements_called
+    from .naming.places import country_code, country_name, fold, place_keys
     from .online.fetch import fetch_maps
     from .online.places import locate_place
     from .osm import OsmMap, ground_distance_m, write_as_xml
-    from .places import country_code, country_name, fold, place_keys
     from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, resolve_road_classes
     from .site_roads.cut import cut_map, cut_net
     from .site_roads.jurisdictions import jurisdiction_of

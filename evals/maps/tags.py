@@ -5,7 +5,7 @@ tags, or for which the answer tells that it is not; ``tags_held_right``: of thos
 of tags was written; ``tags_drawn``, ``tags_told`` (not drawn as documented, but told), ``tags_wrong`` (the first ones).
 
 ``limits_right``: share of countries and kinds of road (a street in a town, a road outside, a motorway; none has a
-limit) that get the legal limit of ``legal_limits.tsv``; ``limits_wrong`` names the others.
+limit) that get the legal limit of the country; ``limits_wrong`` names the others.
 
 ``town_over_60``: roads without a limit of the real extracts, in towns by this module's own look at the map, that get
 more than 60 km/h; motorways and trunk roads apart. ``town_roads``: how many were looked at.
@@ -32,7 +32,18 @@ from ..harness import Figures, share
 from .bench import MapsBench
 
 _CASES = Path(__file__).parent / "osm_tags.tsv"
-_LIMITS = Path(__file__).parent / "legal_limits.tsv"
+_LIMITS = """
+AUT 50 100 130 | BEL 50 70 120 | BGR 50 90 140 | HRV 50 90 130 | CZE 50 90 130
+DNK 50 80 130 | FIN 50 80 120 | FRA 50 80 130 | DEU 50 100 130 | GRC 50 90 130
+HUN 50 90 130 | IRL 50 80 120 | ITA 50 90 130 | LTU 50 90 130 | LUX 50 90 130
+NLD 50 80 130 | NOR 50 80 110 | POL 50 90 140 | PRT 50 90 120 | ROU 50 90 130
+SVK 50 90 130 | SVN 50 90 130 | ESP 30 90 120 | SWE 50 70 110 | CHE 50 80 120
+GBR 48 97 113 | RUS 60 90 110 | UKR 50 90 130 | TUR 50 90 120 | ISR 50 80 110
+JPN 60 60 100 | KOR 50 60 100 | CHN 50 70 120 | ZAF 60 100 120 | AUS 50 100 100
+NZL 50 100 100 | ARG 60 110 130 | CHL 50 100 120 | ALB 40 80 110 | BIH 50 80 130
+"""
+"""By country the limits in km/h in towns, outside and on motorways: "Speed limits by country" of Wikipedia
+(https://en.wikipedia.org/wiki/Speed_limits_by_country), and the traffic law of countries that it gives a range for."""
 _LATITUDE, _LONGITUDE, _STEP_M = 48.1, 11.5, 100.0
 _ARMS = {"west": (-1, 0), "east": (1, 0), "south": (0, -1), "north": (0, 1)}
 _SHOWN = 12
@@ -79,13 +90,11 @@ def drawn_cases() -> list[dict[str, str]]:
 
 
 def legal_limits() -> list[dict[str, str]]:
-    """By country, the limits in km/h in towns, outside and on motorways.
-
-    After "Speed limits by country" (https://en.wikipedia.org/wiki/Speed_limits_by_country), and after the country's
-    traffic law where that names states or widths of roads.
-    """
-    with _LIMITS.open(encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream, delimiter="\t"))
+    """The table of limits: ``country``, ``town``, ``rural``, ``motorway``."""
+    rows = _LIMITS.replace("\n", "|").split("|")
+    return [
+        dict(zip(("country", "town", "rural", "motorway"), row.split(), strict=True)) for row in rows if row.strip()
+    ]
 
 
 def judged(case: Mapping[str, str], folder: Path) -> Verdict:

@@ -91,10 +91,9 @@ def lanes_of(tags: Tags, *, lefthand: bool, oneway: int | None = None, default: 
         notes.append("middle_lane")
     if forward.uneven or backward.uneven:
         notes.append("uneven")
-    forward, backward = (
-        _with_bus_lanes(_trimmed(side), _bus_lanes(tags, direction, oneway != 0, lefthand), lefthand=lefthand)
-        for side, direction in ((forward, "forward"), (backward, "backward"))
-    )
+    alone = oneway != 0
+    forward = _with_bus_lanes(_trimmed(forward), _bus_lanes(tags, "forward", alone, lefthand), lefthand=lefthand)
+    backward = _with_bus_lanes(_trimmed(backward), _bus_lanes(tags, "backward", alone, lefthand), lefthand=lefthand)
     lanes = Lanes(oneway, forward, backward, notes=tuple(notes))
     return _with_widths(lanes, tags, total, default)
 

@@ -1,7 +1,7 @@
 """Which country's and which state's law holds at a place, in the codes of ISO 3166."""
 
-from ..places import country_name
-from ..regions import regions_at
+from ..naming.places import country_name
+from ..naming.regions import regions_at
 from ..road_tags.limits import Jurisdiction
 
 _STATES = ("USA", "AUS")
