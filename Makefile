@@ -13,7 +13,7 @@ SEED ?= 1
 
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-edits bench-import-crashes bench-drivable bench-same-bytes \
-	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-places bench-analysis bench-tuning bench-serve bench-loop bench-database bench-peers \
+	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-osm-tags bench-places bench-analysis bench-tuning bench-serve bench-loop bench-database bench-peers \
 	dist requirements bundle starter house chat-page tutorial-page reference docs train-rbfn format clean
 
 help:
@@ -113,6 +113,9 @@ bench-generation: $(DEV_STAMP)
 
 bench-maps: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.maps --workers $(WORKERS)
+
+bench-osm-tags: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.maps --only tags
 
 bench-places: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.maps.places "$(FOLDER)" --workers $(WORKERS)

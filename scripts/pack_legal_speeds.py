@@ -16,6 +16,9 @@ from pathlib import Path
 
 TARGET = Path(__file__).parent.parent / "engine" / "maps" / "road_tags" / "legal_speeds.json.gz"
 KEPT = ("maxspeed", "maxspeed:advisory")
+CORRECTED = {"FI": {"100": "80"}}
+"""Limits of the table that the law has otherwise: Finland's Road Traffic Act (729/2018), section 100: 80 km/h outside
+built-up areas."""
 
 
 def packed(source: dict[str, dict[str, object]]) -> dict[str, object]:
@@ -23,7 +26,8 @@ def packed(source: dict[str, dict[str, object]]) -> dict[str, object]:
     limits: dict[str, list[tuple[str, dict[str, str]]]] = {}
     for code, rules in source["speedLimitsByCountryCode"].items():
         kept = [(rule.get("name", ""), {k: v for k, v in rule["tags"].items() if k in KEPT}) for rule in rules]  # type: ignore[attr-defined]
-        limits[code] = [(name, tags) for name, tags in kept if tags]
+        other = CORRECTED.get(code, {})
+        limits[code] = [(name, {k: other.get(v, v) for k, v in tags.items()}) for name, tags in kept if tags]
     filters = source["roadTypesByName"]
     kinds: dict[str, tuple[str, str]] = {}
     waiting = [name for rules in limits.values() for name, _ in rules if name]

@@ -25,7 +25,7 @@ from ...schemas.text import LONGEST_TEXT, one_line
 from ..commonroad import XmlLimits, scan_xml
 from ..execution import ProgressReporter
 from .road_classes import ALL_ROADS
-from .road_tags.access import closing_tag, in_words, users_of
+from .road_tags.access import closing_tag, in_words, is_for_cars
 from .road_tags.limits import signed_kmh
 from .unpacking import LARGEST_BYTES
 
@@ -82,10 +82,10 @@ class OsmWay:
         """The signed limit in km/h; None where none is signed or it is not a number."""
         return signed_kmh(self.tags)
 
-    @property
+    @cached_property
     def is_for_cars(self) -> bool:
         """Whether its access tags leave it open to cars, in one direction at least."""
-        return "car" in users_of(self.tags)
+        return is_for_cars(self.tags)
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class OsmMap:
 
     def roads(self, classes: frozenset[str] = ALL_ROADS, *, cars_only: bool = True) -> list[OsmWay]:
         """Ways of the given ``highway`` values that cars may use; ``cars_only``: otherwise those closed to them too."""
-        return [way for way in self.ways if way.road_class in classes and (way.is_for_cars or not cars_only)]
+        return [way for way in self.ways if way.road_class in classes and (not cars_only or way.is_for_cars)]
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:

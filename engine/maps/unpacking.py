@@ -7,13 +7,12 @@ Nothing heavy is imported here: the server's process asks.
 
 import bz2
 import gzip
-import io
 import re
 import shutil
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Literal
+from typing import IO, Literal, cast
 
 from ...schemas.errors import UnsafeInput
 
@@ -33,8 +32,6 @@ _ASIDES = {"<?": "?>", "<!--": "-->"}
 """Begins and ends of what may stand before the root element: declarations and comments."""
 _HEAD_BYTES = 16_384
 """That are read to find a document's root element (chosen): it comes after comments, if at all."""
-_OPENERS: dict[bytes, Callable[..., io.BufferedIOBase]] = {b"\x1f\x8b": gzip.GzipFile, b"BZh": bz2.BZ2File}
-"""What unpacks a file, by its first bytes."""
 ForeignFormat = Literal["OpenDRIVE", "CommonRoad", "Lanelet2"]
 _LANELET_VALUE = re.compile(rb"""v\s*=\s*["']lanelet["']""")
 LARGEST_BYTES = 60_000_000
@@ -56,9 +53,8 @@ def unpacked(path: Path, folder: Path, limit_bytes: int = LARGEST_BYTES) -> Path
     if opened is None and (not packed_name or _root_of(path) is not None):
         return path
     target, size = folder / (path.stem if packed_name else path.name), 0
-    opened = opened or gzip.GzipFile
     try:
-        with opened(path, "rb") as source, target.open("wb") as sink:
+        with (opened or _gunzip)(path) as source, target.open("wb") as sink:
             while chunk := source.read(CHUNK_BYTES):
                 size += len(chunk)
                 if size > limit_bytes:
@@ -71,7 +67,19 @@ def unpacked(path: Path, folder: Path, limit_bytes: int = LARGEST_BYTES) -> Path
     return target
 
 
-def _opener(path: Path) -> Callable[..., io.BufferedIOBase] | None:
+def _gunzip(path: Path) -> IO[bytes]:
+    return cast("IO[bytes]", gzip.open(path, "rb"))
+
+
+def _bunzip(path: Path) -> IO[bytes]:
+    return cast("IO[bytes]", bz2.open(path, "rb"))
+
+
+_OPENERS: Mapping[bytes, Callable[[Path], IO[bytes]]] = {b"\x1f\x8b": _gunzip, b"BZh": _bunzip}
+"""What unpacks a file, by its first bytes."""
+
+
+def _opener(path: Path) -> Callable[[Path], IO[bytes]] | None:
     """What unpacks a file; None for one that is not packed."""
     with path.open("rb") as stream:
         head = stream.read(3)
@@ -91,8 +99,8 @@ def root_element(path: Path) -> str | None:
 
 
 def _root_of(path: Path) -> str | None:
-    opened = _opener(path) or open
-    with opened(path, "rb") as stream:
+    opened = _opener(path)
+    with path.open("rb") if opened is None else opened(path) as stream:
         head = stream.read(_HEAD_BYTES)
     encoding = "utf-16" if head[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     text = head.decode(encoding, errors="replace").removeprefix("\ufeff")

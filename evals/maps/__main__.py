@@ -9,6 +9,8 @@ and judges by code apart from the product. The keys that count:
 ``factory``: ``factory_ratio`` (executable scenarios a minute, ours over those of Scenario Factory 2.0).
 ``plan``: ``batch_per_min`` (scenarios of a plan that is killed twice), ``batch_memory_slope_mb`` (for each thousand of
 them), ``coverage_2way`` (share of the pairs that the maps allow).
+``tags`` (``make bench-osm-tags``): ``tags_right`` (share of drawn crossings that are as the tags say, or of which it is
+told that they are not), ``tags_held_right``, ``limits_right`` (of countries and kinds of road), ``town_over_60``.
 ``people``: ``walkers_feasible`` (share of the tracks on ways for them). ``demand``: keys of its own.
 ``formats``: ``opendrive_within_share`` (of points on lanelet bounds, those within 0.1 m in the exported .xodr),
 ``opendrive_max_m``, ``openscenario_same_share`` (recorded poses that the exported .xosc has at the same time).
@@ -29,6 +31,7 @@ PARTS: Parts[MapsBench] = Parts(
     keys={
         "online": ("online_done", "online_refused_right", "faults_survived", "cache_same_bytes"),
         "country": ("country_cut_s", "country_memory_mb"),
+        "tags": ("tags_right", "tags_held_right", "limits_right", "town_over_60"),
         "people": ("walkers_feasible",),
         "demand": (),
         "formats": ("opendrive_within_share", "opendrive_max_m", "openscenario_same_share"),

@@ -63,10 +63,15 @@ def is_open(tags: Tags, user: RoadUser, direction: Direction | None = None, *, o
 
 def users_of(tags: Tags, direction: Direction | None = None) -> frozenset[RoadUser]:
     """The motor vehicles that may use a road (in a direction)."""
-    if not any(key in tags for key in _RULING):
+    if _RULING.isdisjoint(tags):
         return _EVERYBODY
     directions: tuple[Direction | None, ...] = (direction,) if direction else ("forward", "backward")
     return frozenset(user for user in ROAD_USERS if any(is_open(tags, user, way) for way in directions))
+
+
+def is_for_cars(tags: Tags) -> bool:
+    """Whether cars may use a road in one direction at least."""
+    return _RULING.isdisjoint(tags) or is_open(tags, "car", "forward") or is_open(tags, "car", "backward")
 
 
 _EVERYBODY = frozenset(ROAD_USERS)

@@ -77,7 +77,7 @@ def lanes_of(tags: Tags, *, lefthand: bool, oneway: int | None = None, default: 
     """
     oneway = oneway_of(tags) if oneway is None else oneway
     notes = ["reversible"] if tags.get("oneway") == "reversible" else []
-    forward, backward = (_side(tags, direction, oneway, lefthand) for direction in ("forward", "backward"))
+    forward, backward = (_side(tags, direction, oneway) for direction in ("forward", "backward"))
     total = _count(tags, "lanes")
     both_ways = _middle_lanes(tags)
     if oneway == 0:
@@ -91,11 +91,14 @@ def lanes_of(tags: Tags, *, lefthand: bool, oneway: int | None = None, default: 
         notes.append("middle_lane")
     if forward.uneven or backward.uneven:
         notes.append("uneven")
-    lanes = Lanes(oneway, _trimmed(forward), _trimmed(backward), notes=tuple(notes))
+    alone = oneway != 0
+    forward = _with_bus_lanes(_trimmed(forward), _bus_lanes(tags, "forward", alone, lefthand), lefthand=lefthand)
+    backward = _with_bus_lanes(_trimmed(backward), _bus_lanes(tags, "backward", alone, lefthand), lefthand=lefthand)
+    lanes = Lanes(oneway, forward, backward, notes=tuple(notes))
     return _with_widths(lanes, tags, total, default)
 
 
-def _side(tags: Tags, direction: Direction, oneway: int, lefthand: bool) -> Side:
+def _side(tags: Tags, direction: Direction, oneway: int) -> Side:
     """What the tags say of the lanes in one direction; of one that nobody drives nothing."""
     if (oneway > 0 and direction == "backward") or (oneway < 0 and direction == "forward"):
         return Side()
@@ -113,10 +116,6 @@ def _side(tags: Tags, direction: Direction, oneway: int, lefthand: bool) -> Side
     if count is None:
         count = listed or None
     buses = [("bus" in allowed and "car" not in allowed) for allowed in users]
-    if not any(buses) and (number := _bus_lanes(tags, direction, alone, lefthand)) and count:
-        number = min(number, count)
-        buses = [*([True] * number), *([False] * (count - number))]
-        buses = buses if lefthand else buses[::-1]
     uneven = any(len(each) not in (0, count) for each in (turns, users, widths))
     return Side(count, tuple(turns), tuple(buses), tuple(widths), uneven)
 
@@ -165,6 +164,15 @@ def _bus_lanes(tags: Tags, direction: Direction, alone: bool, lefthand: bool) ->
     kerb = "left" if lefthand == (direction == "forward") else "right"
     marked = (tags.get("busway", ""), tags.get("busway:both", ""), tags.get(f"busway:{kerb}", ""))
     return int("lane" in marked)
+
+
+def _with_bus_lanes(side: Side, number: int, *, lefthand: bool) -> Side:
+    """A side with so many lanes for buses at the kerb, unless its lists tell which lanes are theirs."""
+    if not number or not side.count or any(side.buses):
+        return side
+    others = max(side.count - number, 0)
+    buses = [*([False] * others), *([True] * (side.count - others))]
+    return replace(side, buses=tuple(buses[::-1] if lefthand else buses))
 
 
 def _with_widths(lanes: Lanes, tags: Tags, total: int | None, default: int) -> Lanes:

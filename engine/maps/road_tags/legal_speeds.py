@@ -18,6 +18,8 @@ TABLE = Path(__file__).parent / "legal_speeds.json.gz"
 MPH_KMH = 1.609344
 WALK_KMH = 7.0
 """Walking pace: what German courts read it as at most (4 to 7 km/h, OSM's Key:maxspeed)."""
+_FAST_TOWN_KMH = 60.0
+"""A country with more km/h for all roads, and no rule for towns, signs those in towns (chosen; Japan has 60)."""
 Tags = Mapping[str, str]
 _Test = Callable[[Tags, Callable[[str], bool]], bool]
 """Whether tags are of a kind of road; the second argument answers for the other kinds that it is made of."""
@@ -26,7 +28,7 @@ _MULTILANE = frozenset({"motorway", "motorway_link", "trunk", "trunk_link"})
 _MOTORWAYS = frozenset({"motorway", "motorway_link"})
 _INTERSTATE = "US interstate highway"
 """A kind that the table tells by the road's number; every motorway of the USA counts as one."""
-_SLOW_MOTORWAY_KMH = 80.0
+_SLOW_MOTORWAY_KMH = 90.0
 """A country that has no rule for motorways and fewer km/h for other roads signs its motorways (chosen)."""
 
 
@@ -35,7 +37,8 @@ class LegalLimit:
     """A limit in km/h, the kind of road that it holds for, and the code of the country or state whose law it is.
 
     ``is_advice``: the law sets no limit, and this is the speed that it advises. ``states``: how many states or
-    provinces were asked where the law differs among them; the most frequent limit is taken then.
+    provinces were asked where the law differs among them; the most frequent limit is taken then. ``is_default``: it is
+    that of all roads without a rule of their own.
     """
 
     kmh: float
@@ -43,6 +46,7 @@ class LegalLimit:
     code: str
     is_advice: bool = False
     states: int = 1
+    is_default: bool = False
 
 
 class LegalSpeeds:
@@ -69,6 +73,8 @@ class LegalSpeeds:
         found = [limit for code in self._codes(country, states) if (limit := self._of(code, tags, urban=urban))]
         if tags.get("highway") in _MOTORWAYS:
             found = [limit for limit in found if limit.kmh >= _SLOW_MOTORWAY_KMH or "motorway" in limit.kind]
+        elif urban and tags.get("highway") not in _MULTILANE:
+            found = [limit for limit in found if limit.kmh <= _FAST_TOWN_KMH or not limit.is_default]
         if not found:
             return None
         counts = Counter(limit.kmh for limit in found)
@@ -120,7 +126,8 @@ class LegalSpeeds:
             kmh = speed_kmh(speeds.get("maxspeed", "")) or speed_kmh(advice)
             if kmh is not None:
                 is_advice = "maxspeed" not in speeds
-                return LegalLimit(round(kmh, 1), name or ("urban" if urban else "rural"), code, is_advice)
+                kind = name or ("urban" if urban else "rural")
+                return LegalLimit(round(kmh, 1), kind, code, is_advice, is_default=not name)
         return None
 
 

@@ -64,7 +64,7 @@ def test_as_many_as_found_room_can_be_asked_for(shared_data: Path, tmp_path: Pat
     path = shared_data / "data" / "osm" / "planet_10.068_48.135_10.071_48.137.osm"
     small = {"map_path": str(path), "country": "DEU", "duration_s": 20.0, "seed": 0}
     with pytest.raises(NotPossible) as caught:
-        make("Fahrhausen", tmp_path, vehicles=[VehicleDemand(vehicle_class="bus", least=18)], **small)
+        make("Fahrhausen", tmp_path, vehicles=[VehicleDemand(vehicle_class="bus", least=20)], **small)
     room = int(str(caught.value.valid[0]).removeprefix("bus="))
     made = make("Fahrhausen", tmp_path, vehicles=[VehicleDemand(vehicle_class="bus", least=room)], **small)
     assert made.classes_realised["bus"] == room
