@@ -79,7 +79,7 @@ def test_who_is_told_to_run_a_red_light_crosses_it_while_it_is_red(apply: Apply)
     assert [report.verdict for report in applied.outcome.edits] == ["done", "done"]
 
 
-def test_a_mirrored_scene_drives_on_the_other_side_and_is_itself_when_mirrored_twice(apply: Apply) -> None:
+def test_a_scene_that_is_mirrored_twice_is_itself_again(apply: Apply) -> None:
     once = apply({"op": "mirror"}, builder=ROAD)
     assert once.tracks()[33].positions[0] == pytest.approx([60.0, -3.5])
     lanelet = read_scenario(once.xml).scenario.lanelet_network.find_lanelet_by_id(1)
