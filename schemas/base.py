@@ -236,3 +236,10 @@ _KINDS = {
 _FORMATS = {"path": "a path", "uri": "an address (URL)", "date-time": "a date and a time"}
 _SIZES = {"array": ("minItems", "maxItems", "element"), "string": ("minLength", "maxLength", "character")}
 _BOUNDS = (("minimum", "from"), ("exclusiveMinimum", "above"), ("maximum", "to"), ("exclusiveMaximum", "below"))
+
+
+DRIVEN_OTHERWISE = (
+    "modify_scenario with set_ego and vehicle_class=truck, or configure_planner with vehicle=4, which drives the "
+    "tractor alone"
+)
+"""What to do about an ego that no planner drives, as a vehicle with a trailer."""

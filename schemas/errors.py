@@ -242,9 +242,19 @@ def as_told(raised: Exception, what: str) -> PlannerForgeError:
             )
         if isinstance(leaf, sqlite3.OperationalError):
             return ResourceFailure(f"the workspace database cannot be used: {leaf}", next_step="free disk space")
+        if isinstance(leaf, RuntimeError) and str(leaf) == _NO_THREAD:
+            return ResourceFailure(
+                "the operating system starts no more threads for the server: its memory, or the number of its "
+                "processes, is at the limit",
+                next_step="call again when less is under way, or raise server_memory_mb or the limit of processes",
+            )
         if isinstance(leaf, MemoryError):
             return ResourceFailure("the memory of the server was not enough", next_step="ask for less at once")
     return UnexpectedFailure(what, "".join(traceback.format_exception(raised)))
+
+
+_NO_THREAD = "can't start new thread"
+"""What Python says if a thread cannot be started; the error has no class of its own."""
 
 
 def _leaves(raised: Exception) -> list[Exception]:

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 from pydantic import Field
 
-from .base import Answer, Arguments, Model, Result, first_of
+from .base import DRIVEN_OTHERWISE, Answer, Arguments, Model, Result, first_of
 from .jobs import JobState
 from .maps import Box, MapServices, NamedPlace
 from .text import counted
@@ -52,7 +52,7 @@ class PlaceArea(Model):
     radius_m: float
 
 
-MAP_FACTS_VERSION = 2
+MAP_FACTS_VERSION = 3
 """Raised when more is read of a map than before: what a workspace keeps of a map is then read anew."""
 
 
@@ -579,6 +579,7 @@ class ScenarioSummary(Model):
     feasible_share: float = Field(description="share of the recorded tracks that a vehicle can drive, from 0 to 1")
     checks_passed: list[str] = Field(description="checks that it passes")
     checks_failed: list[str] = Field(description="checks that it does not pass")
+    planners_refuse: str = Field("", description="why the built-in planners refuse this ego; empty if they drive it")
     trial_run: str = Field("", description="outcome of the default planner, where asked")
     notes: list[str]
 
@@ -610,8 +611,11 @@ class ScenarioSummary(Model):
                 f"{self.ego[0].upper()}{self.ego[1:]}; goal {self.goal}.",
             ],
             figures=[f"Traffic: {self.density}.", *(f"Note: {note}" for note in (*remarks, *notes))],
-            warnings=[f"failed checks: {', '.join(self.checks_failed)}"] if self.checks_failed else (),
-            next_step="run_planner",
+            warnings=[
+                *([self.planners_refuse] if self.planners_refuse else []),
+                *([f"failed checks: {', '.join(self.checks_failed)}"] if self.checks_failed else []),
+            ],
+            next_step=DRIVEN_OTHERWISE if self.planners_refuse else "run_planner",
         )
 
     def line(self) -> str:
@@ -619,7 +623,8 @@ class ScenarioSummary(Model):
         failed = f"; FAILED: {', '.join(self.checks_failed)}" if self.checks_failed else ""
         tried = f"; trial run: {self.trial_run}" if self.trial_run else ""
         made = f"- {self.scenario_id}{' (made before)' if self.reused else ''}"
-        return f"{made}: {self.where}; {self.recorded_s:g} s, {self.traffic}; {self.density}{tried}{failed}"
+        refused = f"; {self.planners_refuse}" if self.planners_refuse else ""
+        return f"{made}: {self.where}; {self.recorded_s:g} s, {self.traffic}; {self.density}{tried}{failed}{refused}"
 
 
 class PlanRecord(Model):
@@ -735,5 +740,10 @@ class GenerateScenariosResult(Result):
         return Answer(
             headline=f"{counted(len(self.scenarios), 'scenario')} made:",
             listed=[*shown, *rest, *notes, source],
-            next_step=f"run_planner with scenarios {[made.scenario_id for made in self.scenarios[:2]]} and so on",
+            next_step=self._following(),
         )
+
+    def _following(self) -> str:
+        """Return the next call: a run of those that the built-in planners drive."""
+        driven = [made.scenario_id for made in self.scenarios if not made.planners_refuse]
+        return f"run_planner with scenarios {driven[:2]} and so on" if driven else DRIVEN_OTHERWISE

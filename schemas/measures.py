@@ -392,10 +392,10 @@ MEASURES: tuple[Measure, ...] = (
         "progress",
         "1",
         "higher",
-        "the share of the path to the goal that the ego came along: 1 at the goal",
+        "the share of the path to the goal that the ego came along: 1 only in the goal",
         "station of the farthest state ÷ station where the goal begins, on the path of lanelets that planners are "
-        "given, "
-        "both from the start",
+        "given, both from the start; of an ego that passed next to the goal: 1 − distance from its nearest state to "
+        "the goal ÷ that station",
         "",
         "0 to 1",
         "the goal has no place, or its path is not known",

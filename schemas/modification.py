@@ -8,7 +8,7 @@ from typing import Final, Literal, NamedTuple, TypeVar
 
 from pydantic import Field
 
-from .base import Answer, Arguments, Model, Result, first_of
+from .base import DRIVEN_OTHERWISE, Answer, Arguments, Model, Result, first_of
 from .text import counted
 
 EditOperation = Literal[
@@ -323,6 +323,7 @@ class ModificationOutcome(Model):
     checked_by: CheckedBy = "closed_form"
     checkers_agree: int | None = Field(None, description="touched motions that both checks judge alike")
     untouched: int = Field(0, description="vehicles that stay exactly as recorded")
+    planners_refuse: str = ""
     warnings: tuple[str, ...] = ()
 
     @property
@@ -358,6 +359,7 @@ class ModifyScenarioResult(Result):
         description="motions on which closed form and drivability checker agree; null where only one was asked"
     )
     untouched: int = Field(description="vehicles that are exactly as recorded")
+    planners_refuse: str = Field("", description="why the built-in planners refuse this ego; empty if they drive it")
     warnings: tuple[str, ...] = Field(description="what needs an act, a sentence each")
 
     def answer(self) -> Answer:
@@ -375,7 +377,10 @@ class ModifyScenarioResult(Result):
             )
         ]
         warnings = [*collisions, *infeasible[:_MOST_INFEASIBLE], *self._told(self.warnings, _NOTES_CHARACTERS)]
-        following = "run_planner" if self.scenario_id else "the same without dry_run"
+        refusal = [self.planners_refuse] if self.planners_refuse else []
+        warnings = [*refusal, *warnings]
+        ready = DRIVEN_OTHERWISE if refusal else "run_planner"
+        following = ready if self.scenario_id else "the same without dry_run"
         advice = next((route.advice for edit in self.edits for route in edit.routes if route.advice), following)
         return Answer(
             headline=f"{head}: {_verdicts(self.edits)}.",

@@ -8,6 +8,7 @@ from pydantic import Field
 from .base import Answer, Arguments, Model, Result
 from .measures import MeasuredValue, MeasureSpread, measure_named, metric_words
 from .runs import (
+    REFERENCE_DRIVERS_DO,
     Contact,
     ContactKind,
     LaidTo,
@@ -45,7 +46,8 @@ class ConfigWeights(Model):
     """The cost weights of a planner configuration, and its settings that have values other than the default.
 
     ``default_weights``: those of the planner's first preset; None where it is not to be had here any more.
-    ``parameters``: names among the weights that are no factors on cost terms, as a planner of others declares them.
+    ``parameters``: names among the weights that are no factors on cost terms, such as hard limits.
+    ``terms``: recorded cost terms by the weight that they hold, if its name is another.
     """
 
     config_id: str
@@ -55,10 +57,13 @@ class ConfigWeights(Model):
     settings: dict[str, float] = Field(default_factory=dict)
     default_weights: dict[str, float] | None = Field(default_factory=dict)
     parameters: tuple[str, ...] = ()
+    terms: dict[str, str] = Field(default_factory=dict)
 
 
 class Rate(Model):
-    """A share of ``count`` among ``of`` with its 95 % interval; all three None where ``of`` is 0.
+    """A share of ``count`` among ``of`` with its 95 % interval.
+
+    All three are None if ``of`` is 0, or if the runs were chosen by how they ended, which makes it no rate.
 
     ``scenarios``: how many there are behind the runs; the interval counts these (docs/statistics.md). None: it counts
     the runs.
@@ -98,12 +103,20 @@ class InvalidItem(Model):
 
 
 class Group(Model):
-    """One value of a breakdown."""
+    """One value of a breakdown; of several configurations each has its own figures, which are never pooled unasked."""
 
     name: str = Field(description="the value")
     success: Rate = Field(description="its share of valid runs that reached the goal")
     outcomes: dict[str, int] = Field(description="its runs by how they ended")
     invalid: int = Field(description="its runs that could not be attempted")
+    failed_runs: dict[str, tuple[str, ...]] = Field(
+        default_factory=dict, description="ids of failed runs by how they ended, at most five each"
+    )
+    valid_count: int = Field(0, description="its runs that could be attempted")
+    metrics: "tuple[MetricSummary, ...]" = Field((), description="of a configuration: metrics over its valid runs")
+    causes: "CollisionCauses | None" = Field(None, description="of a configuration: who hit whom")
+    trivial: "TrivialGoals | None" = Field(None, description="of a configuration: goals that asked for no driving")
+    beyond_vehicle: "BeyondVehicle | None" = Field(None, description="of a configuration: runs beyond the vehicle")
 
 
 class MetricSummary(Model):
@@ -277,8 +290,9 @@ class CollisionCauses(Model):
         if self.is_sample:
             count = f"{self.unpreventable_share.in_words()}{some}"
             without = f"; without such ones goal about {_estimate(left)}" if without and left is not None else ""
-        made = " (without those that the ego made)" if "ego" in self.laid_to else ""
-        none = f"; no reference driver prevents {count}{made}" if self.judged else ""
+        made = "; those that the ego caused are not among them" if "ego" in self.laid_to else ""
+        drivers = f" ({REFERENCE_DRIVERS_DO}, from the moment before or from the start{made})"
+        none = f"; no reference driver prevents {count}{drivers if self.not_preventable else ''}" if self.judged else ""
         laid = ", ".join(f"{cause} {count}" for cause, count in self.laid_to.items())
         told = f"{kinds}{f'; laid to {laid}' if laid else ''}{none}{without}."
         sample = f"Of {self.collisions} collisions a random {self.looked_at} were looked at: " if self.is_sample else ""
@@ -402,6 +416,9 @@ class AnalyzeResultsArguments(Arguments):
     detail: AnalysisDetail = "summary"
     """Which section is shown beside the summary."""
     trial: bool = Field(False, description="run suggested changes on failing and passing runs")
+    limit: int = Field(30, ge=1, le=50, description="runs of detail=rows")
+    offset: int = Field(0, ge=0)
+    """Runs of ``detail=rows`` to pass over."""
 
 
 class AnalyseRequest(Model):
@@ -416,6 +433,8 @@ class AnalyseRequest(Model):
     breakdown: Breakdown = "none"
     where: tuple[str, ...] = ()
     detail: AnalysisDetail = "summary"
+    limit: int = 30
+    offset: int = 0
 
 
 class UndefinedMetric(Model):
@@ -433,21 +452,28 @@ class AnalyzeResultsResult(Result):
     detail: AnalysisDetail = Field("summary", description="the section that is shown beside the summary")
     valid_count: int = Field(0, description="runs that could be attempted")
     success: Rate | None = Field(
-        description="share of valid runs that reached the goal; null over several configurations, which `groups` holds"
+        description="share of valid runs that reached the goal; null over several configurations, which `groups` "
+        "holds, and of runs chosen by outcome"
     )
+    chosen_by_outcome: tuple[str, ...] = Field((), description="conditions on how runs ended: no rate is stated then")
     by_any_motion: Rate | None = Field(
         None, description="the same by the paper's rule, refused motions included; null if none was refused"
     )
-    outcomes: tuple[OutcomeShare, ...] = Field(description="valid runs by how they ended")
+    outcomes: tuple[OutcomeShare, ...] = Field(
+        description="valid runs by how they ended; empty over several configurations, which `groups` holds"
+    )
     invalid: tuple[InvalidItem, ...] = Field((), description="at most ten; invalid_count has them all")
     invalid_count: int = Field(0, description="runs that could not be attempted")
     groups: tuple[Group, ...] = Field((), description="the same by what was asked for with `breakdown`")
-    metrics: tuple[MetricSummary, ...] = Field((), description="metrics over the runs in which they are defined")
+    metrics: tuple[MetricSummary, ...] = Field(
+        (), description="metrics over the runs in which they are defined; empty over several configurations"
+    )
     undefined: tuple[UndefinedMetric, ...] = Field((), description="metrics that no run has")
     costs: tuple[CostShare, ...] = Field((), description="what the planners' cost was made of")
     correlations: tuple[Correlation, ...] = Field((), description="features of scenarios that go with success")
     findings: tuple[Finding, ...] = Field((), description="what is conspicuous, with its evidence")
-    rows: tuple[RunRow, ...] = Field((), description="each run in a line")
+    rows: tuple[RunRow, ...] = Field((), description="each run in a line, of one page")
+    next_offset: int | None = Field(None, description="offset of the next page of `rows`; null on the last one")
     timeline: tuple[TimelineStep, ...] = Field((), description="of a single run, its moments")
     timeline_of: Literal["end", "moment", "window"] = Field("end", description="window: that of where=time_s=…")
     review: RunReview | None = None
@@ -474,7 +500,7 @@ _LARGEST = {
     "lateral acceleration": "maximum_lateral_acceleration_mps2",
 }
 """Metrics that stand among the largest motions, by their names there."""
-_SHOWN_FINDINGS, _SHOWN_EXCESSES, _SHOWN_INVALID, _SHOWN_RULES = 2, 2, 2, 3
+_SHOWN_FINDINGS, _SHOWN_EXCESSES, _SHOWN_INVALID, _SHOWN_RULES, _SHOWN_GROUPS = 2, 2, 2, 3, 2
 """Entries of the brief answer (chosen)."""
 
 
@@ -564,12 +590,14 @@ def _main_cost(result: AnalyzeResultsResult) -> list[str]:
 
 def _several_runs(result: AnalyzeResultsResult) -> Answer:
     goal = "by configuration" if result.success is None else f"goal {result.success.in_words()}"
+    if result.chosen_by_outcome:
+        goal = f"chosen by {' and '.join(result.chosen_by_outcome)}, so that no rate of goals is one of the planner"
     head = f"{result.runs} runs ({result.valid_count} valid, {result.invalid_count} invalid): {goal}"
     figures = _by_any_motion(result) + _failures(result)
-    told = (result.causes, result.trivial, result.beyond_vehicle)
-    figures += [part.in_words() for part in told if part is not None]
-    if result.detail == "summary":
-        figures += _metrics(result)
+    if result.success is not None or result.outcomes:
+        told = (result.causes, result.trivial, result.beyond_vehicle)
+        figures += [part.in_words() for part in told if part is not None]
+        figures += _metrics(result.metrics, result.valid_count, result.undefined)
     listed = [*_rows(result), *_spreads(result.spreads), *_groups(result), *_rules(result)]
     if result.detail == "costs":
         listed += _costs(result)
@@ -647,32 +675,44 @@ def _finding_text(finding: Finding) -> str:
         parts.append(f"Suggest: {change.direction} {change.weight} of {change.config_id} ({change.why}; {tried}).")
     if finding.next_step:
         parts.append(f"See {finding.next_step}.")
-    parts.append(f"Runs: {_listed(finding.run_ids, 2, finding.run_count)}")
+    times = {moment.run_id: moment.time_s for moment in reversed(finding.moments)}
+    ids = (f"{run_id} ({times[run_id]:.1f} s)" if run_id in times else run_id for run_id in finding.run_ids)
+    parts.append(f"Runs: {_listed(ids, 2, finding.run_count)}")
     return " ".join(parts)
 
 
 def _groups(result: AnalyzeResultsResult) -> list[str]:
-    def line(name: str, rate: Rate, outcomes: dict[str, int], invalid: int) -> str:
-        failures = ", ".join(f"{key} {count}" for key, count in outcomes.items() if key != "goal_reached")
-        parts = [f"- {name}: goal {rate.in_words()}", failures, f"invalid {invalid}" if invalid else ""]
-        return "; ".join(part for part in parts if part)
+    def line(group: Group) -> str:
+        failures = ", ".join(
+            f"{key} {count}" + (f" ({_listed(group.failed_runs[key], 1, count)})" if key in group.failed_runs else "")
+            for key, count in group.outcomes.items()
+            if key != "goal_reached"
+        )
+        invalid = f"invalid {group.invalid}" if group.invalid else ""
+        goal = f"{group.valid_count} valid runs" if result.chosen_by_outcome else f"goal {group.success.in_words()}"
+        return "; ".join(part for part in (f"- {group.name}: {goal}", failures, invalid) if part)
 
-    lines = [line(group.name, group.success, group.outcomes, group.invalid) for group in result.groups]
+    lines = [line(group) for group in result.groups]
+    for group in result.groups[:_SHOWN_GROUPS]:
+        told = (group.causes, group.trivial, group.beyond_vehicle)
+        apart = [*(part.in_words() for part in told if part), *_metrics(group.metrics, group.valid_count, ())]
+        lines += [f"- {group.name}: {part}" for part in apart]
+    if len(result.groups) > _SHOWN_GROUPS and any(group.metrics for group in result.groups):
+        lines.append(f"- the figures of {len(result.groups) - _SHOWN_GROUPS} more: where=['config=cfg_…']")
     return ["By group:", *lines] if lines else []
 
 
-def _metrics(result: AnalyzeResultsResult) -> list[str]:
+def _metrics(metrics: Sequence[MetricSummary], valid: int, undefined: Sequence[UndefinedMetric]) -> list[str]:
     """Median and range of every metric; one figure where all runs have it, the range alone where there are two."""
-    if not result.metrics:
+    if not metrics:
         return []
-    valid = result.valid_count
     parts = []
-    for item in result.metrics:
+    for item in metrics:
         low, high, middle = measured(item.lowest), measured(item.highest), measured(item.median)
         text = middle if low == high else f"{low}–{high}" if item.n == 2 else f"{middle} ({low}–{high})"
         some = "" if item.n == valid else f" in {item.n} runs"
         parts.append(f"{metric_words(item.name)} {with_unit(text, item.unit)}{some}")
-    parts += [f"{metric_words(item.name)} none: {item.why}" for item in result.undefined]
+    parts += [f"{metric_words(item.name)} none: {item.why}" for item in undefined]
     return [f"{'Median (range)' if valid > 2 else 'Range'} over {valid} valid runs: {'; '.join(parts)}."]
 
 
@@ -731,7 +771,12 @@ def _rows(result: AnalyzeResultsResult) -> list[str]:
         f"{figure(row.duration_s)} s, gap {measured(row.minimum_distance_m)} m"
         for row in result.rows
     ]
-    return ["The hardest first: failed runs, then by risk score, time and distance to a collision:", *lines]
+    more = (
+        []
+        if result.next_offset is None
+        else [f"… {result.runs - result.next_offset} more: offset={result.next_offset}"]
+    )
+    return ["The hardest first: failed runs, then by risk score, time and distance to a collision:", *lines, *more]
 
 
 def _timeline(result: AnalyzeResultsResult) -> list[str]:

@@ -271,6 +271,9 @@ class RunRecord(Model):
     uses_prediction: bool | None = Field(
         None, description="whether the planner plans on predictions of others; null: it did not say"
     )
+    imported: bool = Field(
+        False, exclude_if=lambda imported: not imported, description="it came in an archive, whose maker vouches for it"
+    )
 
 
 ContactKind = Literal[
@@ -291,14 +294,25 @@ BodySide = Literal["front", "rear", "left", "right"]
 """A side of a road user, as its driver sees it."""
 RelativeHeading = Literal["same", "oncoming", "crossing"]
 """How another heads, seen from the ego: within 45° of it, within 45° of against it, or between."""
+SeenCourse = Literal["same", "oncoming", "crossing", "standing"]
+"""The course of another, seen from the ego; ``standing``: it does not move, and heads another way than the ego."""
 
 
-ReferenceDriverName = Literal["full_braking", "r157_careful", "fsm", "rss", "keep_lane", "evading"]
+DriverModelName = Literal["full_braking", "r157_careful", "fsm", "rss", "keep_lane"]
+"""Reference drivers that are models of a driver, and planners of the same name."""
+ReferenceDriverName = Literal[DriverModelName, "evading"]
 """Drivers in the ego's place: full braking, UN R157's careful and fuzzy ones, RSS, one that keeps lane and speed, and
 one that steers aside by a lane's width (``docs/reference_drivers.md``)."""
 DriverStart = Literal["before_contact", "start"]
 """What a driver does until it reacts: it follows the ego's own motion up to the contact, or it keeps the lane and the
 speed of the start."""
+
+
+REFERENCE_DRIVERS_DO = (
+    "full braking at once, or UN R157's careful and fuzzy drivers or RSS, which keep the ego's speed until they see a "
+    "danger"
+)
+"""The drivers of a verdict and what they do, for each statement that no driver prevents a collision."""
 
 
 class DriverVerdict(Model):
@@ -357,14 +371,15 @@ class Prevention(Model):
         """Return which drivers prevent it from which start, and until when."""
         until = self.by_steering_until_s
         aside = "" if until is None else f"; steering aside until {until:.1f} s does"
-        names = "full braking, UN R157's careful and fuzzy drivers, RSS"
         if not self.possible:
-            return f"no reference driver prevents it ({names}){aside}"
+            starts = " or from the start" if self.drivers else ""
+            return f"from the moment before it{starts} no reference driver prevents it ({REFERENCE_DRIVERS_DO}){aside}"
         prevents = [] if self.by_braking_until_s is None else [f"full braking until {self.by_braking_until_s:.1f} s"]
         prevents += [] if until is None else [f"steering aside until {until:.1f} s"]
         prevents += self._drivers(prevents=True)
         if self.by_braking_until_s is None and not self._drivers(prevents=True):
-            return f"from the moment before it no reference driver prevents it ({names}){aside}{self._start_in_words()}"
+            none = f"from the moment before it no reference driver prevents it ({REFERENCE_DRIVERS_DO}){aside}"
+            return f"{none}{self._start_in_words()}"
         others = [*self._drivers(prevents=False), *(["steering"] if self.steering_tried and until is None else [])]
         without = f", not by {_listed(others, 'or')}" if others else ""
         return f"preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"
@@ -631,7 +646,7 @@ class Encounter(Model):
     obstacle_class: str
     gap_m: float = Field(description="distance between the two")
     side: BodySide
-    direction: RelativeHeading = Field(description="course of the other, seen from the ego")
+    direction: SeenCourse = Field(description="course of the other, seen from the ego")
     ego_speed_mps: float = Field(description="speed of the ego")
     other_speed_mps: float = Field(description="speed of the other")
     time_to_collision_s: float | None
@@ -643,7 +658,7 @@ class Encounter(Model):
 
     @property
     def place(self) -> str:
-        """``ahead``, ``behind``, ``on the left``, ``oncoming on the right``."""
+        """``ahead``, ``behind``, ``on the left``, ``oncoming on the right``, ``standing on the right``."""
         where = {"front": "ahead", "rear": "behind", "left": "on the left", "right": "on the right"}[self.side]
         return where if self.direction == "same" else f"{self.direction} {where}"
 

@@ -58,7 +58,7 @@ class Polygon(Line):
 
 
 class PlannedStates(CommandTrajectory):
-    """A planned trajectory: one state for each time step, the present first; the lists have the same length."""
+    """A planned trajectory: one state for each time step, from the present one on. All lists have the same length."""
 
     x_m: tuple[float, ...] = Field(max_length=MOST_STATES)
     y_m: tuple[float, ...] = Field(max_length=MOST_STATES)

@@ -39,19 +39,20 @@ from .. import __version__
 from ..engine.execution import CallThreads
 from ..prompts.catalog import listed_prompts, prompt_text, workspace_facts
 from ..resources.apps import PAGES, pages
-from ..schemas.errors import PlannerForgeError, UnknownName, closest
+from ..schemas.errors import PlannerForgeError, ResourceFailure, UnknownName, closest
 from ..schemas.text import quoted
 from ..tools.call import Services, ToolCall
 from ..tools.registry import ToolSpec, only_reading
 from .asking import Asker, PacedProgress, question_result
 from .clients import ClientIdentity, ClientMemories, client_of
-from .messages import ReadableMessages, standard_input
 from .news import WorkspaceNews
 from .observing.journal import Journal
 from .observing.logs import EndedCall, log_call, named_call, outcome_of
 from .reading import PAGE, ResourceReading, page_of
+from .stdio.messages import ReadableMessages
+from .stdio.streams import standard_streams
 from .tasks import Tasks
-from .tool_calls import InputNeeded, answer
+from .tool_calls import InputNeeded, answer, refusal
 from .tool_schema import described_tool, server_icons
 
 logger = logging.getLogger(__name__)
@@ -66,8 +67,8 @@ words and units on; a refusal names what is valid and the next call. Figures in 
 their ids, and never invent ids or numbers."""
 MOST_EVENT_BYTES = 700_000
 """Of all pictures of an answer by HTTP: clients built on the SDK take no event of more than 1 MiB, in base64."""
-_MOST_CALLS = 32
-"""Calls that are carried out at once; others wait for their turn. Chosen: clients send a few, and each has a thread."""
+MOST_CALLS = 32
+"""Calls that are carried out at once; others wait for their turn. Clients send a few, and each has a thread."""
 _Entry = TypeVar("_Entry")
 OnEnd = Callable[[EndedCall], None]
 """Is told of each call that has ended."""
@@ -84,6 +85,7 @@ class PlannerForgeServer(MCPServer[Services]):
         threads: CallThreads,
         journal: Journal | None,
         on_end: Sequence[OnEnd] = (log_call,),
+        most_calls: int = MOST_CALLS,
     ) -> None:
         self._opened: Services | None = None
 
@@ -122,12 +124,12 @@ class PlannerForgeServer(MCPServer[Services]):
         self._on_end = on_end
         self._resources = ResourceReading(tools, threads, self._news)
         self._resources.serve_on(self._lowlevel_server)
-        self._at_once = anyio.Semaphore(_MOST_CALLS)
+        self._at_once = anyio.Semaphore(most_calls)
 
     async def run_stdio_async(self) -> None:
         """Serve one client on standard input and output."""
-        with standard_input() as lines:
-            async with stdio_server(stdin=lines) as (incoming, outgoing):
+        with standard_streams() as (lines, answers):
+            async with stdio_server(lines, answers) as (incoming, outgoing):
                 options = self._lowlevel_server.create_initialization_options()
                 await self._lowlevel_server.run(ReadableMessages(incoming, outgoing), outgoing, options)
 
@@ -247,7 +249,7 @@ class PlannerForgeServer(MCPServer[Services]):
             with named_call(spec.name, client.name) as names:
                 outcome = "cancelled"
                 try:
-                    result = await self._threads.run(answer, spec, arguments, call)
+                    result = await self._answered(spec, arguments, call)
                     outcome = outcome_of(result)
                 except InputNeeded:
                     outcome = "asks"
@@ -270,6 +272,13 @@ class PlannerForgeServer(MCPServer[Services]):
                 result=result,
             )
         return result
+
+    async def _answered(self, spec: ToolSpec, arguments: Mapping[str, Any], call: ToolCall) -> CallToolResult:
+        """Answer in a thread of the call's own; if no thread can be had, the answer says so."""
+        try:
+            return await self._threads.run(answer, spec, arguments, call)
+        except ResourceFailure as error:
+            return refusal(error)
 
     async def list_resource_templates(self) -> list[ResourceTemplate]:
         """Where everything can be read that tools link to."""

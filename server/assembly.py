@@ -1,7 +1,7 @@
 """Puts a server together from its settings."""
 
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -23,10 +23,10 @@ from ..engine.execution import (
 from ..engine.planners import programs_named
 from ..engine.workspace import Quota, Workspace, make_private
 from ..schemas.catalog import BuildIndexRequest
-from ..schemas.errors import NotPossible, PlannerForgeError
+from ..schemas.errors import NotPossible, PlannerForgeError, as_told
 from ..tools.call import INDEX_FOLDER, Services
 from ..tools.registry import TOOLS, ToolSpec, only_reading
-from .application import OnEnd, PlannerForgeServer
+from .application import MOST_CALLS, OnEnd, PlannerForgeServer
 from .observing.journal import JOURNAL, Journal
 from .observing.logs import log_call, log_to_stderr
 from .settings import Settings
@@ -35,6 +35,9 @@ if TYPE_CHECKING:
     from .observing.telemetry import Telemetry
 
 logger = logging.getLogger(__name__)
+_SERVER_MB, _CALL_MB = 128, 16
+"""Data memory of a server at rest (80 to 115 MB) and of a call: its thread, and an answer of some megabytes in its
+forms. Measured: 44 calls sent at once to a server of 256 MB, and two jobs, end with 222 MB in use."""
 _WARM_UP_DELAY_S = 1.0
 """The first answers come before the first worker: both want the same cores."""
 
@@ -69,13 +72,30 @@ def create_server(
             with anyio.CancelScope(shield=True):
                 async with anyio.create_task_group() as tasks:  # at once: a client waits two seconds, then it kills
                     for end in ends:
-                        tasks.start_soon(anyio.to_thread.run_sync, end)
+                        tasks.start_soon(_ended, end)
 
     heaps = HeapsGivenBack()
     on_end: list[OnEnd] = [log_call, lambda _: heaps.after_work()]
     if telemetry is not None:
         on_end.append(telemetry.call_ended)
-    return PlannerForgeServer((*offered_tools(settings), *beside), services, threads, journal, on_end)
+    tools, most_calls = (*offered_tools(settings), *beside), calls_within(settings.server_memory_mb)
+    return PlannerForgeServer(tools, services, threads, journal, on_end, most_calls)
+
+
+def calls_within(memory_mb: int) -> int:
+    """Return how many calls this data memory of the server's process suffices for at once; 0 is no bound.
+
+    Native libraries end the process if they get no memory, so calls wait for their turn instead.
+    """
+    return max(1, min(MOST_CALLS, (memory_mb - _SERVER_MB) // _CALL_MB)) if memory_mb else MOST_CALLS
+
+
+async def _ended(end: Callable[[], None]) -> None:
+    """End a part of the server in a thread, or here if no thread can be started."""
+    try:
+        await anyio.to_thread.run_sync(end)
+    except RuntimeError:
+        end()
 
 
 def _telemetry_of(settings: Settings) -> "Telemetry | None":
@@ -111,7 +131,7 @@ async def open_services(
             jobs = JobRunner(store, tasks, telemetry.jobs_apart(run_apart, store) if telemetry else run_apart)
             claims = Claims(workspace.database)
             if settings.warm_up:
-                tasks.start_soon(warm_up, workers, workspace, threads, settings.embedding_model)
+                tasks.start_soon(_warmed_up, workers, workspace, threads, settings.embedding_model)
             yield Services(
                 workspace,
                 telemetry.watched(reachable, lambda: len(workers.worker_pids)) if telemetry else reachable,
@@ -162,6 +182,14 @@ def offered_tools(settings: Settings) -> tuple[ToolSpec, ...]:
     if settings.tools != "all":
         offered = [replace(spec, unlisted=spec.seldom) for spec in offered]
     return only_reading(offered) if settings.read_only else tuple(offered)
+
+
+async def _warmed_up(workers: WorkerPool, workspace: Workspace, threads: CallThreads, model: str) -> None:
+    """Warm up; a failure is logged, since whatever failed is tried again by the first call that needs it."""
+    try:
+        await warm_up(workers, workspace, threads, model)
+    except Exception as raised:  # noqa: BLE001 - nobody asked for this work, and the server serves without it
+        logger.warning("the server could not be made ready ahead of calls: %s", as_told(raised, "warm-up").text)
 
 
 async def warm_up(

@@ -9,6 +9,7 @@ import logging
 import math
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, Protocol
@@ -33,7 +34,7 @@ from pydantic import Field, ValidationError
 from starlette.requests import Request
 
 from ..engine.execution import CallThreads, Job, Task, TaskStore
-from ..schemas.errors import PlannerForgeError, UnknownName, as_told
+from ..schemas.errors import PlannerForgeError, ResourceFailure, UnknownName, as_told
 from ..tools.call import Question, Services, ToolCall
 from ..tools.registry import ToolSpec
 from .asking import STATELESS_SINCE, Asker, PacedProgress, chosen, question_request, question_result
@@ -193,14 +194,21 @@ class Tasks(Extension):
             if work.task is not None:
                 self._works.pop(work.task.task_id, None)
                 with anyio.CancelScope(shield=True):
-                    await self._threads.run(_record, work)
+                    await self._recorded(work)
+
+    async def _recorded(self, work: _Work) -> None:
+        try:
+            await self._threads.run(_record, work)
+        except ResourceFailure as error:  # the next server that is asked for the task carries it out again
+            logger.error("the end of a task could not be recorded: %s", error.text)  # noqa: TRY400
 
     async def _watch(self, work: _Work) -> None:
         """Stop the work when its task was cancelled, by whichever server."""
         while True:
             await anyio.sleep(_POLL_S)
-            if work.task is not None and await self._threads.run(_is_cancelled, work):
-                work.scope.cancel()
+            with suppress(ResourceFailure):  # it is looked at again
+                if work.task is not None and await self._threads.run(_is_cancelled, work):
+                    work.scope.cancel()
 
     async def _get(self, ctx: ServerRequestContext[Any], params: TaskParameters) -> HandlerResult:
         task = await self._found(ctx, params)

@@ -48,7 +48,7 @@ from .operations import (
     WRITE_STEP_TABLE,
 )
 from .rendering import draw, make_view, named_artifact
-from .results import run_sources, scenario_sources
+from .results import driven_by, run_sources, scenario_sources
 
 _FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "goal_late", "goal_early", "goal_refused")
 """Outcomes whose run a report shows first, whatever the order: any of them is a failure of the planner."""
@@ -236,7 +236,7 @@ async def _batch(call: ToolCall, artifact: Artifact) -> list[ReportSection]:
     compared = None
     if len(batch.configs) > 1:
         compared = await compare_results(CompareResultsArguments(results=named), call)
-    names = {run.record.config_id: run.record.config_name for run in runs}
+    names = {run.record.config_id: driven_by(run.record) for run in runs}
     overview = overview_section(batch, names, whole, compared)
     sections = [await _illustrated(overview, call, batch.runs, _OF_ALL)]
     if compared is not None:

@@ -132,6 +132,7 @@ async def _modified(arguments: ModifyScenarioArguments, call: ToolCall) -> Modif
         checked_by=outcome.checked_by,
         checkers_agree=outcome.checkers_agree,
         untouched=outcome.untouched,
+        planners_refuse=outcome.planners_refuse,
         warnings=outcome.warnings,
     )
 

@@ -91,7 +91,7 @@ TOOLS: tuple[ToolSpec, ...] = (
         "Analyse results",
         "analysis.tool",
         read_only=True,
-        seldom=("trial",),
+        seldom=("trial", "limit", "offset"),
         making=("trial",),
         view="board",
     ),

@@ -122,7 +122,7 @@ def run_sources(run_ids: Iterable[str], call: ToolCall) -> tuple[RunSource, ...]
 
 def run_record(artifact: Artifact) -> RunRecord:
     """Return the record of a stored run; if it has no planner version, that comes from the run's recipe."""
-    record = artifact.read(RunRecord)
+    record = artifact.read(RunRecord).model_copy(update={"imported": artifact.imported})
     if record.planner_source:
         return record
     versions = artifact.recipe.versions
@@ -165,6 +165,14 @@ def _versioned(record: RunRecord) -> RunRecord:
     )
 
 
+def driven_by(record: RunRecord) -> str:
+    """Return the name of a run's configuration, for a planner that is not built in with the version that drove."""
+    version = record.planner_version
+    if record.planner in PLANNERS or not version or version in record.config_name:
+        return record.config_name
+    return f"{record.config_name} {version}"
+
+
 def _look_path(run_id: str, call: ToolCall) -> Path:
     return call.workspace.root / "looks" / str(RunLook.VERSION) / f"{run_id}.json"
 
@@ -203,6 +211,7 @@ def config_weights(runs: Iterable[RunSource], call: ToolCall) -> tuple[ConfigWei
                     settings=config.settings.model_dump(exclude_defaults=True),
                     default_weights=_default_weights(config.planner),
                     parameters=_parameters(config.planner),
+                    terms=_terms(config.planner),
                 )
             )
     return tuple(weights)
@@ -222,6 +231,14 @@ def _parameters(planner: str) -> tuple[str, ...]:
         return tuple(name for name, weight in tuning_of(planner).weights.items() if not weight.of_cost)
     except (UnknownName, PlannerFailure):
         return ()
+
+
+def _terms(planner: str) -> dict[str, str]:
+    """Return the cost terms that hold weights of other names; empty if the planner is no longer installed."""
+    try:
+        return {name: weight.term for name, weight in tuning_of(planner).weights.items() if weight.term}
+    except (UnknownName, PlannerFailure):
+        return {}
 
 
 def scenario_sources(scenario_ids: Iterable[str], call: ToolCall) -> tuple[ScenarioSource, ...]:

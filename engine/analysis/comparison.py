@@ -640,13 +640,13 @@ def _about_success(code: HeadlineCode, test: SuccessTest) -> str:
         return f"{fact}; too few {'pairs' if test.scenarios == test.pairs else 'scenarios'} for a test."
     if code == "flips_too_few":
         return f"{fact}; too few flips for a test, which needs {FEWEST_PAIRS} scenarios that differ."
-    enough = f"about {test.needed} scenarios would show {100 * _MARGIN:.0f} points"
+    enough = f"about {test.needed} scenarios are needed to show a difference of {100 * _MARGIN:.0f} points"
     if code == "tie":
         return f"{fact}; {enough}."
     if test.p is not None and test.p < LEVEL:
-        alone = f"{p_in_words(test.p)} alone, {p_figure(test.p_holm)} once all tests are counted"
-        return f"{fact}; that is not shown to be more than chance ({alone})."
-    return f"{fact}; chance alone does as much ({p_in_words(test.p)}); {enough}."
+        alone = f"{p_in_words(test.p)} alone, {p_figure(test.p_holm)} adjusted for all tests (Holm)"
+        return f"{fact}; this may be chance ({alone})."
+    return f"{fact}; chance alone often gives such a difference ({p_in_words(test.p)}); {enough}."
 
 
 def _flipped(test: SuccessTest) -> str:

@@ -48,6 +48,11 @@ def matching(runs: RunSet, conditions: Sequence[str]) -> RunSet:
     return runs.with_sources(kept)
 
 
+def on_outcome(conditions: Sequence[str]) -> tuple[str, ...]:
+    """Return the conditions that choose runs by how they ended: no rate of goals is one of the planner then."""
+    return tuple(text for text in conditions if parse_condition(text, words=True).name == "outcome")
+
+
 _WINDOW = "time_s"
 
 

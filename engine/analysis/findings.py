@@ -114,8 +114,19 @@ def find_all(runs: RunSet) -> tuple[Finding, ...]:
         if finding.moments
         else finding.model_copy(update={"moments": tuple(ends[key] for key in finding.run_ids if key in ends)})
         for find in FINDINGS
-        for finding in find(evidence)
+        for finding in (_by_configuration(find, evidence) if find in _OF_ONE_CONFIGURATION else find(evidence))
     )
+
+
+def _by_configuration(find: "_Find", evidence: Evidence) -> Iterator[Finding]:
+    """Yield what a function finds; with several configurations, what it finds in each of them by itself."""
+    runs = evidence.runs
+    if runs.is_of_one_configuration:
+        yield from find(evidence)
+        return
+    for own in runs.by_configuration.values():
+        for finding in find(Evidence(own)):
+            yield finding.model_copy(update={"statement": f"{own.records[0].config_name}: {finding.statement}"})
 
 
 def _main_failure(evidence: Evidence) -> Iterator[Finding]:
@@ -196,7 +207,8 @@ def _weight_off(evidence: Evidence) -> Iterator[Finding]:
                 name="weight_off",
                 statement=(
                     f"{name} is {weights.get(name, 0.0):g} under {records[0].config_name}, {default:g} by default, and "
-                    f"{len(failed)} of {len(records)} runs end as it works against ({words}){evidence.among_hits}."
+                    f"{len(failed)} of {len(records)} runs fail in a way that it works against ({words})"
+                    f"{evidence.among_hits}."
                 ),
                 run_ids=_ids(failed),
                 alternatives="these scenarios are hard under the default too: run it beside",
@@ -265,8 +277,8 @@ _LATE: tuple[tuple[str, tuple[PaceCode, ...], str, str], ...] = (
     (
         "waited_late",
         ("stood_at_red", "stood_before_red", "stood_at_light", "stood_at_stop_sign", "stood_to_give_way"),
-        "waited at lights or for others that had the right of way",
-        "an ego that came earlier would have passed before",
+        "stood at lights or stop signs, or while others crossed their way",
+        "an ego that came earlier would have passed before; whether one that stopped meant to give way is not known",
     ),
     (
         "held_up",
@@ -500,7 +512,7 @@ def _own_near(looked_at: RunReview) -> list[Encounter]:
 
 
 def _is_the_egos(moment: Encounter) -> bool:
-    ahead = moment.side == "front" and moment.direction in ("same", "crossing")
+    ahead = moment.side == "front" and moment.direction in ("same", "crossing", "standing")
     return ahead and moment.ego_speed_mps > _ROLLING_MPS
 
 
@@ -575,8 +587,8 @@ def _idle_weights(evidence: Evidence) -> Iterator[Finding]:
     for config_id, records in runs.by_config(runs.valid).items():
         terms = _median_shares(runs, records)
         seen = {term for one in records if one.run_id in runs.steps for term, value in _costs(runs, one) if value}
-        weights = runs.cost_weights(config_id)
-        idle = [name for name, weight in sorted(weights.items()) if weight > 0 and name not in seen]
+        weights, held_by = runs.cost_weights(config_id), runs.cost_terms(config_id)
+        idle = [name for name, weight in sorted(weights.items()) if weight > 0 and held_by[name] not in seen]
         if not idle or not weights.keys() & terms.keys():
             continue
         run_ids = _ids(record for record in records if record.run_id in runs.steps)
@@ -687,7 +699,10 @@ def _suggestion(runs: RunSet, config_id: str, weight: str, *, lower: bool = Fals
     return Suggestion(config_id=config_id, weight=weight, direction=direction, why=f"it is {value:g} now")
 
 
-FINDINGS: tuple[Callable[[Evidence], Iterable[Finding]], ...] = (
+_Find = Callable[[Evidence], Iterable[Finding]]
+_OF_ONE_CONFIGURATION: tuple[_Find, ...] = (_main_failure, _unforeseen, _late, _rejecting_constraint)
+"""Findings that count runs of whatever configuration: with several, each is stated of one at a time."""
+FINDINGS: tuple[_Find, ...] = (
     _main_failure,
     _weight_off,
     _unforeseen,

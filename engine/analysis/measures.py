@@ -29,7 +29,7 @@ from ..geometry import Points, Values, arc_length, wrap_angles
 from ..planners import progress_to_goal, steering_of
 from ..vehicles import HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2, Motion, VehicleParameters, drivable_steps
 from .conflicts import CONFLICT_S, nearest_crossing, times_left_to_crossing, worst_times_s
-from .moments import AGREES_M, relative_heading, side_of
+from .moments import AGREES_M, relative_heading, side_of, stands
 from .prevention import safe_distance_m
 from .run_set import RunSet, ego_track, tracks_in
 
@@ -433,7 +433,7 @@ class MeasuredDrive:
     def _relation(self, state: int, other: Track) -> Relation:
         at = state + self.ego.first_step - other.first_step
         heading = relative_heading(self.ego, state, other, at)
-        if heading != "same":
+        if heading != "same" and not stands(other, at):
             return heading
         side = side_of(self.ego, state, other.corners_at(at))
         return "ahead" if side == "front" else "behind" if side == "rear" else "beside"

@@ -32,6 +32,7 @@ from ...schemas.runs import (
     RunRecord,
     RunReview,
     RunSteps,
+    SeenCourse,
 )
 from ..commonroad import Track, kept_recording
 from ..criticality import encounters, gaps_m, times_to_collision_s
@@ -271,7 +272,7 @@ class _Drive:
                 obstacle_class=other.kind,
                 gap_m=float(gaps[pair]),
                 side=side,
-                direction=relative_heading(self._ego, index, other, at),
+                direction=_course(self._ego, index, other, at),
                 ego_speed_mps=float(self._ego.speeds_mps[index]),
                 other_speed_mps=float(other.speeds_mps[at]),
                 time_to_collision_s=float(times[pair]) if np.isfinite(times[pair]) else None,
@@ -462,6 +463,17 @@ def relative_heading(ego: Track, index: int, other: Track, at: int) -> RelativeH
     """How another heads at one of its states, seen from one of the ego's."""
     turned = abs(wrap_angle(float(other.headings_rad[at]) - float(ego.headings_rad[index])))
     return "same" if turned <= _SAME_RAD else "oncoming" if turned >= _AGAINST_RAD else "crossing"
+
+
+def stands(other: Track, at: int) -> bool:
+    """Return whether another does not move at one of its states: whatever way it faces, it does not come along it."""
+    return bool(other.speeds_mps[at] < _STANDING_MPS)
+
+
+def _course(ego: Track, index: int, other: Track, at: int) -> SeenCourse:
+    """Return the course of another; one that is parked facing the ego is not oncoming."""
+    heading = relative_heading(ego, index, other, at)
+    return "standing" if heading != "same" and stands(other, at) else heading
 
 
 def _sides_of_approach(ego: Track, index: int, other: Track, at: int) -> tuple[BodySide, BodySide]:

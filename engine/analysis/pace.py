@@ -215,7 +215,23 @@ class _Pace:
             if (last - first) * self._step_s < START_UP_S - 1e-9:
                 continue
             causes = [self._why_it_stands(index, first) for index in range(first, last + 1)]
-            yield from self._settled(first, causes)
+            yield from self._settled(first, self._without_late_excuses(causes))
+
+    def _without_late_excuses(self, causes: list[_Cause]) -> list[_Cause]:
+        """Return the causes of a stand, in which nobody who crosses later excuses an ego that could have gone.
+
+        An ego that has stood for as long as a start takes with nothing to wait for stands on its own; had it started,
+        it would not meet those who cross from then on. Any other cause ends this.
+        """
+        found: list[_Cause] = []
+        free_s = 0.0
+        for cause in causes:
+            if cause.code == "stood_to_give_way" and free_s >= START_UP_S - 1e-9:
+                found.append(_Cause("stood_without_cause"))
+                continue
+            free_s = free_s + self._step_s if cause.code in _STOOD_FREE else 0.0
+            found.append(cause)
+        return found
 
     def _settled(self, first: int, causes: list[_Cause]) -> Iterator[PaceMoment]:
         """Yield stretches of one code; one shorter than a start belongs to the stretch before or after it."""
@@ -228,7 +244,7 @@ class _Pace:
         kept: list[list[int]] = []
         for run in runs:
             short = (len(run) - 1) * self._step_s < START_UP_S - 1e-9
-            own = causes[run[0]].code in ("stood_at_green", "stood_without_cause")
+            own = causes[run[0]].code in _STOOD_FREE
             if kept and (causes[kept[-1][0]].code == causes[run[0]].code or (short and own)):
                 kept[-1].extend(run)
             elif not (short and own):
@@ -646,6 +662,8 @@ _REASONS: tuple[PaceCode, ...] = (
     "braked_for_goal",
 )
 """The reasons to brake, in the order in which they are reported."""
+_STOOD_FREE: tuple[PaceCode, ...] = ("stood_at_green", "stood_without_cause")
+"""Stands in which nothing keeps the ego from driving on."""
 _NOT_ON_THE_WAY: tuple[PaceCode, ...] = ("braked_for_limit", "braked_for_goal")
 _PEAK_OVER_MEAN = 2.0
 """Braking that rises and falls evenly has a peak of twice its mean."""

@@ -131,6 +131,11 @@ class RunSet:
         parameters = {name for config in self.configs if config.config_id == config_id for name in config.parameters}
         return {name: value for name, value in self.weights(config_id).items() if name not in parameters}
 
+    def cost_terms(self, config_id: str) -> dict[str, str]:
+        """Return the recorded cost term of each weight of a configuration that is a factor on one."""
+        terms = next((config.terms for config in self.configs if config.config_id == config_id), {})
+        return {name: terms.get(name, name) for name in self.cost_weights(config_id)}
+
     def vehicle(self, record: RunRecord) -> VehicleParameters:
         """The ego's vehicle, by its configuration where that is known; CommonRoad's vehicle 2 elsewhere."""
         settings = next((config.settings for config in self.configs if config.config_id == record.config_id), {})
@@ -141,6 +146,18 @@ class RunSet:
     def is_of_one_configuration(self) -> bool:
         """Whether one rate over all runs is one of a configuration, and not of several pooled."""
         return len({record.config_id for record in self.records}) < 2
+
+    @cached_property
+    def by_configuration(self) -> "dict[str, RunSet]":
+        """The runs of each configuration as a set of their own; what was read and looked at is shared."""
+        apart: dict[str, RunSet] = {}
+        for config_id, records in self.by_config(self.records).items():
+            chosen = {record.run_id for record in records}
+            own = self.with_sources(tuple(source for source in self.sources if source.record.run_id in chosen))
+            steps = {run_id: steps for run_id, steps in self.steps.items() if run_id in chosen}
+            vars(own).update(steps=steps, contacts=self.contacts)
+            apart[config_id] = own
+        return apart
 
     def by_config(self, records: Iterable[RunRecord]) -> dict[str, list[RunRecord]]:
         """The records by configuration id, in order of appearance."""

@@ -16,6 +16,7 @@ from ...schemas.results import (
     AnalyzeResultsResult,
     Breakdown,
     CostShare,
+    Finding,
     Group,
     InvalidItem,
     MetricSummary,
@@ -29,15 +30,18 @@ from ..commonroad import parse_benchmark_id
 from ..execution import ProgressReporter, silent
 from .causes import beyond_vehicle, collision_causes, trivial_goals
 from .correlations import correlations
-from .filters import matching, window_of
+from .filters import matching, on_outcome, window_of
 from .findings import find_all
 from .measures import MOST_MEASURED, measure_spreads, measures_of
 from .moments import contact_of, review, timeline
 from .run_set import METRICS, RunSet, cost_shares, most_frequent_first
 from .traffic_rules import MOST_RUNS, rule_shares, rule_verdicts
 
-_SHOWN_INVALID, _SUMMARY_FINDINGS, _SUMMARY_COSTS, _MOST_ROWS, _MOST_GROUPS, _FINDING_RUNS = 10, 5, 6, 30, 20, 8
+_SHOWN_INVALID, _SUMMARY_FINDINGS, _SUMMARY_COSTS, _MOST_GROUPS, _FINDING_RUNS = 10, 5, 6, 20, 8
 """Entries of each list (chosen): the default answer stays under 4,500 characters; notes say what is left out."""
+_FIGURED_GROUPS = 4
+"""Configurations that each have their metrics and causes in one answer, about 2,500 characters each; ``where`` asks for
+those of others."""
 _SHOWN_CONTACTS = 10
 """Collisions of which rows say who hit whom (chosen): each reads its scenario, and an answer has 50 s."""
 _SHOWN_RUNS = 5
@@ -66,14 +70,23 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
             valid=[record.run_id for record in (*runs.failures, *runs.successes)],
             next_step="name one run in results",
         )
+    if detail == "rows" and request.offset >= len(runs.sources) > 1:
+        raise InvalidRequest(
+            f"offset {request.offset} is behind the last of {len(runs.sources)} runs",
+            valid=[f"0 to {len(runs.sources) - 1}"],
+        )
     report(0.1, "reading runs")
     correlated, note = correlations(runs) if detail in ("summary", "findings") else ((), "")
     findings = find_all(runs) if detail in ("summary", "findings") else ()
-    stated = findings[:_SUMMARY_FINDINGS] if detail == "summary" else findings
+    stated = _summary_findings(findings) if detail == "summary" else findings
     report(0.7, "findings done")
     invalid = [record for record in runs.records if record.outcome == "invalid"]
     is_one = request.breakdown == "pooled" or runs.is_of_one_configuration
-    grouped = _groups(runs, request.breakdown, is_one=is_one)
+    chosen_by = on_outcome(conditions)
+    rated = is_one and not chosen_by
+    grouped = _groups(runs, request.breakdown, is_one=is_one, summed=detail == "summary")
+    if chosen_by:
+        grouped = tuple(map(_unrated, grouped))
     looked_at = review(runs, runs.records[0]) if len(runs.sources) == 1 else None
     moment = _most_critical(looked_at) if looked_at is not None and runs.successes else None
     single = len(runs.sources) == 1
@@ -84,16 +97,17 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         runs=len(runs.sources),
         detail=detail,
         valid_count=len(runs.valid),
-        success=runs.rate(runs.valid) if is_one else None,
-        by_any_motion=_by_any_motion(runs) if is_one else None,
-        outcomes=_outcome_shares(runs, is_one=is_one),
+        success=runs.rate(runs.valid) if rated else None,
+        chosen_by_outcome=chosen_by,
+        by_any_motion=_by_any_motion(runs) if rated else None,
+        outcomes=_outcome_shares(runs, rated=rated) if is_one else (),
         invalid=tuple(
             InvalidItem(run_id=record.run_id, scenario_id=record.scenario_id, reason=record.reason)
             for record in invalid[:_SHOWN_INVALID]
         ),
         invalid_count=len(invalid),
         groups=grouped[:_MOST_GROUPS],
-        metrics=_metric_summaries(runs) if detail == "summary" else (),
+        metrics=_metric_summaries(runs) if detail == "summary" and is_one else (),
         undefined=_undefined(runs) if detail == "summary" else (),
         costs=_costs(runs, detail),
         correlations=correlated,
@@ -107,23 +121,29 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
             )
             for one in stated
         ),
-        rows=_rows(runs, (*sorted(runs.failures, key=_ease), *sorted(runs.successes, key=_ease), *invalid))
-        if detail == "rows" or len(runs.sources) == 1
-        else (),
+        rows=_rows(runs, _page(runs, request)) if detail == "rows" or single else (),
+        next_offset=_next_offset(request, len(runs.sources)) if detail == "rows" else None,
         timeline=timeline(runs, runs.records[0], moment, window) if detail == "timeline" else (),
         timeline_of="window" if window is not None else "end" if moment is None else "moment",
         review=looked_at,
         measures=measures_of(runs, runs.records[0]) if detail == "measures" and single else (),
         spreads=measure_spreads(runs, silent) if detail == "measures" and not single else (),
-        causes=collision_causes(runs, with_rate=is_one) if summed else None,
-        trivial=trivial_goals(runs, with_rate=is_one) if summed else None,
+        causes=collision_causes(runs, with_rate=rated) if summed else None,
+        trivial=trivial_goals(runs, with_rate=rated) if summed else None,
         beyond_vehicle=beyond_vehicle(runs) if summed else None,
         rules=rule_verdicts(runs, runs.records[0]) if single and detail in ("summary", "rules") else (),
         rule_shares=tuple(one.model_copy(update={"run_ids": one.run_ids[:_FINDING_RUNS]}) for one in shares),
-        notes=_notes(runs, request, note, len(grouped), len(findings)),
+        notes=_notes(runs, request, note, len(grouped), len(findings) - len(stated)),
     )
     report(1.0, "analysed")
     return result
+
+
+def _summary_findings(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """Return the main failure of each configuration, and with one of them five findings in all."""
+    main = tuple(one for one in findings if one.name == "main_failure")
+    others = tuple(one for one in findings if one.name != "main_failure")
+    return (*main, *others[: _SUMMARY_FINDINGS - bool(main)])
 
 
 def _most_critical(looked_at: RunReview) -> Encounter | None:
@@ -153,8 +173,21 @@ def _ease(record: RunRecord) -> tuple[float, ...]:
     return tuple(math.inf if value is None else float(value) for value in worst)
 
 
+def _page(runs: RunSet, request: AnalyseRequest) -> list[RunRecord]:
+    """Return the runs of the page that is asked for: failures first, the hardest of each first, invalid ones last."""
+    invalid = [record for record in runs.records if record.outcome == "invalid"]
+    ordered = [*sorted(runs.failures, key=_ease), *sorted(runs.successes, key=_ease), *invalid]
+    return ordered if len(ordered) == 1 else ordered[request.offset : request.offset + request.limit]
+
+
+def _next_offset(request: AnalyseRequest, count: int) -> int | None:
+    """Return where the next page begins, or None on the last one."""
+    following = request.offset + request.limit
+    return following if following < count else None
+
+
 def _rows(runs: RunSet, records: Sequence[RunRecord]) -> tuple[RunRow, ...]:
-    hits = [record for record in records[:_MOST_ROWS] if record.collision is not None][:_SHOWN_CONTACTS]
+    hits = [record for record in records if record.collision is not None][:_SHOWN_CONTACTS]
     contacts = {record.run_id: contact_of(runs, record) for record in hits}
     return tuple(
         RunRow(
@@ -168,12 +201,12 @@ def _rows(runs: RunSet, records: Sequence[RunRecord]) -> tuple[RunRow, ...]:
             contact=contacts.get(record.run_id),
             beyond_vehicle=record.beyond_vehicle or (),
         )
-        for record in records[:_MOST_ROWS]
+        for record in records
     )
 
 
 def _notes(
-    runs: RunSet, request: AnalyseRequest, correlation: str, group_count: int, finding_count: int
+    runs: RunSet, request: AnalyseRequest, correlation: str, group_count: int, hidden_findings: int
 ) -> tuple[str, ...]:
     notes = []
     if request.lost:
@@ -189,10 +222,12 @@ def _notes(
         notes.append(f"{older} of {len(runs.valid)} valid runs are judged by {_OLD_RULE}")
     if correlation and request.detail == "findings" and len(runs.sources) > 1:
         notes.append(correlation)
-    if request.detail == "summary" and finding_count > _SUMMARY_FINDINGS:
-        notes.append(f"more findings ({finding_count - _SUMMARY_FINDINGS}) with detail=findings")
-    if request.detail == "rows" and len(runs.sources) > _MOST_ROWS:
-        notes.append(f"{_MOST_ROWS} of {len(runs.sources)} runs shown, failures first; narrow with where")
+    if request.detail == "summary" and hidden_findings:
+        notes.append(f"more findings ({hidden_findings}) with detail=findings")
+    shown = len(_page(runs, request)) if request.detail == "rows" else 0
+    if shown and shown < len(runs.sources):
+        page = f"{request.offset + 1} to {request.offset + shown}"
+        notes.append(f"runs {page} of {len(runs.sources)}, failures first")
     if request.detail == "rules" and len(runs.valid) > MOST_RUNS:
         notes.append(
             f"traffic rules of a random {MOST_RUNS} of {len(runs.valid)} valid runs, by scenario; narrow with where"
@@ -216,13 +251,23 @@ def _by_any_motion(runs: RunSet) -> Rate | None:
     return runs.rate(runs.valid, lambda record: record.outcome in AT_GOAL) if refused else None
 
 
-def _outcome_shares(runs: RunSet, *, is_one: bool) -> tuple[OutcomeShare, ...]:
+def _unrated(group: Group) -> Group:
+    """Return a group without rates of goals, because its runs were chosen by how they ended."""
+    rate = group.success.model_copy(update={"share": None, "low": None, "high": None})
+    causes, trivial = (
+        None if told is None else told.model_copy(update={"success_without": None})
+        for told in (group.causes, group.trivial)
+    )
+    return group.model_copy(update={"success": rate, "causes": causes, "trivial": trivial})
+
+
+def _outcome_shares(runs: RunSet, *, rated: bool) -> tuple[OutcomeShare, ...]:
     """Every outcome that occurred among the valid runs, the most frequent first."""
     return tuple(
         OutcomeShare(
             outcome=outcome,
             count=count,
-            rate=runs.rate(runs.valid, _ended_as(outcome)) if is_one else None,
+            rate=runs.rate(runs.valid, _ended_as(outcome)) if rated else None,
             run_ids=tuple(record.run_id for record in runs.valid if record.outcome == outcome)[:_SHOWN_RUNS],
         )
         for outcome, count in most_frequent_first(Counter(record.outcome for record in runs.valid))
@@ -260,7 +305,7 @@ def _undefined(runs: RunSet) -> tuple[UndefinedMetric, ...]:
     return tuple(UndefinedMetric(name=spec.name, why=spec.why_none) for spec in absent)
 
 
-def _groups(runs: RunSet, breakdown: Breakdown, *, is_one: bool) -> tuple[Group, ...]:
+def _groups(runs: RunSet, breakdown: Breakdown, *, is_one: bool, summed: bool) -> tuple[Group, ...]:
     """Return outcome rates by group; a scenario with several obstacle classes is in the group of each.
 
     Without a requested breakdown, several configurations are groups of their own; in a breakdown by scenarios they are
@@ -276,7 +321,16 @@ def _groups(runs: RunSet, breakdown: Breakdown, *, is_one: bool) -> tuple[Group,
             members.setdefault(f"{name}, {record.config_name}" if apart else name, []).append(record)
     order = [name for name in _BIN_NAMES if name in members] if breakdown == "obstacle_count" else sorted(members)
     order += [name for name in sorted(members) if name not in order]
-    return tuple(_group(runs, name, members[name]) for name in order)
+    groups = tuple(_group(runs, name, members[name]) for name in order)
+    if asked != "config" or is_one:
+        return groups
+    by_configuration = runs.by_configuration
+    return tuple(
+        _with_own_figures(
+            one, by_configuration[members[one.name][0].config_id], summed=summed and place < _FIGURED_GROUPS
+        )
+        for place, one in enumerate(groups)
+    )
 
 
 def _group(runs: RunSet, name: str, records: list[RunRecord]) -> Group:
@@ -287,7 +341,27 @@ def _group(runs: RunSet, name: str, records: list[RunRecord]) -> Group:
         success=runs.rate(valid),
         outcomes=dict(most_frequent_first(counts)),
         invalid=len(records) - len(valid),
+        valid_count=len(valid),
     )
+
+
+def _with_own_figures(group: Group, own: RunSet, *, summed: bool) -> Group:
+    """Return the group of one of several configurations with the figures that are not pooled over them."""
+    failed = {
+        outcome: tuple(record.run_id for record in own.failures if record.outcome == outcome)[:_SHOWN_RUNS]
+        for outcome in group.outcomes
+        if outcome != "goal_reached"
+    }
+    if not summed:
+        return group.model_copy(update={"failed_runs": failed})
+    figures = {
+        "failed_runs": failed,
+        "metrics": _metric_summaries(own),
+        "causes": collision_causes(own),
+        "trivial": trivial_goals(own),
+        "beyond_vehicle": beyond_vehicle(own),
+    }
+    return group.model_copy(update=figures)
 
 
 _OLD_RULE = "driven@1, a rule of versions before: a goal counts by whatever motion"

@@ -2,7 +2,7 @@
 
 import sqlite3
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import islice
 
 from ...schemas.catalog import FacetCounts
@@ -101,16 +101,27 @@ def _road_net(
     none = [word for word in known if f"{word}@map" not in on_map]
     extra = dict.fromkeys(none, 0) if whole else {}
     count = _counted([str(value) for value in lanes if value is not None])
-    limits = connection.execute("SELECT kmh, number FROM catalog_limits WHERE scope = 'ego'")
+    limits = connection.execute("SELECT kmh, number FROM catalog_limits WHERE scope = 'ego'").fetchall()
     posted = _counted([f"{row[0]:g}" for row in limits if row[1] in numbers])
+    with_limit = len({row[1] for row in limits if row[1] in numbers})
     note = "ego's lane, or @map" + ("" if whole or not none else f"; {len(none)} keys in none")
     shown = {**on_ego, **on_map, **extra} if whole else _first(on_ego, KEYS_SHOWN) | _first(on_map, KEYS_SHOWN)
+    limit_note = "; ".join(_about_limits(posted, with_limit, len(posted) if whole else LIMITS_SHOWN))
     posted = posted if whole else _first(posted, LIMITS_SHOWN)
     return [
         FacetCounts(facet="road_net", counts=shown, note=note),
         FacetCounts(facet="lanes", counts=dict(sorted(count.items(), key=lambda item: int(item[0])))),
-        FacetCounts(facet="speed_limit", counts=posted, note="km/h, on the ego's lane"),
+        FacetCounts(facet="speed_limit", counts=posted, note=limit_note),
     ]
+
+
+def _about_limits(posted: dict[str, int], scenarios: int, shown: int) -> Iterator[str]:
+    """Yield what the numbers by limit are of: they need not add up to the number of scenarios with a limit."""
+    yield f"km/h, on the ego's lane in {counted(scenarios, 'scenario')}"
+    if sum(posted.values()) > scenarios:
+        yield "one with several limits counts at each"
+    if len(posted) > shown:
+        yield f"{counted(len(posted) - shown, 'more limit')} with facet road_net"
 
 
 def _first(counts: dict[str, int], shown: int) -> dict[str, int]:

@@ -21,7 +21,7 @@ from .words import description_of, origins_of
 if TYPE_CHECKING:
     from ..workspace import Database
 
-_VERSION = 5
+_VERSION = 6
 """Raised when tables or descriptions change: older tables are dropped and filled again."""
 MOST_ENTRIES = 1024
 """Planning problems of one file that are entered, and the step of the numbers between two artifacts."""

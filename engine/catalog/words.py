@@ -15,6 +15,7 @@ _FEATURE_WORDS = {
 _MANOEUVRES = {
     "ego_turns_left": "turns left",
     "ego_turns_right": "turns right",
+    "ego_turns_back": "turns back",
     "ego_goes_straight": "goes straight on",
     "ego_changes_lane": "changes lane",
 }
@@ -67,7 +68,14 @@ def summary(facts: ScenarioFacts) -> str:
     if ego:
         parts.append(f"ego {ego.speed_mps:.1f} m/s on {_lanes(ego.lanes)}")
         parts += [words for feature, words in _MANOEUVRES.items() if feature in facts.features]
+    if len(facts.egos) > 1:
+        others = ", ".join(f"#{other.problem_id}" for other in facts.egos[1:_PROBLEMS_SHOWN])
+        parts.append(f"{len(facts.egos)} planning problems: the first is meant, the others by ID{others}")
     return ", ".join(parts)
+
+
+_PROBLEMS_SHOWN = 6
+"""Planning problems that a line names (chosen)."""
 
 
 def _road_sentence(facts: ScenarioFacts) -> str:

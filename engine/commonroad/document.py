@@ -51,8 +51,11 @@ def is_declared_utf8(content: bytes) -> bool:
 
 
 def is_2018b(root: "etree._Element") -> bool:
-    """Whether a document is of format 2018b, in which obstacles carry their role in an element."""
-    return root.get("commonRoadVersion") == "2018b"
+    """Whether a document is of format 2018b, in which obstacles carry their role in an element.
+
+    So is a network of format 2017a, which holds no obstacle.
+    """
+    return root.get("commonRoadVersion") in ("2018b", "2017a")
 
 
 def moving_obstacle(root: "etree._Element") -> str:
@@ -289,19 +292,38 @@ def _id_of(element: "etree._Element") -> int | None:
     return int(text) if text.isdecimal() else None
 
 
+@dataclass(frozen=True)
+class SchemaFault:
+    """What breaks CommonRoad's schema: the place in the file and the path of the element, and why, on one line."""
+
+    line: int
+    path: str
+    message: str
+
+    @property
+    def element_name(self) -> str:
+        """The name of the element."""
+        return self.path.rsplit("/", 1)[-1].partition("[")[0]
+
+
+def schema_faults(tree: "etree._ElementTree") -> list[SchemaFault]:
+    """What CommonRoad's own XML schema (2020a) finds wrong with a file's tree, in the order of the file."""
+    import commonroad
+
+    folder = Path(str(commonroad.__file__)).parent / "scenario_definition" / "xml_definition_files"
+    schema = etree.XMLSchema(etree.parse(folder / "XML_commonRoad_XSD.xsd"))
+    schema.validate(tree)
+    log: Any = schema.error_log
+    return [SchemaFault(int(error.line), str(error.path or ""), one_line(str(error.message))) for error in log]
+
+
 def schema_errors(document: "Path | etree._ElementTree") -> list[str]:
     """What CommonRoad's own XML schema (2020a) and the naming of benchmarks find wrong with a file or its tree.
 
     Each on one line of 200 characters at most: the schema repeats what stands in the file.
     """
-    import commonroad
-
     tree = etree.parse(document) if isinstance(document, Path) else document
-    folder = Path(str(commonroad.__file__)).parent / "scenario_definition" / "xml_definition_files"
-    schema = etree.XMLSchema(etree.parse(folder / "XML_commonRoad_XSD.xsd"))
-    schema.validate(tree)
-    log: Any = schema.error_log
-    errors = [one_line(str(error.message)) for error in log]
+    errors = [fault.message for fault in schema_faults(tree)]
     benchmark_id = tree.getroot().get("benchmarkID", "")
     if not is_benchmark_id(benchmark_id):
         errors.append(f"{quoted(benchmark_id)} is no benchmark id of 2020a")

@@ -181,7 +181,7 @@ def _speeds(text: str | None, ego: Ego) -> tuple[float, float] | None:
     high = (top_mps if interval.high is None else interval.high) + slack
     if high > top_mps + _SPEED_TOLERANCE_MPS or high <= low:
         raise InvalidRequest(
-            f"goal_speed '{text}' is no speed of a {ego.vehicle_class}",
+            f"a {ego.vehicle_class} cannot drive at goal_speed '{text}'",
             valid=[f"0 … {top_mps} m/s"],
             next_step="choose a speed or an interval within it, as '8..12m/s'",
         )

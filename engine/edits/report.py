@@ -17,7 +17,7 @@ from ...schemas.modification import (
 from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, TakenOverTrack
 from ..scene import NOT_DRIVEN, Scene, is_own_recording
-from ..vehicles import Feasibility, Motion, check_drivability, check_kinematics, nearest_class
+from ..vehicles import Feasibility, Motion, check_drivability, check_kinematics, nearest_class, refused_by_planners
 from .edited_scene import EditedScene, SimulatedEdits
 from .ego_risk import EgoRisk, ego_risk_after
 from .entries import entering_onto_ego
@@ -69,6 +69,7 @@ def outcome_of(
         checked_by="closed_form" if agree is None else "drivability_checker",
         checkers_agree=agree,
         untouched=len(recorded),
+        planners_refuse="" if scene.ego is None else refused_by_planners(scene.ego.vehicle_class),
         warnings=(*warnings, *_left_out_notes(before, after)),
     )
 

@@ -27,6 +27,7 @@
 ``share_heaps``: Have all threads of this process take their memory from few heaps.
 ``ReachableExecutor``: An executor of one event loop, for callers in threads with another.
 ``CallThreads``: Threads with event loops of their own, lent to one call after the other.
+``OwnThread``: A thread for one user, such as a stream.
 ``run_in``: Run an async function in the event loop of another thread.
 ``PRELOAD``: Names of the modules that a worker imports before its first order, by lane.
 ``WorkerPool``: Runs operations in worker processes.
@@ -56,7 +57,7 @@ if TYPE_CHECKING:
     from .limits import HeapsGivenBack, Limits, end_with_parent, limit_memory, share_heaps
     from .pool import PRELOAD, WorkerPool
     from .tasks import Task, TaskStore
-    from .threads import CallThreads, ReachableExecutor, run_in
+    from .threads import CallThreads, OwnThread, ReachableExecutor, run_in
     from .worker import warm_up
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -220,7 +220,7 @@ class JobRunner:
         self._own[job.job_id] = None
 
         def begin() -> None:
-            self._tasks.start_soon(self._run_apart, self._carry_out, job.job_id, work)
+            self._tasks.start_soon(self._begun, job.job_id, work)
 
         async def begin_at_home() -> None:  # as a task: outside of one anyio does not know its event loop
             begin()
@@ -257,6 +257,13 @@ class JobRunner:
             await self.wait(job_id, 10.0, _ignore)
         return self.store.get(job_id)
 
+    async def _begun(self, job_id: str, work: JobWork) -> None:
+        """Carry a job out where jobs run; if it cannot begin there, it is the job that fails, not all of them."""
+        try:
+            await self._run_apart(self._carry_out, job_id, work)
+        except Exception as raised:  # noqa: BLE001 - the boundary of a job: it becomes the error of this one job
+            self._ended(job_id, _JobEnd("failed", (), _told(raised, job_id)))
+
     async def _carry_out(self, job_id: str, work: JobWork) -> None:
         progress, scope = JobProgress(self.store, job_id, self._announce), anyio.CancelScope()
         self._own[job_id] = _Running(asyncio.get_running_loop(), scope)
@@ -269,18 +276,19 @@ class JobRunner:
                 await work(progress)
                 state = "done"
         except Exception as raised:  # noqa: BLE001 - the boundary of a job: it becomes the error of this one job
-            failure = as_told(raised, job_id)
-            if isinstance(failure, UnexpectedFailure):
-                logger.error("incident %s in %s:\n%s", failure.incident, job_id, failure.details)  # noqa: TRY400
-            error, state = failure.text, "failed"
+            error, state = _told(raised, job_id), "failed"
         finally:
             if scope.cancel_called and state == "interrupted":
                 state = "cancelled"
-            self._unrecorded[job_id] = _JobEnd(state, progress.results, error)
-            self._record_missed_ends()
-            self._own.pop(job_id, None)
-            self._to_cancel.discard(job_id)
-            self._announce()
+            self._ended(job_id, _JobEnd(state, progress.results, error))
+
+    def _ended(self, job_id: str, end: "_JobEnd") -> None:
+        """Record how a job ended, forget it, and tell those who wait for it."""
+        self._unrecorded[job_id] = end
+        self._record_missed_ends()
+        self._own.pop(job_id, None)
+        self._to_cancel.discard(job_id)
+        self._announce()
 
     def _record_missed_ends(self) -> None:
         """Record how jobs ended; what a full disk refuses is tried again later, or the job would seem to run on."""
@@ -331,6 +339,14 @@ class _JobEnd:
     state: JobState
     results: tuple[str, ...]
     error: str
+
+
+def _told(raised: Exception, job_id: str) -> str:
+    """Return what the job's record says of an error; a defect of ours goes to the log with its details."""
+    failure = as_told(raised, job_id)
+    if isinstance(failure, UnexpectedFailure):
+        logger.error("incident %s in %s:\n%s", failure.incident, job_id, failure.details)
+    return failure.text
 
 
 async def _ignore(job: Job) -> None:

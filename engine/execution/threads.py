@@ -16,6 +16,7 @@ from typing import Generic, TypeVar
 
 import anyio
 
+from ...schemas.errors import as_told
 from .executor import Executor, ExecutorAround, OnProgress, Operation, Request, Response, no_progress
 
 _Result = TypeVar("_Result")
@@ -38,11 +39,12 @@ class CallThreads:
 
         Raises:
             Exception: what the function raised.
+            ResourceFailure: there is no idle thread, and the operating system starts no further one.
         """
         try:
             thread = self._idle.pop()
         except IndexError:
-            thread = _LentThread()
+            thread = _started()
         return await run_in(thread.loop, self._carry_out, thread, function, arguments, patience_s=_PATIENCE_S)
 
     def close(self) -> None:
@@ -61,6 +63,29 @@ class CallThreads:
                 self._idle.append(thread)
             else:
                 thread.end()
+
+
+class OwnThread:
+    """A thread for one user, who neither waits for threads of others nor lacks one when no more can be started."""
+
+    def __init__(self) -> None:
+        self._thread = _started()
+
+    async def run(self, function: Callable[..., _Result], *arguments: object) -> _Result:
+        """Call a function there and return its result; a cancelled caller does not wait for its end.
+
+        Raises:
+            Exception: what the function raised.
+        """
+
+        async def called() -> _Result:
+            return function(*arguments)
+
+        return await run_in(self._thread.loop, called, patience_s=0.0)
+
+    def end(self) -> None:
+        """End the thread when what it does now is done."""
+        self._thread.end()
 
 
 async def run_in(
@@ -123,7 +148,11 @@ class _LentThread:
 
     def __init__(self) -> None:
         self.loop = asyncio.new_event_loop()
-        threading.Thread(target=self._serve, name="call", daemon=True).start()
+        try:
+            threading.Thread(target=self._serve, name="call", daemon=True).start()
+        except BaseException:
+            self.loop.close()
+            raise
 
     def end(self) -> None:
         """Stop the loop when what it does now is done."""
@@ -135,6 +164,13 @@ class _LentThread:
             self.loop.run_forever()
         finally:
             self.loop.close()
+
+
+def _started() -> _LentThread:
+    try:
+        return _LentThread()
+    except RuntimeError as error:
+        raise as_told(error, "a thread") from error
 
 
 class ReachableExecutor(ExecutorAround):

@@ -18,7 +18,6 @@ from ...schemas.vocabulary import EGO_CLASSES
 from ..execution import ProgressReporter
 from ..maps import OsmMap, Site, read_map_file
 from ..traffic import lane_km_of, plan_counts
-from ..vehicles import PEDESTRIAN
 from .checks import check_scenario, faults_of
 from .flows import flow_notes
 from .people import people_asked, people_notes, people_wanted, vehicles_asked
@@ -96,7 +95,7 @@ def _with_ego_class(request: GenerationRequest, spec: TaskSpec) -> tuple[list[st
         vehicles = request.vehicles
     elif asked.most == 0:
         raise InvalidRequest(
-            f"ego type:{other} puts a {other} into the traffic, because no ego is one; vehicles ask for none",
+            f"no ego can be a {other}, so ego type:{other} adds a {other} to the traffic, but vehicles excludes it",
             valid=[f"type:{name}" for name in EGO_CLASSES],
             next_step=f"leave {other}=0 out of vehicles, or choose another ego",
         )
@@ -105,8 +104,7 @@ def _with_ego_class(request: GenerationRequest, spec: TaskSpec) -> tuple[list[st
         vehicles = tuple(at_least_one if demand is asked else demand for demand in request.vehicles)
     if spec.other_class is None:
         return [], request.model_copy(update={"vehicles": vehicles})
-    moves = "walks beside" if other == PEDESTRIAN.name else "drives in"
-    notes = [f"the ego is a car, as it can only be a motor vehicle; the asked {other} {moves} the traffic"]
+    notes = [f"the ego must be a motor vehicle, so it is a car; the {other} that was asked for is in the traffic"]
     return notes, request.model_copy(update={"vehicles": vehicles})
 
 

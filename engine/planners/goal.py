@@ -116,6 +116,16 @@ class Goal:
         """Whether a point lies in the area of any goal state."""
         return any(state.holds(point) for state in self.states)
 
+    def distance_m(self, positions: Points) -> float:
+        """Return the smallest distance in m between positions (n, 2) and the area of any goal state; 0 inside it."""
+        import shapely
+
+        points = shapely.points(positions)
+        return min(
+            (float(shapely.distance(state.area, points).min()) for state in self.states if state.area is not None),
+            default=0.0,
+        )
+
     @property
     def center(self) -> Points | None:
         """A point in the middle of the first goal state's area, shape (2,); None where the position is free."""
@@ -341,9 +351,11 @@ def _outside(value: float, low: float, high: float) -> float:
 def progress_to_goal(
     scenario: "Scenario", problem: "PlanningProblem", vehicle: VehicleParameters, positions: Points
 ) -> float | None:
-    """The share of the reference path to the goal that positions (n, 2) of the centre came along, in 0 to 1.
+    """Return the share of the reference path to the goal that positions (n, 2) of the centre came along, in 0 to 1.
 
-    None where the goal has no place, or no path leads to it.
+    It is 1 only if a position lies in the goal's area, as the judge asks. An ego that came to the goal's station and
+    passed next to its area lacks what lay between the area and its nearest position. None if the goal has no place, or
+    no path leads to it.
     """
     ego, network = EgoState.of(problem.initial_state), scenario.lanelet_network
     if not problem.goal.state_list:
@@ -360,9 +372,13 @@ def progress_to_goal(
     stations = goal.stations_on(reference.points, start)
     if stations is None:
         return None
+    nearest_m = goal.distance_m(positions)
+    if nearest_m <= 0:
+        return 1.0
     whole = reference.way_m(start, stations[0])
     reached = reference.way_m(start, float(project_along(reference.points, positions, start)[0].max()))
-    return 1.0 if whole <= 0 else min(max(reached / whole, 0.0), 1.0)
+    left = whole - reached if reached < whole else nearest_m
+    return max(1.0 - left / whole, 0.0) if whole > 0 else 0.0
 
 
 def goal_with_path(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 from ...schemas.errors import NotPossible
 from ...schemas.results import Rate
-from ...schemas.runs import Contact, RunRecord
+from ...schemas.runs import REFERENCE_DRIVERS_DO, Contact, RunRecord
 from ..analysis import RunSet, known_contacts
 from .canvas import INK, MUTED, PICTURE_WIDTH_PX, SMALL_PT, Drawing, new_figure, outcome_colour, series_style
 from .content import short_names
@@ -73,7 +73,8 @@ def causes(runs: RunSet) -> Drawing:
     none = f"no reference driver prevents {len(not_preventable)} of the {judged} that could be judged"
     write_title(figure, "Who hit whom, and could it be prevented", f"{len(hits)} collisions; {none}")
     kinds = "; ".join(f"{kind} under {names[config]} {_in_words(counts[kind, config])}" for kind, config in listed)
-    notes = [f"{len(counts) - len(listed)} more kinds are not drawn"] if len(counts) > len(listed) else []
+    notes = [f"the reference drivers: {REFERENCE_DRIVERS_DO}"]
+    notes += [f"{len(counts) - len(listed)} more kinds are not drawn"] if len(counts) > len(listed) else []
     if len(contacts) < len(hits):
         notes.append(f"a random {len(contacts)} of {len(hits)} collisions are drawn; the others were not looked at")
     return Drawing(figure, f"Collisions by kind: {kinds}. Of all, {none}.", tuple(notes))

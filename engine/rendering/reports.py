@@ -14,8 +14,8 @@ from ...schemas.analysis.comparison import CompareResultsResult, Comparison
 from ...schemas.errors import ResourceFailure, UnsafeInput
 from ...schemas.measures import MeasuredValue, measure_named, metric_words
 from ...schemas.rendering import RenderedImage, ReportImage, ReportRequest, ReportSection, ReportTable, ReportWritten
-from ...schemas.results import AnalyzeResultsResult, Group, Rate, figure, measured_figure
-from ...schemas.runs import BatchRecord, RunMetrics, RunRecord, ending, excesses_in_words
+from ...schemas.results import AnalyzeResultsResult, CollisionCauses, Group, Rate, figure, measured_figure
+from ...schemas.runs import REFERENCE_DRIVERS_DO, BatchRecord, LaidTo, RunMetrics, RunRecord, ending, excesses_in_words
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ..execution import ProgressReporter
 from ..workspace import Recipe, write_whole
@@ -68,10 +68,7 @@ def overview_section(
     rows = [
         ("What was tested", tested),
         ("What came out", f"{_came_out(result)}{_failed(result)}.{_by_any_motion(result)}"),
-        *([("Goals that asked for nothing", result.trivial.in_words())] if result.trivial is not None else []),
-        *([("What no vehicle drives", result.beyond_vehicle.in_words())] if result.beyond_vehicle is not None else []),
-        ("Whose fault", _whose_fault(result)),
-        *([("What decided the collisions", _laid_to(result))] if result.causes and result.causes.laid_to else []),
+        *_of_configurations(result),
         *((f"{one.after} against {one.before}", _verdict(one).partition(". ")[0]) for one in _compared(comparison)),
         ("What is next", f"{_next(result, names)}."),
     ]
@@ -79,6 +76,19 @@ def overview_section(
     return ReportSection(
         title=f"In short: {batch.batch_id}", tables=(*tables, *([_by_configuration(result)] if result.groups else []))
     )
+
+
+def _of_configurations(result: AnalyzeResultsResult) -> Iterable[tuple[str, str]]:
+    """Yield what is said of the runs of one configuration; of several, each by itself."""
+    for own in [result] if result.success is not None else result.groups:
+        of = f", {own.name}" if isinstance(own, Group) else ""
+        if own.trivial is not None:
+            yield f"Goals that asked for no driving{of}", own.trivial.in_words()
+        if own.beyond_vehicle is not None:
+            yield f"Motions beyond the vehicle's limits{of}", own.beyond_vehicle.in_words()
+        yield f"Who caused the collisions{of}", _whose_fault(own.causes)
+        if own.causes is not None and own.causes.laid_to:
+            yield f"What the collisions are attributed to{of}", _laid_to(own.causes)
 
 
 def _compared(comparison: CompareResultsResult | None) -> tuple[Comparison, ...]:
@@ -95,7 +105,15 @@ def _came_out(result: AnalyzeResultsResult) -> str:
     """Return the runs that reached the goal, of each configuration by itself."""
     if result.success is not None:
         return f"{_reached(result.success)} reached the goal"
-    return "; ".join(f"{group.name}: {_reached(group.success)} reached the goal" for group in result.groups)
+    return "; ".join(
+        f"{group.name}: {_reached(group.success)} reached the goal{_ends(group)}" for group in result.groups
+    )
+
+
+def _ends(group: Group) -> str:
+    """Return how the other runs of a configuration ended."""
+    failed = [f"{count} {key.replace('_', ' ')}" for key, count in group.outcomes.items() if key != "goal_reached"]
+    return f"; the others ended as {', '.join(failed)}" if failed else ""
 
 
 def _reached(rate: Rate) -> str:
@@ -119,33 +137,43 @@ def _by_any_motion(result: AnalyzeResultsResult) -> str:
     return "" if rate is None else f" By the paper's rule, a goal by any motion, {_reached(rate)}."
 
 
-def _whose_fault(result: AnalyzeResultsResult) -> str:
-    """Whose fault the collisions were, as far as the reference drivers tell."""
-    causes = result.causes
+def _whose_fault(causes: CollisionCauses | None) -> str:
+    """Return who caused the collisions, as far as the reference drivers tell."""
     if causes is None:
         return "There was no collision whose course is known."
     none = len(causes.not_preventable)
     kinds = ", ".join(f"{count} {kind.replace('_', ' ')}" for kind, count in causes.kinds.items())
     others = f"; in {causes.from_behind} of these another drove into the ego from behind" if causes.from_behind else ""
-    recorded = ", and followed a recording that cannot brake" if causes.from_behind and causes.recorded_traffic else ""
+    recorded = (
+        ", following its recording, which does not react to the ego"
+        if causes.from_behind and causes.recorded_traffic
+        else ""
+    )
     edge = ", the road's edge included" if "road_boundary" in causes.kinds else ""
     sample = f"; a random {causes.looked_at} of them were looked at" if causes.is_sample else ""
     own = causes.laid_to.get("ego", 0)
     prevented = sum(one.preventable is True and one.laid_to != "ego" for one in causes.evidence)
-    made = f"The ego made {own} by itself. " if own else ""
-    learn = ": these are the planner's to learn from" if prevented else ""
+    made = f"The ego caused {own} by itself. " if own else ""
+    learn = ", so the planner could have avoided these" if prevented else ""
     left = causes.success_without
     without = f" Without these runs {_reached(left)} reached the goal." if none and left is not None else ""
     return (
         f"{causes.collisions} collisions{edge} ({kinds}{sample}). A reference driver in the ego's place prevents "
         f"{prevented} of the {causes.judged} that could be judged{learn}. {made}"
-        f"None prevents the other {none}{others}{recorded}.{without}"
+        f"No reference driver prevents the other {none} ({REFERENCE_DRIVERS_DO}){others}{recorded}.{without}"
     )
 
 
-def _laid_to(result: AnalyzeResultsResult) -> str:
-    laid = result.causes.laid_to if result.causes is not None else {}
-    return f"Collisions are laid to {', '.join(f'{cause} {count}' for cause, count in laid.items())}."
+def _laid_to(causes: CollisionCauses) -> str:
+    """Return how many collisions are attributed to each cause."""
+    told: dict[LaidTo, str] = {
+        "ego": "to the ego itself",
+        "recording": "to recorded traffic that does not react",
+        "prediction": "to the prediction",
+        "planning": "to the plan",
+        "neither": "to neither side",
+    }
+    return f"{', '.join(f'{count} {told[cause]}' for cause, count in causes.laid_to.items())}."
 
 
 def _next(result: AnalyzeResultsResult, names: Mapping[str, str]) -> str:

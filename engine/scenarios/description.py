@@ -219,8 +219,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
     goals = goal_center_lanelets(network, problem)
     way = "the goal has no place" if not goals else "no way leads to the goal"
     if route is not None:
-        way = f"turns {', then '.join(route.turns)}" if route.turns else "straight on"
-        way += ", with a lane change" if route.changes_lane else ""
+        way = route.words
     return DescribedEgo(
         problem_id=scene.ego.problem_id,
         vehicle_class=scene.ego.vehicle_class,

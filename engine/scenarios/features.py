@@ -69,9 +69,10 @@ def features(
     }
     if route is not None:
         holding["ego_changes_lane"] = route.changes_lane
-        holding["ego_goes_straight"] = not route.turns and not route.changes_lane
+        holding["ego_goes_straight"] = route.goes_straight
         holding["ego_turns_left"] = "left" in route.turns
         holding["ego_turns_right"] = "right" in route.turns
+        holding["ego_turns_back"] = "back" in route.turns
     start = (ego.route or ego.lanelets or (None,))[0]
     if start is not None:
         line, _ = path_ahead(network, graph, start, ego.route, NEAR_M)

@@ -143,6 +143,8 @@ _ALONGSIDE_M = 3.0
 _MOST_LANES_BESIDE = 8
 """Lanes to one side that are looked at (chosen): rings of neighbours in broken files end there."""
 _OWN, _ONCOMING = "same lane", "oncoming"
+_STANDING_MPS = 0.1
+"""As in CommonRoad's own monitor of traffic rules: a slower vehicle stands, and is not oncoming then."""
 
 
 @dataclass(frozen=True)
@@ -182,10 +184,17 @@ class EgoLane:
         ahead = station - self.here_m
         round_about = abs(ahead) > max(_ALONGSIDE_M, _ROUND_ABOUT * float(np.linalg.norm(point - self.position)))
         lane = self._lane(track, index, lanelet, (station, offset))
+        stands = float(track.speeds_mps[index]) < _STANDING_MPS
         if lane is None or (round_about and lane == _ONCOMING):
-            return _Where(self._elsewhere(point, heading), None, None)
+            return _Where(self._elsewhere(point, heading, stands=stands), None, None)
+        if lane == _ONCOMING and stands:
+            return _Where(f"{_along(ahead)}, standing, facing the other way", round(ahead, 1), None)
         if round_about:
-            return _Where(f"{self._elsewhere(point, heading)}, {_along(ahead)} along the lane", round(ahead, 1), None)
+            return _Where(
+                f"{self._elsewhere(point, heading, stands=stands)}, {_along(ahead)} along the lane",
+                round(ahead, 1),
+                None,
+            )
         gap = abs(ahead) - (track.length_m + self.length_m) / 2 if lane == _OWN else None
         return _Where(f"{_along(ahead)}, {lane}", round(ahead, 1), None if gap is None else round(gap, 1))
 
@@ -217,12 +226,12 @@ class EgoLane:
             return f"{side} of the lane"
         return f"{side} lane" if same else "in the oncoming lane"
 
-    def _elsewhere(self, point: Points, heading: float) -> str:
+    def _elsewhere(self, point: Points, heading: float, *, stands: bool) -> str:
         step = point - self.position
         distance = float(np.linalg.norm(step))
         bearing = wrap_angle(math.atan2(step[1], step[0]) - self.heading_rad)
         turned = wrap_angle(heading - self.heading_rad)
-        motion = "coming the other way"
+        motion = "standing, facing the other way" if stands else "coming the other way"
         if abs(turned) < _SAME_RAD:
             motion = "same direction, another road"
         elif abs(turned) < _OPPOSITE_RAD:

@@ -134,6 +134,10 @@ def _turn(current: "Lanelet", following: "Lanelet") -> float:
 
 TURN_RAD = math.radians(40.0)
 """A heading change beyond this inside the lanelets of a junction is a turn (chosen)."""
+BACK_RAD = math.radians(150.0)
+"""A turn beyond this leads back where the ego came from (chosen; as for generated egos)."""
+PART_RAD = math.radians(25.0)
+"""Lanes of a carriageway that part, or join, at a larger angle do so at a junction (chosen; as for crossings)."""
 _APART_M = 40.0
 """Forks on a route that lie farther apart are two junctions (chosen): left and later right is not straight on."""
 
@@ -142,17 +146,37 @@ _APART_M = 40.0
 class EgoRoute:
     """Lanelets from the ego's start to its goal, both included, and how the ego has to drive.
 
-    ``turns_rad``: heading change at each junction, inside the lanelets that leave a fork, left positive.
+    ``turns_rad``: heading change at each junction, inside its lanelets, left positive; ``bend_rad``: that of the whole
+    way, from the lane's heading at the start to the one at the goal.
     """
 
     lanelets: tuple[int, ...]
     turns_rad: tuple[float, ...]
     changes_lane: bool
+    bend_rad: float = 0.0
 
     @property
     def turns(self) -> tuple[str, ...]:
-        """``left`` and ``right`` for each junction where the route turns, in order; empty for a route straight on."""
-        return tuple("left" if angle > 0 else "right" for angle in self.turns_rad if abs(angle) > TURN_RAD)
+        """``left``, ``right`` and ``back`` for each junction where the route turns, in order."""
+        turned = [angle for angle in self.turns_rad if abs(angle) > TURN_RAD]
+        return tuple("back" if abs(angle) > BACK_RAD else "left" if angle > 0 else "right" for angle in turned)
+
+    @property
+    def goes_straight(self) -> bool:
+        """Whether the route turns nowhere, keeps its lane, and ends about in the direction in which it began."""
+        return not self.turns and not self.changes_lane and abs(self.bend_rad) <= TURN_RAD
+
+    @property
+    def words(self) -> str:
+        """The way in words: its turns, else a bend of its road, and whether it changes lane."""
+        if self.turns:
+            way = f"turns {', then '.join(self.turns)}"
+        elif abs(self.bend_rad) > TURN_RAD:
+            side = "left" if self.bend_rad > 0 else "right"
+            way = f"follows its road, which bends {side} by {math.degrees(abs(self.bend_rad)):.0f}°"
+        else:
+            way = "straight on"
+        return way + (", with a lane change" if self.changes_lane else "")
 
 
 def lanelets_at(network: "LaneletNetwork", point: Points) -> tuple[int, ...]:
@@ -201,7 +225,8 @@ def ego_route(network: "LaneletNetwork", graph: LaneletGraph, problem: "Planning
     centers = goal_centers(problem)
     named = bool(problem.goal.lanelets_of_goal_position)
     goal = None if named or not centers else centers[0]
-    return EgoRoute(lanelets, _turns(network, graph, lanelets, point, goal), changes)
+    bend_rad = _bend(network, lanelets, point, goal)
+    return EgoRoute(lanelets, _turns(network, graph, lanelets, point, goal), changes, bend_rad)
 
 
 def path_ahead(
@@ -238,22 +263,78 @@ def _straightest(network: "LaneletNetwork", line: Points, onward: list[int]) -> 
 def _turns(
     network: "LaneletNetwork", graph: LaneletGraph, lanelets: tuple[int, ...], start: Points, goal: Points | None
 ) -> tuple[float, ...]:
-    """Sums of the heading changes inside lanelets that leave a fork, from the start's to the goal's station.
+    """Sums of the heading changes inside the lanelets of junctions, from the start's to the goal's station.
 
     One sum for each junction: a route round a roundabout is one turn, or none.
     """
     sums: list[float] = []
     since_fork_m = math.inf
+    named = _in_intersections(network)
     for index, key in enumerate(lanelets):
+        begin, end = _driven(network, lanelets, index, start, goal)
         line = center_line(network, key)
-        if len(line) < 2 or not any(len(graph.successors[before]) > 1 for before in graph.predecessors[key]):
-            since_fork_m += graph.length_m[key]
-            continue
-        begin = project(line, start)[0] if index == 0 else 0.0
-        end = project(line, goal)[0] if index == len(lanelets) - 1 and goal is not None else float(arc_length(line)[-1])
+        if len(line) < 2 or not (key in named or _leaves_fork(network, graph, key)):
+            if len(line) < 2 or not _joins(network, graph, key):
+                since_fork_m += graph.length_m[key]
+                continue
+            since_fork_m += max(end - begin - _APART_M, 0.0)
+            begin = max(begin, end - _APART_M)  # what comes before is the road that leads there
         turned = wrap_angle(point_at(line, end)[1] - point_at(line, begin)[1])
         if since_fork_m > _APART_M:
             sums.append(0.0)
         sums[-1] += turned
         since_fork_m = 0.0
     return tuple(sums)
+
+
+def _driven(
+    network: "LaneletNetwork", lanelets: tuple[int, ...], index: int, start: Points, goal: Points | None
+) -> tuple[float, float]:
+    """The stations in m between which the route lies on one of its lanelets."""
+    line = center_line(network, lanelets[index])
+    if len(line) < 2:
+        return 0.0, 0.0
+    begin = project(line, start)[0] if index == 0 else 0.0
+    is_last = index == len(lanelets) - 1 and goal is not None
+    end = project(line, goal)[0] if is_last and goal is not None else float(arc_length(line)[-1])
+    return begin, end
+
+
+def _bend(network: "LaneletNetwork", lanelets: tuple[int, ...], start: Points, goal: Points | None) -> float:
+    """By how much the lane's heading at the end of the route differs from that at its start, left positive."""
+    first, last = center_line(network, lanelets[0]), center_line(network, lanelets[-1])
+    if len(first) < 2 or len(last) < 2:
+        return 0.0
+    begin, _ = _driven(network, lanelets, 0, start, goal)
+    _, end = _driven(network, lanelets, len(lanelets) - 1, start, goal)
+    return wrap_angle(point_at(last, end)[1] - point_at(first, begin)[1])
+
+
+def _in_intersections(network: "LaneletNetwork") -> frozenset[int]:
+    """The lanelets that the file's intersections name as leading from an arm to the left, straight on or right."""
+    arms = [arm for intersection in network.intersections for arm in intersection.incomings]
+    ways = [way for arm in arms for way in (arm.successors_left, arm.successors_straight, arm.successors_right) if way]
+    return frozenset(int(key) for way in ways for key in way)
+
+
+def _leaves_fork(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bool:
+    """Whether a lanelet follows on one that forks, or on a lane for it alone beside lanes that lead elsewhere."""
+    before = graph.predecessors[key]
+    if any(len(graph.successors[one]) > 1 for one in before):
+        return True
+    others = {after for lane in graph.beside(before) for after in graph.successors[lane]} - graph.beside([key])
+    own = _heading_after(center_line(network, key))
+    return any(abs(wrap_angle(_heading_after(center_line(network, one)) - own)) > PART_RAD for one in others)
+
+
+def _joins(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bool:
+    """Whether the end of a lanelet meets one that comes from elsewhere, as where a side street ends on a road."""
+    beside = graph.beside([key])
+    others = {before for after in graph.successors[key] for before in graph.predecessors[after]} - beside
+    own = _heading_after(center_line(network, key)[::-1])
+    return any(abs(wrap_angle(_heading_after(center_line(network, one)[::-1]) - own)) > PART_RAD for one in others)
+
+
+def _heading_after(line: Points) -> float:
+    """The heading of a line the length of a junction behind its beginning, or at its end."""
+    return point_at(line, min(_APART_M, float(arc_length(line)[-1])))[1] if len(line) > 1 else 0.0

@@ -6,6 +6,7 @@ Nothing heavy is imported here: the server reads the tables without loading a pl
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal, TypeVar
 
 from ...schemas.errors import UnknownName, closest
@@ -22,7 +23,8 @@ class Weight:
     """One weight: a factor ≥ 0 on the raw value of a cost term; or a parameter of a planner that has no such terms.
 
     ``raising`` says what a larger value does. ``computed_by``: the C++ core, this program, or nothing. ``of_cost``:
-    whether it is a factor on a cost term at all, as a planner of others declares it.
+    whether it is a factor on a cost term of what is driven; hard limits, desired distances, and what acts on the search
+    alone are not. ``term``: the recorded term that holds it, if that has another name.
     """
 
     name: str
@@ -32,6 +34,7 @@ class Weight:
     lowest: float = 0.0
     highest: float = LARGEST_WEIGHT
     of_cost: bool = True
+    term: str = ""
 
     @property
     def acts(self) -> bool:
@@ -260,6 +263,7 @@ observations and microscopic simulations, Physical Review E 62, 2000, table I); 
 lateral accelerations are those that passengers judged on a test track (Optimal Lateral Acceleration for Different
 Levels of Automated Driving, preprint 10.31234/osf.io/kcw2d): 2 m/s² often too slow, 3 balanced, 4 often too fast."""
 
+_parameter = partial(Weight, of_cost=False)
 _FISS_WEIGHTS = (
     Weight("time", "horizon − duration, s", "plans farther ahead", "core"),
     Weight("speed", "(final − desired or following speed)²", "keeps the desired speed", "core"),
@@ -267,25 +271,39 @@ _FISS_WEIGHTS = (
     Weight("jerk", "mean jerk², along and across", "smoother", "core"),
     Weight("lateral", "(final offset from the lane's centre)²", "ends at the lane's centre", "core"),
     Weight("lane_change", "lanes changed", "stays in its lane", "core"),
-    Weight("route", "1 in a lane that the route does not change to", "stays on its route", "ours"),
-    Weight(
+    Weight("route", "1 in a lane that the route does not change to", "stays on its route", "ours", term="lane_change"),
+    _parameter(
         "history", "squared distance to the last end state; in fiss's first guess", "searches near its last", "core"
     ),
-    Weight("headway", "mean (1 − gap / desired gap)² ahead", "keeps its distance ahead", "core"),
-    Weight("time_to_collision", "mean (1 − TTC / desired TTC)² ahead", "slows down earlier for others", "core"),
-    Weight("clearance", "mean (1 − lateral gap / desired)² alongside", "passes others farther away", "core"),
-    Weight("desired_gap_m", "desired gap at standstill, m", "stops farther behind others", "core", 0.1, 30.0),
-    Weight("desired_headway_s", "desired time gap ahead, s", "follows farther away", "core", 0.0, 10.0),
-    Weight("desired_time_to_collision_s", "desired TTC, s", "slows down earlier for others", "core", 0.1, 30.0),
-    Weight("desired_clearance_m", "desired lateral gap, m", "passes others farther away", "core", 0.1, 10.0),
+    Weight("headway", "mean (1 − gap / desired gap)² ahead", "keeps its distance ahead", "core", term="proximity"),
     Weight(
+        "time_to_collision",
+        "mean (1 − TTC / desired TTC)² ahead",
+        "slows down earlier for others",
+        "core",
+        term="proximity",
+    ),
+    Weight(
+        "clearance",
+        "mean (1 − lateral gap / desired)² alongside",
+        "passes others farther away",
+        "core",
+        term="proximity",
+    ),
+    _parameter("desired_gap_m", "desired gap at standstill, m", "stops farther behind others", "core", 0.1, 30.0),
+    _parameter("desired_headway_s", "desired time gap ahead, s", "follows farther away", "core", 0.0, 10.0),
+    _parameter("desired_time_to_collision_s", "desired TTC, s", "slows down earlier for others", "core", 0.1, 30.0),
+    _parameter("desired_clearance_m", "desired lateral gap, m", "passes others farther away", "core", 0.1, 10.0),
+    _parameter(
         "follow_time_s", "time to close to the desired gap, s; 0: never slower", "closes up slower", "core", 0.0, 30.0
     ),
-    Weight("least_gap_m", "smallest gap ahead, m; hard", "rejects closer following", "core", 0.0, 30.0),
-    Weight("least_headway_s", "smallest time gap ahead, s; hard", "rejects closer following", "core", 0.0, 10.0),
-    Weight("least_time_to_collision_s", "smallest TTC, s; hard", "rejects faster approaching", "core", 0.0, 30.0),
-    Weight("reaction_time_s", "grace after one cuts in, s", "hard distances hold later", "core", 0.0, 5.0),
-    Weight("crossing_gap_s", "smallest time to crossing traffic, s; hard", "waits for larger gaps", "core", 0.0, 5.0),
+    _parameter("least_gap_m", "smallest gap ahead, m; hard", "rejects closer following", "core", 0.0, 30.0),
+    _parameter("least_headway_s", "smallest time gap ahead, s; hard", "rejects closer following", "core", 0.0, 10.0),
+    _parameter("least_time_to_collision_s", "smallest TTC, s; hard", "rejects faster approaching", "core", 0.0, 30.0),
+    _parameter("reaction_time_s", "grace after one cuts in, s", "hard distances hold later", "core", 0.0, 5.0),
+    _parameter(
+        "crossing_gap_s", "smallest time to crossing traffic, s; hard", "waits for larger gaps", "core", 0.0, 5.0
+    ),
 )
 """The settable weights and distances of FISS's core; meanings from its documentation, defaults of version 1.0.0."""
 _KEPT = (10.0, 5.0, 5.0, 3.0, 1.5, 4.0, 1.0, 3.0, 2.0, 0.3, 1.5, 0.5, 0.75)
@@ -346,7 +364,9 @@ def _reference(weights: tuple[Weight, ...], values: tuple[float, ...], summary: 
     """Return the tuning of a reference driver: its source's parameters, with and without following others."""
     presets = (
         _preset(weights, "Default", "Default", "its source's parameters; follows others like idm", (1.0, 2.0, *values)),
-        _preset(weights, "Verdict", "Verdict", "as in verdicts: keeps its speed until it reacts", (0.0, 2.0, *values)),
+        _preset(
+            weights, "Verdict", "Verdict", "as in verdicts: keeps its speed until it sees a danger", (0.0, 2.0, *values)
+        ),
     )
     return PlannerTuning(summary, _by_name(weights), {}, _by_name(presets), idle_settings=_PATH_FOLLOWERS_IGNORE)
 

@@ -29,6 +29,7 @@
 ``VEHICLES``: CommonRoad's vehicles by their id.
 ``VehicleParameters``: Size and limits of an ego.
 ``commonroad_vehicle``: The id of the CommonRoad vehicle of some settings and an ego's class; None for any other.
+``refused_by_planners``: Why the built-in planners refuse an ego of a class; empty if they drive it.
 ``vehicle_of``: The vehicle of some settings and an ego's class.
 ``Feasibility``: Whether a motion can be driven, the share of its steps that can, and the first that cannot.
 ``Motion``: Positions in m, headings in rad, speeds in m/s and accelerations in m/s² of a centre.
@@ -68,6 +69,7 @@ if TYPE_CHECKING:
         ego_classes,
         fits_together,
         parameter_values,
+        refused_by_planners,
         vehicle_of,
     )
     from .motion import (

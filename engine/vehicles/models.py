@@ -257,6 +257,17 @@ def commonroad_vehicle(settings: PlannerSettings, vehicle_class: str = "car") ->
     return settings.vehicle if settings.states_vehicle else ego_class(vehicle_class).commonroad_vehicle
 
 
+def refused_by_planners(vehicle_class: str) -> str:
+    """Return one sentence on why the built-in planners refuse an ego of a class; empty if they drive it."""
+    known = ego_class(vehicle_class)
+    if known.motion_model != "KST":
+        return ""
+    return (
+        f"the built-in planners refuse this ego: a {vehicle_class} ({known.in_words}) is a tractor with a trailer, and "
+        "they drive single bodies"
+    )
+
+
 def vehicle_of(settings: PlannerSettings, vehicle_class: str = "car") -> VehicleParameters:
     """Return the vehicle of a run: what the configuration states of it, otherwise that of the ego's class.
 

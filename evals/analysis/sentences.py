@@ -7,7 +7,7 @@ be. ``Judge.rules`` are those for the runs of a batch.
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from statistics import median
 from typing import Any
@@ -98,12 +98,19 @@ _COUNTED = (
 _FROM_BEHIND = ("rear_end_by_other", "onto_standing_ego")
 _LATE_WORDS = {
     "held_up": "were behind a slower vehicle",
-    "waited_late": "waited at lights or for others that had the right of way",
+    "waited_late": "stood at lights or stop signs, or while others crossed their way",
     "stood_late": "stood at a green light or with nothing to wait for",
 }
 _OWN_WORDS = {
     "stood with nothing to wait for": ("stood_at_green", "stood_without_cause"),
     "braked without a reason on the road": ("braked_without_cause", "braked_too_hard"),
+}
+_LAID = {
+    "the ego itself": "ego",
+    "recorded traffic": "recording",
+    "the prediction": "prediction",
+    "the plan": "planning",
+    "neither side": "neither",
 }
 LATE = ("timeout", "goal_late")
 """Outcomes of runs that came too late, or not at all in time."""
@@ -185,6 +192,17 @@ class Judge:
         return self.unprevented | {key for key in behind if self.contacts[key].get("laid_to") != "ego"}
 
     @cached_property
+    def hard(self) -> tuple[int, dict[str, list[RunRecord]], int]:
+        """How many scenarios several configurations tried, which all failed, and how many more others made fail."""
+        runs_of: dict[str, list[RunRecord]] = {}
+        for one in self.raw.valid:
+            runs_of.setdefault(one.scenario_id, []).append(one)
+        tried = {key: runs for key, runs in runs_of.items() if len({one.config_id for one in runs}) > 1}
+        failed = {key: runs for key, runs in tried.items() if not any(map(goal, runs))}
+        fair = {key: runs for key, runs in failed.items() if any(one.run_id not in self.the_others for one in runs)}
+        return len(tried), fair, len(failed) - len(fair)
+
+    @cached_property
     def trivial(self) -> dict[str, str]:
         """Goals that asked for no driving, by the judge of ``trivial``."""
         reached = [one for one in self.raw.valid if goal(one)]
@@ -262,11 +280,48 @@ class Judge:
 
     def rules(self) -> list[Rule]:
         """The rules in the order in which they are tried."""
-        made = [self._evidence(), *self._of_rates(), *self._of_metrics(), *self._of_findings()]
+        made = [
+            self._evidence(),
+            (rf"(run_[\w-]+) \({N} s\)", self._moment),
+            *self._of_rates(),
+            *self._of_metrics(),
+            *self._of_findings(),
+        ]
         made += [*self._of_rules(), *self._of_rows()]
+        apart = self._by_configuration()
+        if apart:
+            rules = {name: one.rules() for name, one in apart.items()}
+            made = [
+                (pattern, self._of_its_configuration(expected, {name: own[place][1] for name, own in rules.items()}))
+                for place, (pattern, expected) in enumerate(made)
+            ]
         if self.pairs is not None:
             made += self._of_comparison(self.pairs)
         return [(re.compile(pattern), expected) for pattern, expected in made]
+
+    def _by_configuration(self) -> dict[str, "Judge"]:
+        """A judge of the runs of each configuration, by its name, where there are several."""
+        if len(self.names) < 2:
+            return {}
+        found = {}
+        for name, config_id in self.names.items():
+            batch = self.raw.batch.model_copy(update={"configs": (config_id,)})
+            own = tuple(one for one in self.raw.records if one.config_id == config_id)
+            raw = replace(self.raw, batch=batch, records=own)
+            found[name] = Judge(raw, self.weights, self.reviews, self.findings, self.broken)
+        return found
+
+    def _of_its_configuration(
+        self, pooled: Callable[[re.Match[str]], Sequence[float | None]], apart: dict[str, Any]
+    ) -> Callable[[re.Match[str]], Sequence[float | None]]:
+        """What is expected of a sentence: of the one configuration that it names, or of all runs."""
+
+        def expected(match: re.Match[str]) -> Sequence[float | None]:
+            named = [name for name, key in self.names.items() if name in match.string or key in match.string]
+            named = [name for name in named if not any(name != other and name in other for other in named)]
+            return (apart[named[0]] if len(named) == 1 else pooled)(match)
+
+        return expected
 
     def _evidence(self) -> Row:
         """How many runs are behind a finding, beside the two that are named."""
@@ -281,11 +336,33 @@ class Judge:
             if name in _COUNTED:
                 stated = re.search(r"(\d+) of", text)
                 return [float(stated[1]) - 2 if stated else None]
+            if name == "hard_scenarios":
+                return [sum(map(len, self.hard[1].values())) - 2]
+            if text.startswith("- runs: ") and self.pairs is not None:
+                return [2 * len(self.pairs.pairs) - len(re.findall(r"run_\w+", text))]
             if name == "rejecting_constraint":
                 return [sum(one.outcome == "infeasible" for one in self.raw.valid) - 2]
             return [None]
 
-        return (rf"(?<=\w )\+{N}$", behind)
+        return (rf"(?<=[\w)] )\+{N}$", behind)
+
+    def _moment(self, match: re.Match[str]) -> list[float | None]:
+        """The moment of a run that is named: of its moments the one that is meant, none if there is none so near."""
+        records = {one.run_id: one for one in self.raw.records}
+        one, review = records.get(match[1]), self.reviews.get(match[1]) or {}
+        if one is None:
+            return [None]
+        known = [0.0, one.metrics.duration_s if one.metrics else 0.0]
+        known += [one.collision.time_s] if one.collision else []
+        known += [moment["since_s"] for moment in review.get("pace", ())]
+        known += [moment["time_s"] for name in ("closest", "most_urgent") if (moment := review.get(name))]
+        known += [moment["time_s"] for moment in review.get("largest", ())]
+        steps = self.raw.steps.get(one.run_id)
+        if steps is not None and len(steps.x_m) > 1:
+            speeds, turns = np.array(steps.speed_mps[1:]), np.diff(np.unwrap(steps.heading_rad))
+            known.append((int(np.abs(speeds * turns).argmax()) + 1) * one.step_s)
+        said = float(match[2])
+        return [min(known, key=lambda time_s: abs(time_s - said))]
 
     def _of_rates(self) -> list[Row]:
         records, valid = self.raw.records, self.raw.valid
@@ -342,6 +419,10 @@ class Judge:
                 lambda match: [self.laid_to[name] for name in match.groups()[::2] if name],
             ),
             (
+                rf"{N} to (the ego itself|recorded traffic|the prediction|the plan|neither side)",
+                lambda match: [self.laid_to[_LAID[match[2]]]],
+            ),
+            (
                 rf"By the paper's rule, a goal by any motion: {RATE}",
                 lambda _: rate(
                     [(one.scenario_id, float(one.outcome in ("goal_reached", "goal_refused"))) for one in valid]
@@ -388,7 +469,7 @@ class Judge:
                 rf"prevents {N} of the {N} that could",
                 lambda _: [judged - len(self.unprevented) - self.judged_own, judged],
             ),
-            (rf"The ego made {N} by itself", lambda _: [self.laid_to["ego"]]),
+            (rf"The ego caused {N} by itself", lambda _: [self.laid_to["ego"]]),
             (rf"prevents the other {N}", lambda _: [len(self.unprevented)]),
             (rf"in {N} of these another drove", lambda _: [len(behind)]),
             (rf"^\S+ \((cfg_\w+)\) \| {N} \| {N} \({N} %\) \| {N} to {N} % \|.*\| {N}$", configuration),
@@ -421,14 +502,20 @@ class Judge:
             return [1 if "<1 %" in match[0] and share < 0.5 else share, terms[match[2]], counted]
 
         scenarios = len({one.scenario_id for one in self.raw.valid})
+        failing = {one.config_id for one in self.raw.valid if _failed(one)}  # each has a main failure
         return [
             (rf"valid runs of {N} scenarios, at least {N} are", lambda _: [scenarios, 12]),
-            (rf"{N} of {N} runs shown", lambda _: [30, len(self.raw.records)]),
             (
-                rf"^… {N} more: detail=findings",
-                lambda _: [min(self.findings, 5) - 2 - any(map(_failed, self.raw.valid))],
+                rf"runs {N} to {N} of {N}, failures first",
+                lambda match: [
+                    (first := float(match[1])),
+                    min(first + 29, len(self.raw.records)),
+                    len(self.raw.records),
+                ],
             ),
-            (rf"more findings \({N}\)", lambda _: [self.findings - 5]),
+            (rf"^… {N} more: offset={N}$", lambda match: [len(self.raw.records) - (at := float(match[2])), at]),
+            (rf"^… {N} more: detail=findings", lambda _: [min(self.findings - len(failing), 5 - bool(failing)) - 2]),
+            (rf"more findings \({N}\)", lambda _: [self.findings - len(failing) - 5 + bool(failing)]),
             (rf"over {N} valid runs", lambda _: [len(self.raw.valid)]),
             (rf"({words})(?: \(0 [^)]*\))? {N}(?: \({N}–{N}\))?[^;.]*?(?: in {N} runs)?(?=;|\.$)", spread),
             (rf"^- (\S+) (\w+): <?{N} % of the cost, {N} a planning step \(n={N}\)", cost),
@@ -478,14 +565,8 @@ class Judge:
             return [*values, len(failed), len(own)]
 
         def hard(match: re.Match[str]) -> list[float | None]:
-            goals_of: dict[str, list[RunRecord]] = {}
-            for one in valid:
-                goals_of.setdefault(one.scenario_id, []).append(one)
-            tried = [runs for runs in goals_of.values() if len({one.config_id for one in runs}) > 1]
-            failed = [runs for runs in tried if not any(map(goal, runs))]
-            theirs = [runs for runs in failed if all(one.run_id in self.the_others for one in runs)]
-            fair = len(failed) - len(theirs)
-            return [fair, len(tried), *([len(theirs)] if match[3] else []), fair - 4]
+            tried, fair, theirs = self.hard
+            return [len(fair), tried, *([theirs] if match[3] else []), len(fair) - 4]
 
         return [
             (
@@ -533,7 +614,10 @@ class Judge:
                 foreseen,
             ),
             (
-                rf"(\w+) is {N} under (\S+), {N} by default, and {N} of {N} runs end as it works against \(([a-z ]+)\)",
+                (
+                    rf"(\w+) is {N} under (\S+), {N} by default,"
+                    rf" and {N} of {N} runs fail in a way that it works against \(([a-z ]+)\)"
+                ),
                 weight,
             ),
             (
@@ -656,6 +740,17 @@ class Judge:
             (rf"(braking since|standing since|in the way since) {N} s", since),
             (rf"full braking until {N} s", until),
             (
+                (
+                    rf"laid to the ego, which (?P<did>stood|braked)[a-z ]*?(?: by up to {N} m/s²)? from {N} s to {N} s"
+                    rf"(?:, {N} m before its line)?(?:, much harder than \w+ {N} asked)?"
+                ),
+                self._own_stretch,
+            ),
+            (
+                rf"laid to the ego, which (?:cut in|slowed|was|passed|did)[a-z ]* at {N} s",
+                lambda match: [self._contact(match.string)["fault"]["time_s"]],
+            ),
+            (
                 rf"steering aside until {N} s",
                 lambda match: [self._contact(match.string)["prevention"]["by_steering_until_s"]],
             ),
@@ -736,6 +831,17 @@ class Judge:
         named = [one for one in self.raw.records if one.run_id in line]
         return next((one for one in named if not goal(one)), named[0])
 
+    def _own_stretch(self, match: re.Match[str]) -> list[float | None]:
+        """The stretch that a collision is laid to; how hard it was, from the driven states."""
+        one = self._run(match.string)
+        moment = self._contact(match.string)["fault"]["moment"]
+        since, until = (round(moment[key] / one.step_s) for key in ("since_s", "until_s"))
+        felt = [-value for value in self.raw.steps[one.run_id].acceleration_mps2[since : until + 1]]
+        hardest = [max(felt)] if match["did"] == "braked" else []
+        before = [moment["distance_m"]] if "before its line" in match[0] else []
+        harder = [moment["obstacle_id"]] if "much harder than" in match[0] else []
+        return [*hardest, moment["since_s"], moment["until_s"], *before, *harder]
+
     def _contact(self, line: str) -> Mapping[str, Any]:
         contact: Mapping[str, Any] = self.reviews[self._run(line).run_id]["contact"]
         return contact
@@ -799,10 +905,10 @@ class Judge:
             (rf"{N} of {N} pairs flipped to failure", lambda _: [flips[1], len(pairs.pairs)]),
             (rf"None of {N} pairs flipped", lambda _: [len(pairs.pairs)]),
             (rf"needs ({6}) scenarios that differ", lambda _: [6]),
-            (rf"chance alone does as much \(p={N}\)", lambda _: [success["p"]]),
-            (rf"about {N} scenarios would show (10) points", lambda _: [success["needed"], 10]),
+            (rf"chance alone often gives such a difference \(p={N}\)", lambda _: [success["p"]]),
+            (rf"about {N} scenarios are needed to show a difference of (10) points", lambda _: [success["needed"], 10]),
             (r"less than (10) points", lambda _: [10]),
-            (rf"p={N} alone, {N} once", lambda _: [success["p"], adjusted.get("success")]),
+            (rf"p={N} alone, {N} adjusted", lambda _: [success["p"], adjusted.get("success")]),
             (rf"(\w+) (?:rises|falls) by {N}", shift),
             (rf"^- {N} pairs:", lambda _: [len(pairs.pairs)]),
             (rf"({'|'.join(cells)}) {N}(?=[,;]|$)", lambda match: [cells[match[1]]]),

@@ -143,11 +143,18 @@ class SuccessTest(Model):
     difference: float | None = Field(
         description="difference of the success rates, after − before, from -1 to 1; null without pairs"
     )
-    low: float | None = Field(description="lower end of its 95 % interval")
-    high: float | None = Field(description="upper end of its 95 % interval")
+    low: float | None = Field(description="lower end of its 95 % interval, of this test alone")
+    high: float | None = Field(description="upper end of its 95 % interval, of this test alone")
     p: float | None = Field(description="exact two-sided p; null without pairs")
     p_holm: float | None = Field(description="p after Holm's adjustment; null of a test that could show nothing")
     needed: int | None = None
+
+    @property
+    def excludes_zero_alone(self) -> bool:
+        """Whether the interval excludes 0 although the test adjusted for all tests of the answer shows nothing."""
+        if self.low is None or self.high is None or self.low <= 0 <= self.high:
+            return False
+        return self.p_holm is None or self.p_holm >= SIGNIFICANCE_LEVEL
 
 
 class Stratum(Model):
@@ -185,8 +192,8 @@ class MetricTest(Model):
     shift: float | None = Field(
         description="Hodges–Lehmann estimate of after − before, in `unit`; null under six differing pairs"
     )
-    low: float | None = Field(description="lower end of its 95 % interval, in `unit`")
-    high: float | None = Field(description="upper end of its 95 % interval, in `unit`")
+    low: float | None = Field(description="lower end of its 95 % interval, of this test alone, in `unit`")
+    high: float | None = Field(description="upper end of its 95 % interval, of this test alone, in `unit`")
     effect: float | None = Field(description="matched-pairs rank-biserial correlation, from -1 to 1")
     p: float | None = Field(description="two-sided p of Wilcoxon's signed-rank test; null where it was not made")
     p_holm: float | None = Field(description="p after Holm's adjustment; null of a test that could show nothing")
@@ -362,7 +369,12 @@ def _success(test: SuccessTest) -> list[str]:
         line += f"; {100 * test.difference:+.0f} points (95 %: {low:+.0f} to {high:+.0f}), "
         line += f"{'McNemar' if test.scenarios in (0, test.pairs) else f'{test.scenarios} scenarios'} exact "
         line += _p(test.p, test.p_holm)
+        line += f"; {_ALONE}" if test.excludes_zero_alone else ""
     return [line]
+
+
+_ALONE = "the interval is that of this test alone: with all tests of this answer counted (Holm), no difference is shown"
+"""For a difference whose 95 % interval excludes 0 although the adjusted test does not show it."""
 
 
 def _strata(comparison: Comparison) -> list[str]:

@@ -277,7 +277,7 @@ def _headline(study: StudyRecord) -> str:
     found = f"{study.best_id} ({study.best_name})"
     if held_out is None:
         if code == "not_judged":
-            told = "scored higher in training, and max_trials left no look at the held-out half: nothing is shown"
+            told = "scored higher in training, but max_trials left no runs for the held-out half, so no gain is shown"
             return f"{study.study_id}: {found} {told}."
         return f"{study.study_id}: nothing better than {study.base_name} was found in training."
     told = {"better": "is better than", "worse": "is worse than"}.get(code, "is not shown to be better than")
@@ -343,6 +343,6 @@ def _effects(study: StudyRecord) -> list[str]:
     idle = [one.name for one in study.effects if one.verdict == "none"]
     return [
         *([f"{name} of what matters: {', '.join(shown)}."] if shown else []),
-        *([f"{name} that is not shown to be more than chance: {', '.join(unclear)}."] if unclear else []),
+        *([f"{name} whose effect may be chance: {', '.join(unclear)}."] if unclear else []),
         *([f"Did nothing: {', '.join(idle)}."] if idle else []),
     ]

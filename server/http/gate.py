@@ -8,11 +8,13 @@ import json
 import math
 import time
 from collections import OrderedDict
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import anyio
+from mcp.server.transport_security import TransportSecurityMiddleware, TransportSecuritySettings
 from mcp.types import INTERNAL_ERROR, INVALID_REQUEST
 from starlette.datastructures import Headers
+from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from ..clients import principal_of
@@ -33,7 +35,7 @@ _TOLD = {
     403: "this Origin is not let in: name it in http_origins, if it is yours",
     421: "this Host is not let in: name it in http_hosts, if it is yours",
 }
-"""What the SDK's refusals by header say in its place, which names no setting."""
+"""What is said of a refusal by header: the SDK's own words name no setting."""
 
 
 @dataclass(frozen=True)
@@ -67,10 +69,12 @@ class Gate:
     Args:
         application: who answers what is let through.
         limits: the bounds.
+        let_in: the Host and Origin headers that are taken.
     """
 
-    def __init__(self, application: ASGIApp, limits: HttpLimits) -> None:
+    def __init__(self, application: ASGIApp, limits: HttpLimits, let_in: TransportSecuritySettings) -> None:
         self._application, self._limits = application, limits
+        self._headers = TransportSecurityMiddleware(let_in)
         self._clients: OrderedDict[str, _Client] = OrderedDict()
         self._is_closing = False
         self._streams: set[anyio.CancelScope] = set()
@@ -97,6 +101,9 @@ class Gate:
             return
         scope["headers"] = [(name, value.strip(b" \t")) for name, value in scope["headers"]]  # RFC 9110, 5.5
         headers = Headers(scope=scope)
+        if refused := await self._refused_headers(scope):
+            await refused.send(send)
+            return
         is_stream = scope["method"] == "GET" or headers.get("mcp-method") in _LISTENING
         client = self._client(scope)
         refusal = self._refusal(client, is_stream=is_stream, is_short=_declared_bytes(headers) < _SHORT_BYTES)
@@ -109,7 +116,7 @@ class Gate:
         answer = _Answer(send)
         try:
             with own:
-                body = await self._body(headers, receive)
+                body = await self._body(receive)
                 if isinstance(body, _Refusal):
                     await body.send(send)
                     return
@@ -119,6 +126,14 @@ class Gate:
         finally:
             under_way.discard(own)
             self._count(client, -1, is_stream=is_stream)
+
+    async def _refused_headers(self, scope: Scope) -> "_Refusal | None":
+        """Return why a request is refused by its Host, Origin or length, all of which stand before its body."""
+        refused = await self._headers.validate_request(Request(scope))
+        if refused is not None:
+            return _Refusal(refused.status_code, _TOLD[refused.status_code])
+        most = self._limits.body_bytes
+        return _too_long(most) if _UNDECLARED > _declared_bytes(Headers(scope=scope)) > most else None
 
     def _client(self, scope: Scope) -> _Client:
         address = scope.get("client")
@@ -153,19 +168,16 @@ class Gate:
         else:
             client.calls += change
 
-    async def _body(self, headers: Headers, receive: Receive) -> "bytes | _Refusal":
+    async def _body(self, receive: Receive) -> "bytes | _Refusal":
         """The whole body, or why it is not taken."""
         most = self._limits.body_bytes
-        told = f"the request has more than {most:,} bytes; send it in parts, or raise the setting http_body_mb"
-        if _UNDECLARED > _declared_bytes(headers) > most:
-            return _Refusal(413, told)
         body = bytearray()
         with anyio.move_on_after(BODY_TIMEOUT_S):
             while True:
                 message = await receive()
                 body += message.get("body", b"")
                 if len(body) > most:
-                    return _Refusal(413, told)
+                    return _too_long(most)
                 if message["type"] != "http.request" or not message.get("more_body", False):
                     return bytes(body)
         return _Refusal(408, f"the body did not arrive within {BODY_TIMEOUT_S:g} s; send it whole")
@@ -193,24 +205,23 @@ class _Refusal:
 _STOPPING = _Refusal(503, "the server is stopping; jobs are kept, and go on when the same is asked for again", 5)
 
 
+def _too_long(most: int) -> _Refusal:
+    return _Refusal(
+        413, f"the request has more than {most:,} bytes; send it in parts, or raise the setting http_body_mb"
+    )
+
+
 @dataclass
 class _Answer:
     """What an application answers, on its way to the client."""
 
     to_client: Send
     has_begun: bool = False
-    _replaced: bool = field(default=False, init=False)
 
     async def send(self, message: Message) -> None:
-        """Pass a message on; a refusal by header is put into words that name the setting."""
-        if message["type"] == "http.response.start":
-            self.has_begun = True
-            is_json = any(name == b"content-type" and b"json" in value for name, value in message["headers"])
-            if message["status"] in _TOLD and not is_json:
-                self._replaced = True
-                await _Refusal(message["status"], _TOLD[message["status"]]).send(self.to_client)
-        if not self._replaced:
-            await self.to_client(message)
+        """Pass a message on, and note that there is an answer."""
+        self.has_begun = self.has_begun or message["type"] == "http.response.start"
+        await self.to_client(message)
 
 
 def _declared_bytes(headers: Headers) -> float:

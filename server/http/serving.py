@@ -3,6 +3,7 @@
 ``plannerforge ui`` serves the same with the pages of the workspace beside it, on this machine alone.
 """
 
+import asyncio
 import ipaddress
 import logging
 import math
@@ -13,7 +14,7 @@ from collections.abc import Callable
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import anyio
 import uvicorn
@@ -39,7 +40,9 @@ from ..application import PlannerForgeServer
 from ..clients import READ_SCOPE, WRITE_SCOPE
 from ..settings import Settings
 from .access import EitherTokens, IssuedTokens, OwnTokens, tokens_of
+from .connections import ConnectionLimits, Connections, calm_logs
 from .gate import Gate, HttpLimits
+from .sessions import BoundedSessions
 
 if TYPE_CHECKING:
     from .pages.application import Pages
@@ -48,9 +51,8 @@ logger = logging.getLogger(__name__)
 PATH = "/mcp"
 _LOOPBACK_NAMES = ("127.0.0.1", "localhost", "[::1]")
 _ANY_ADDRESS = {"0.0.0.0", "::"}  # noqa: S104 - what is looked for, not what is bound
-_MOST_SESSIONS = 256
 _SESSION_IDLE_S = 1800.0
-"""Sessions at once, and seconds until one that asks nothing is forgotten; chosen: a client simply begins another."""
+"""Seconds until a session that asks nothing is forgotten; the SDK's default. A client simply begins another."""
 _BACKLOG = 256
 _CONNECTIONS_END_S = 2.0
 """Connections that wait to be taken, and how long they have to close once nothing is under way; chosen."""
@@ -84,20 +86,22 @@ class HttpServer:
                 "or set oauth_issuer",
             )
         most_bytes = settings.http_body_mb * 1024**2
+        let_in = _let_in(settings)
         self._sessions = StreamableHTTPSessionManager(
             app=server.protocol,
-            security_settings=_let_in(settings),
+            security_settings=let_in,
             max_request_body_size=most_bytes + 1,  # the gate says more of a larger one
             session_idle_timeout=_SESSION_IDLE_S,
-            max_sessions=_MOST_SESSIONS,
+            max_sessions=None,  # they are bounded per token
         )
-        endpoint: ASGIApp = StreamableHTTPASGIApp(self._sessions)
-        if authentication is not None:
+        limits = HttpLimits(most_bytes, settings.http_calls, settings.http_rate)
+        self._gate = Gate(BoundedSessions(StreamableHTTPASGIApp(self._sessions)), limits, let_in)
+        endpoint: ASGIApp = self._gate
+        if authentication is not None:  # before the gate: a stranger takes no place there, and no body of his is read
             endpoint = RequireAuthMiddleware(endpoint, [READ_SCOPE], authentication.metadata_url)
-        self._gate = Gate(endpoint, HttpLimits(most_bytes, settings.http_calls, settings.http_rate))
         self._readiness = _Readiness(self._gate, server)
         routes = [
-            Route(PATH, endpoint=self._gate),
+            Route(PATH, endpoint=endpoint),
             Route("/health", endpoint=_health, methods=["GET"]),
             Route("/ready", endpoint=self._readiness.answer, methods=["GET"]),
             *(authentication.routes() if authentication is not None else ()),
@@ -113,6 +117,7 @@ class HttpServer:
             lifespan="off",
             ws="none",
             log_config=None,
+            http=cast("type[asyncio.Protocol]", Connections(ConnectionLimits.for_descriptors()).protocol),
             access_log=False,
             server_header=False,
             proxy_headers=bool(proxies),
@@ -128,6 +133,10 @@ class HttpServer:
         Raises:
             PlannerForgeError: the services of the tools cannot be opened.
         """
+        with calm_logs():
+            await self._serve(listener)
+
+    async def _serve(self, listener: socket.socket) -> None:
         async with self._sessions.run():
             host, port = listener.getsockname()[:2]
             name = f"[{host}]" if ":" in host else host
@@ -161,7 +170,9 @@ class _Readiness:
         """200 or 503."""
         del request
         is_ready = self._gate.is_open and await self._reads() and self._gate.is_open
-        return JSONResponse({"status": "ready" if is_ready else "not ready"}, 200 if is_ready else 503)
+        if is_ready:
+            return JSONResponse({"status": "ready"})
+        return JSONResponse({"status": "not ready"}, 503, {"retry-after": str(math.ceil(READY_KEPT_S))})
 
     async def _reads(self) -> bool:
         async with self._looking:

@@ -19,6 +19,7 @@ from typing import Any
 from mcp.types import CallToolResult
 
 from ...engine.workspace import make_private
+from ...schemas.errors import as_told
 from ...schemas.text import LONGEST_TEXT, one_line, quoted
 from ..tokens import count_tokens, has_tables
 from ..tool_calls import answer_text
@@ -96,8 +97,13 @@ class Journal:
         """Write down a call."""
         if self._thread is None:
             self._closing.clear()
-            self._thread = threading.Thread(target=self._write, name="journal", daemon=True)
-            self._thread.start()
+            thread = threading.Thread(target=self._write, name="journal", daemon=True)
+            try:
+                thread.start()
+            except RuntimeError as error:  # the lines wait, and the next call tries again
+                logger.warning("the journal waits: %s", as_told(error, "the journal").text)
+            else:
+                self._thread = thread
         self._waiting.put(_JournalledCall(time, call_id, client, tool, arguments, duration_s, result))
 
     def close(self) -> None:

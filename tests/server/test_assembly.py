@@ -10,7 +10,7 @@ from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.schemas.base import Model
 from plannerforge.schemas.catalog import BuildIndexRequest, BuildIndexResponse
 from plannerforge.schemas.errors import PlannerForgeError, ResourceFailure
-from plannerforge.server.assembly import warm_up
+from plannerforge.server.assembly import calls_within, warm_up
 from plannerforge.tools.operations import BUILD_INDEX
 
 pytestmark = pytest.mark.anyio
@@ -53,3 +53,8 @@ async def test_an_index_that_cannot_be_made_ready_is_logged_and_does_no_harm(
 ) -> None:
     await warmed(NotedPool(ResourceFailure("no model of that name")), tmp_path)
     assert "no model of that name" in caplog.text
+
+
+@pytest.mark.parametrize(("memory_mb", "calls"), [(256, 8), (1024, 32), (64, 1), (0, 32)])
+def test_calls_at_once_fit_into_the_memory_of_the_server(memory_mb: int, calls: int) -> None:
+    assert calls_within(memory_mb) == calls

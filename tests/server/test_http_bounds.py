@@ -63,6 +63,21 @@ async def test_slow_body_is_refused_and_its_place_is_free_again(serve: Serve, mo
     assert good.status_code == 200
 
 
+@pytest.mark.parametrize(
+    ("head", "status"),
+    [
+        (f"Host: 127.0.0.1\r\nAuthorization: Bearer {READER}x\r\n", b"401"),
+        (f"Host: elsewhere.example\r\nAuthorization: Bearer {WRITER}\r\n", b"421"),
+    ],
+    ids=["unknown token", "foreign host"],
+)
+async def test_stranger_is_refused_before_any_of_its_body_is_read(serve: Serve, head: str, status: bytes) -> None:
+    async with serve(http_calls=1, http_tokens=TWO) as server, await connected(server) as stream:
+        start = f"POST /mcp HTTP/1.1\r\n{head}Content-Type: application/json\r\nContent-Length: 4000000\r\n\r\n"
+        await stream.send(start.encode())
+        assert (await received(stream))[9:12] == status
+
+
 async def received(stream: ByteStream) -> bytes:
     """All that a connection gives until it ends or an object of JSON is whole."""
     found = b""

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcp.types import INVALID_REQUEST, PARSE_ERROR, jsonrpc_message_adapter
 
-from plannerforge.server.messages import LONGEST_MESSAGE, BoundedLines, unreadable
+from plannerforge.server.stdio.messages import LONGEST_MESSAGE, unreadable
+from plannerforge.server.stdio.streams import BoundedLines
 
 CALL: dict[str, Any] = {"jsonrpc": "2.0", "id": 7, "method": "tools/call"}
 

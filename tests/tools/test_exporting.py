@@ -9,10 +9,12 @@ import pyarrow.parquet as pq
 import pytest
 from mcp import Client
 from support.builders import Problem, town_road
+from support.runs import record
 
 from plannerforge.schemas.runs import RunSeries
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
+from plannerforge.tools.results import driven_by
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("warm_workers")]
 NEAR = Problem(goal=(75.0, 0.0, 8.0, 3.0), steps=(30, 45))
@@ -128,3 +130,17 @@ async def test_a_run_has_no_roads_to_export(settings: Settings, tmp_path: Path) 
         refused = await client.call_tool("export_artifacts", arguments)
         assert refused.is_error
         assert "has no opendrive" in refused.content[0].text  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("planner", "name", "version", "told"),
+    [
+        ("mylane", "mylane:Default", "v2 (d4e5f6a)", "mylane:Default v2 (d4e5f6a)"),
+        ("mylane", "mylane:Default v2 (d4e5f6a)", "v2 (d4e5f6a)", "mylane:Default v2 (d4e5f6a)"),
+        ("mylane", "mylane:Default", "", "mylane:Default"),
+        ("frenetix", "frenetix:Default", "0.4.0", "frenetix:Default"),
+    ],
+)
+def test_a_report_names_the_version_of_an_own_planner_once(planner: str, name: str, version: str, told: str) -> None:
+    run = record().model_copy(update={"planner": planner, "config_name": name, "planner_version": version})
+    assert driven_by(run) == told

@@ -52,7 +52,7 @@ async def test_no_site_is_taken_twice_and_fewer_are_made_where_there_are_not_eno
         ({"bbox": [36.0, -9.0, 44.0, 4.0]}, "Musterstadt"),
         ({"vehicles": ["car=10000"]}, "at most 300"),
         ({"vehicles": ["truck=5", "truck=2"]}, "name truck more than once"),
-        ({"vehicles": ["bicycle=0"], "ego": "type:bicycle"}, "vehicles ask for none"),
+        ({"vehicles": ["bicycle=0"], "ego": "type:bicycle"}, "vehicles excludes it"),
         ({"vehicles": ["taxi=70%", "bus=40%"]}, "share out 110%"),
         ({"vehicles": ["car=50%"]}, "cars are the rest"),
         ({"duration_s": 0}, "duration_s"),

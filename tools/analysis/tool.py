@@ -30,6 +30,8 @@ async def analyze_results(arguments: AnalyzeResultsArguments, call: ToolCall) ->
         breakdown=arguments.breakdown,
         where=tuple(arguments.where),
         detail=arguments.detail,
+        limit=arguments.limit,
+        offset=arguments.offset,
     )
     result = await call.run(ANALYSE, request)
     if not arguments.trial:

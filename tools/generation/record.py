@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from ...engine.vehicles import PEDESTRIAN, ego_class
+from ...engine.vehicles import PEDESTRIAN, ego_class, refused_by_planners
 from ...engine.workspace import Artifact
 from ...schemas.generation import (
     NATURAL_SHARES,
@@ -58,6 +58,7 @@ def summarise(
         feasible_share=scenario.checks.feasible_share,
         checks_passed=passed,
         checks_failed=failed,
+        planners_refuse=refused_by_planners(ego.vehicle_class),
         notes=[*_shares(scenario, request), *scenario.notes],
     )
 

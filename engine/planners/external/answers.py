@@ -35,7 +35,7 @@ def read_message(model: type[_Message], answered: bytes, failed: Failed) -> _Mes
         first = error.errors(include_url=False)[0]
         if first["type"] == "json_invalid":
             begins = quoted(answered[: 4 * _SHOWN].decode("utf-8", "replace"), _SHOWN)
-            raise failed("not_json", f"writes no JSON but what begins {begins}") from error
+            raise failed("not_json", f"writes something that is not JSON and begins with {begins}") from error
         if first["type"] == "finite_number":
             where = one_line(".".join(map(str, first["loc"])))
             raise failed("not_finite", f"answers a number that is not finite: {where}") from error
@@ -50,7 +50,10 @@ def read_trajectory(answered: CommandTrajectory, ego: EgoState, step_s: float, f
         PlannerFailure: it breaks the contract of planners.
     """
     if len(answered.x_m) < 2:
-        raise failed("too_short", f"answers {len(answered.x_m)} state(s); the first is the present")
+        raise failed(
+            "too_short",
+            f"answers {len(answered.x_m)} state(s); it must answer the present state and at least one planned state",
+        )
     trajectory = _trajectory(answered, ego, step_s)
     breaches = trajectory_breaches(trajectory, ego, step_s)
     if breaches:

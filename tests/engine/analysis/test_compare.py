@@ -74,8 +74,8 @@ def test_a_single_pair_is_a_pair_and_none_is_none() -> None:
 def test_equal_runs_differ_in_nothing_and_that_is_said() -> None:
     found = compared(runs(["goal_reached"] * 6), runs(["goal_reached"] * 6, SAFE)).comparisons[0]
     assert (found.headline_code, found.metrics_code) == ("tie", "none")
-    said = "None of 6 pairs flipped; about 77 scenarios would show 10 points."
-    assert found.verdict == f"{said} No metric differs significantly."
+    assert found.success.needed == 77
+    assert "77 scenarios" in found.verdict
 
 
 def test_enough_flips_are_significant_after_holm() -> None:
@@ -86,6 +86,17 @@ def test_enough_flips_are_significant_after_holm() -> None:
     assert found.success.p <= found.success.p_holm < 0.05
     assert found.headline_code == "better"
     assert found.verdict.startswith("Better: 20 of 20 pairs flipped to success.")
+
+
+@pytest.mark.parametrize(("flips", "alone"), [(6, True), (9, False), (3, False)])
+def test_an_interval_without_zero_beside_chance_is_said_to_be_of_the_test_alone(flips: int, alone: bool) -> None:
+    kept = ["goal_reached"] * 8
+    before = runs([*(["collision"] * flips), *kept], gaps=[1.0 + n / 10 for n in range(flips + 8)])  # type: ignore[list-item]
+    after = runs([*(["goal_reached"] * flips), *kept], SAFE, gaps=[1.1 + n / 9 for n in range(flips + 8)])  # type: ignore[list-item]
+    found = compared(before, after)
+    test = found.comparisons[0].success
+    assert test.excludes_zero_alone is alone
+    assert ("the interval is that of this test alone" in found.to_text()) is alone
 
 
 def test_metric_names_the_better_side_only_where_the_interval_leaves_zero() -> None:

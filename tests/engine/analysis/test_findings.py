@@ -1,6 +1,7 @@
 """Every finding: when it speaks, with which evidence, and what it suggests."""
 
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from support.builders import ScenarioBuilder, town_road
@@ -8,6 +9,8 @@ from support.runs import DEFAULT, SAFE, driven, metrics, record, source
 
 from plannerforge.engine.analysis.findings import FINDINGS, find_all
 from plannerforge.engine.analysis.run_set import RunSet
+from plannerforge.engine.planners.fiss.core import costs_of
+from plannerforge.engine.tuning import tuning_of
 from plannerforge.schemas.results import ConfigWeights, Finding
 from plannerforge.schemas.runs import DrivenObstacle, RunSource, ScenarioSource
 
@@ -23,6 +26,19 @@ def test_unremarkable_runs_give_no_finding(tmp_path: Path) -> None:
 
 def test_names_are_those_of_the_registry() -> None:
     assert len({find.__name__ for find in FINDINGS}) == len(FINDINGS)
+
+
+def test_every_finding_names_a_moment_of_each_of_its_runs(tmp_path: Path) -> None:
+    outcomes = ("collision", "timeout", "goal_late", "infeasible", "goal_reached")
+    runs = [
+        source(record(f"ZAM_{n}-1_1_T-1", outcomes[n % 5], config), tmp_path, velocity_offset=9.0)  # type: ignore[arg-type]
+        for n in range(10)
+        for config in (DEFAULT, SAFE)
+    ]
+    findings = find_all(RunSet(tuple(runs), (DEFAULT, SAFE)))
+    assert len({one.name for one in findings}) >= 4
+    for finding in findings:
+        assert {moment.run_id for moment in finding.moments} >= set(finding.run_ids), finding.name
 
 
 def test_main_failure_has_both_denominators() -> None:
@@ -185,6 +201,20 @@ def test_a_parameter_that_is_no_weight_of_the_cost_is_not_called_idle(tmp_path: 
     run = source(record(), tmp_path, velocity_offset=9.0, prediction=1.0)
     declared = DEFAULT.model_copy(update={"parameters": ("lateral_jerk",)})
     assert "idle_weights" not in {one.name for one in find_all(RunSet((run,), (declared,)))}
+
+
+def test_a_weight_whose_term_has_another_name_is_not_called_idle(tmp_path: Path) -> None:
+    run = source(record(), tmp_path, velocity_offset=9.0, prediction=1.0)
+    declared = DEFAULT.model_copy(update={"terms": {"lateral_jerk": "prediction"}})
+    assert "idle_weights" not in {one.name for one in find_all(RunSet((run,), (declared,)))}
+
+
+def test_limits_of_fiss_are_no_weights_and_each_weight_has_its_term() -> None:
+    recorded = costs_of(Mock()).keys()
+    weights = tuning_of("fiss").weights
+    assert {weight.term or name for name, weight in weights.items() if weight.of_cost} == recorded
+    limits = {"reaction_time_s", "least_gap_m", "least_headway_s", "least_time_to_collision_s", "crossing_gap_s"}
+    assert not any(weights[name].of_cost for name in limits)
 
 
 def test_weights_of_a_planner_that_names_its_terms_otherwise_are_not_called_idle(tmp_path: Path) -> None:

@@ -174,6 +174,7 @@ def test_an_empty_road_leaves_the_figures_of_the_ego_alone() -> None:
         (track(0.0, 4.0, 10.0), "beside"),
         (track(30.0, 4.0, 10.0, math.pi), "oncoming"),
         (track(30.0, 30.0, 1.0, math.pi / 2), "crossing"),
+        (track(8.0, 0.0, 0.0, math.pi), "ahead"),
     ],
 )
 def test_the_nearest_is_told_with_its_relation(other: Track, relation: Relation) -> None:

@@ -120,11 +120,11 @@ def test_a_follower_that_changes_lanes_into_the_back_is_no_cut_in(tmp_path: Path
 
 def test_the_words_say_the_moment_the_speeds_and_what_came_first(tmp_path: Path) -> None:
     ego, other = moving((0, 0, EAST, 0), key=0), moving((-4.3, 0, EAST, 9))
-    said = contact(ego, other, folder=tmp_path).in_words()
-    assert said == (
+    hit = contact(ego, other, folder=tmp_path)
+    assert hit.prevention is not None
+    assert hit.in_words() == (
         "hit while standing by car 7 from behind at 4.0 s (ego 0.0 m/s, standing since 0.0 s; car 7 9.0 m/s); "
-        "no reference driver prevents it (full braking, UN R157's careful and fuzzy drivers, RSS); "
-        "laid to the recording"
+        f"{hit.prevention.in_words()}; laid to the recording"
     )
     braking = (0.0,) * 31 + (-3.0,) * 10
     ego, other = moving((0, 0, EAST, 12), key=0), moving((4.4, 0, EAST, 5))
@@ -167,6 +167,21 @@ def test_the_closest_moment_of_a_success_has_partner_time_and_gap(tmp_path: Path
     assert found.closest.time_s == pytest.approx(1.6, abs=0.1)
     assert "Closest: 1.29 m to car 7 on the left at 1.6 s" in found.nearness_in_words()
     assert "time to collision: none: never on a collision course." in found.nearness_in_words()
+
+
+@pytest.mark.parametrize(
+    ("facing", "speed", "course"),
+    [(WEST, 0.0, "standing"), (NORTH, 0.0, "standing"), (EAST, 0.0, "same"), (WEST, 1.0, "oncoming")],
+)
+def test_a_parked_vehicle_is_not_oncoming_whatever_way_it_faces(
+    facing: float, speed: float, course: str, tmp_path: Path
+) -> None:
+    ego, other = moving((20.0, 0.0, EAST, 10.0), key=0), moving((0.0, 6.0, facing, speed))
+    gap = 6.0 - 1.61 / 2 - (4.5 if facing == NORTH else 1.8) / 2
+    found = success(ego, other, folder=tmp_path, metrics=metrics(minimum_distance_m=gap))
+    assert found.closest is not None
+    assert found.closest.direction == course
+    assert ("oncoming" in found.nearness_in_words()) == (course == "oncoming")
 
 
 def test_a_gap_that_the_tracks_do_not_show_is_not_told(tmp_path: Path) -> None:

@@ -5,7 +5,18 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.evals.loop.standing import Answer, Made, asked, braking, is_right, slowing, standing
+from plannerforge.evals.loop.standing import (
+    Answer,
+    Made,
+    Other,
+    asked,
+    braking,
+    is_right,
+    slowing,
+    standing,
+    steady,
+    stopping,
+)
 from plannerforge.schemas.runs import Contact, EgoFault, PaceMoment, Prevention
 
 
@@ -29,6 +40,16 @@ def made_of(kind: str) -> Made:
 def test_a_stand_has_the_code_of_its_reason(kind: str, codes: list[str], tmp_path: Path) -> None:
     answer = asked(made_of(kind), tmp_path, 1)
     assert [one.code for one in answer.moments if one.code.startswith("stood")] == codes
+
+
+def test_later_crossing_traffic_does_not_excuse_a_stop_without_a_cause(tmp_path: Path) -> None:
+    stop = stopping(8.0, 9.5, 1.6)  # stands 2 m before the crossing from 15 s on
+    later = tuple(Other(7 + n, -8.0 * passes, steady(8.0), "across") for n, passes in enumerate((26.0, 31.0, 36.0)))
+    made = Made(stop, 40.0, (), later, goal_m=(180.0, 200.0), goal_steps=(100, 150), late=True)
+    answer = asked(made, tmp_path, 1)
+    assert [one.code for one in answer.moments if one.code.startswith("stood")] == ["stood_without_cause"]
+    assert "stood_late" in answer.findings
+    assert "waited_late" not in answer.findings
 
 
 def test_a_slower_vehicle_beyond_the_time_gap_of_followers_holds_nothing_up(tmp_path: Path) -> None:

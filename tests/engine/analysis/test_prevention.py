@@ -13,7 +13,7 @@ from plannerforge.engine.analysis.prevention import Surroundings
 from plannerforge.engine.analysis.prevention import prevention_of as prevention_or_none
 from plannerforge.engine.commonroad import Track
 from plannerforge.engine.planners import DriverPath, brakes_of
-from plannerforge.schemas.runs import DriverVerdict, Prevention
+from plannerforge.schemas.runs import REFERENCE_DRIVERS_DO, DriverVerdict, Prevention
 
 STEP_S = 0.1
 LENGTH_M, WIDTH_M = 4.5, 1.8
@@ -92,9 +92,11 @@ def test_no_ego_prevents_a_recorded_follower_that_drives_into_it() -> None:
     hit = first_touch(ego, follower)
     found = prevention_of(ego.part(0, hit + 1), follower, hit, STEP_S)
     assert not found.possible
-    assert found.in_words() == (
-        "no reference driver prevents it (full braking, UN R157's careful and fuzzy drivers, RSS)"
-    )
+    assert {one.start for one in found.drivers} == {"before_contact", "start"}
+    assert REFERENCE_DRIVERS_DO in found.in_words()
+    assert "from the start" in found.in_words()
+    older = found.model_copy(update={"drivers": ()})
+    assert "from the start" not in older.in_words(), "versions before did not examine it"
 
 
 def test_what_drives_onto_a_standing_ego_is_prevented_by_none() -> None:

@@ -78,12 +78,31 @@ def test_several_configurations_are_pooled_only_if_asked() -> None:
     runs = [source(record("DEU_A-1_1_T-1")), source(record("DEU_A-1_1_T-1", "collision", SAFE))]
     apart = analysed(*runs)
     assert apart.success is None
-    assert all(one.rate is None for one in apart.outcomes)
+    assert (apart.outcomes, apart.metrics) == ((), ())
+    assert [{one.n for one in group.metrics} for group in apart.groups] == [{1}, {1}]
+    assert [group.failed_runs for group in apart.groups] == [{}, {"collision": (runs[1].record.run_id,)}]
+    main = [one for one in apart.findings if one.name == "main_failure"]
+    assert [one.run_ids for one in main] == [(runs[1].record.run_id,)]
+    assert all("1 of 1 valid runs" in one.statement for one in main), "the other configuration's runs are not its own"
     assert [(group.success.count, group.success.of) for group in apart.groups] == [(1, 1), (0, 1)]
     assert len(analysed(*runs, breakdown="country").groups) == 2
     pooled = analysed(*runs, breakdown="pooled")
     assert pooled.success is not None
     assert (pooled.success.count, pooled.success.of, pooled.groups) == (1, 2, ())
+
+
+@pytest.mark.parametrize("where", ["outcome=collision", "!outcome=goal_reached"])
+@pytest.mark.parametrize("breakdown", ["none", "country"])
+def test_runs_chosen_by_how_they_ended_have_no_rate(where: str, breakdown: str) -> None:
+    runs = [source(record("DEU_A-1_1_T-1")), *(source(record(f"DEU_A-{n}_1_T-1", "collision")) for n in (2, 3))]
+    found = analysed(*runs, where=(where,), breakdown=breakdown)
+    assert found.chosen_by_outcome == (where,)
+    assert (found.runs, found.success) == (2, None)
+    assert all(one.rate is None for one in found.outcomes)
+    assert all(group.success.share is None for group in found.groups)
+    assert where in found.to_text()
+    assert "goal 0/2" not in found.to_text()
+    assert analysed(*runs, where=("country=DEU",)).success is not None
 
 
 def test_groups_by_what_is_asked() -> None:
@@ -229,7 +248,7 @@ def test_default_answer_of_a_large_batch_stays_small() -> None:
     ]
     found = analysed(*runs)
     assert len(found.to_text()) < 4500
-    assert len(found.model_dump_json()) < 9000
+    assert len(found.model_dump_json()) < 10_000
 
 
 def test_a_brief_answer_of_one_run_is_short_and_says_nothing_twice(tmp_path: Path) -> None:
@@ -289,6 +308,21 @@ def test_costs_and_rows_are_shown_where_they_are_asked_for(tmp_path: Path) -> No
     assert "run_cfg_a_DEU_Town-1_1_T-1_constant_velocity_0" in analysed(*five_runs(), detail="rows").to_text()
 
 
+def test_rows_come_in_pages_that_hold_every_run_once() -> None:
+    runs = [source(record(f"DEU_A-{n}_1_T-1", "collision" if n % 3 else "goal_reached")) for n in range(1, 24)]
+    seen, offset = list[str](), 0
+    while True:
+        page = analysed(*runs, detail="rows", limit=10, offset=offset)
+        seen += [row.run_id for row in page.rows]
+        if page.next_offset is None:
+            break
+        assert f"offset={page.next_offset}" in page.to_text()
+        offset = page.next_offset
+    assert sorted(seen) == sorted(one.record.run_id for one in runs)
+    with pytest.raises(InvalidRequest, match="behind the last"):
+        analysed(*runs, detail="rows", offset=23)
+
+
 def test_rows_say_of_collisions_where_they_came_from(tmp_path: Path) -> None:
     scenario = ScenarioSource(scenario_id="ZAM_Town-1_1_T-1", path=str(town_road().write(tmp_path / "town.xml")))
     runs = [source(record(outcome="collision", obstacle_id=32, seed=seed), tmp_path) for seed in range(2)]
@@ -305,7 +339,9 @@ def test_a_finding_counts_all_of_its_runs_and_names_the_first() -> None:
     result = analysed(*runs)
     finding = next(finding for finding in result.findings if finding.name == "uncomfortable_turns")
     assert (len(finding.run_ids), finding.run_count) == (8, 12)
-    assert f"Runs: {runs[0].record.run_id} {runs[1].record.run_id} +10" in result.to_text()
+    assert {one.run_id for one in finding.moments} == set(finding.run_ids), "each run has the moment to look at"
+    named = [f"{one.run_id} ({one.time_s:.1f} s)" for one in finding.moments[:2]]
+    assert f"Runs: {' '.join(named)} +10" in result.to_text()
 
 
 STEERING = LimitExcess(name="steering rate", value=0.75, limit=0.4, unit="rad/s", time_s=2.3)

@@ -102,4 +102,7 @@ def test_long_facets_are_cut_short_and_say_how_much_is_hidden() -> None:
     assert [len(short[name]) for name in ("countries", "places", "speed_limit", "road_net")] == [12, 6, 3, 4]
     assert [len(whole[name]) for name in ("countries", "places", "speed_limit")] == [13, 13, 4]
     assert notes(many, "all")["places"] == "7 more with facet places"
+    assert whole["road_net"]["speed_limit"] == 13
+    assert "in 13 scenarios" in notes(many, "all")["speed_limit"], "as many as have the sign, whatever is listed"
+    assert "1 more limit with facet road_net" in notes(many, "all")["speed_limit"]
     assert notes(many, "places")["places"] == "of scenarios; those of maps: facet maps"

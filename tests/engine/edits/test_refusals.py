@@ -79,7 +79,7 @@ WRONG: list[tuple[dict[str, Any], str, str]] = [
     ({"op": "set_goal"}, "either a lanelet in 'to' or a 'turn'", "2"),
     (GOAL | {"goal_time": "90..99s"}, "begins after the scenario's end", "<="),
     (GOAL | {"goal_time": "9..8s"}, "begins above its end", "8s..9s"),
-    (GOAL | {"goal_speed": "900km/h"}, "no speed of a car", "m/s"),
+    (GOAL | {"goal_speed": "900km/h"}, "a car cannot drive at goal_speed", "m/s"),
     (GOAL | {"goal_time": "<=1s"}, "out of reach of any car", "goal_time of at least"),
     (GOAL | {"rectangle_m": [8.0]}, "is no goal region", "[length, width]"),
     ({"op": "set_ego"}, "either a vehicle in 'vehicles' or a start", "at=LANELET"),

@@ -7,6 +7,7 @@ from support.edits import Applied, Apply, schema_errors
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
+from plannerforge.schemas.modification import ModifyScenarioResult
 
 SHORT = town_road().cut(61)
 
@@ -171,3 +172,27 @@ def test_untouched_recordings_stay(apply: Apply) -> None:
     applied = apply({"op": "set_ego", "vehicles": ["35"]}, builder=SHORT)
     old, new = applied.base_tracks(), applied.tracks()
     assert all(np.array_equal(old[key].positions, new[key].positions) for key in new)
+
+
+@pytest.mark.parametrize(("name", "is_refused"), [("trailer", True), ("truck", False), ("car", False)])
+def test_an_ego_that_the_planners_refuse_is_told_before_they_do(apply: Apply, name: str, is_refused: bool) -> None:
+    outcome = apply({"op": "set_ego", "vehicle_class": name}, builder=SHORT).outcome
+    assert bool(outcome.planners_refuse) is is_refused
+    told = ModifyScenarioResult(
+        scenario_id="ZAM_A-1_1_T-1",
+        base_id="ZAM_B-1_1_T-1",
+        edits=outcome.edits,
+        touched=(),
+        removed=(),
+        handed_over=(),
+        collisions=(),
+        ego_before=None,
+        ego_after=None,
+        checked_by="closed_form",
+        checkers_agree=None,
+        untouched=0,
+        planners_refuse=outcome.planners_refuse,
+        warnings=(),
+    ).answer()
+    assert (told.next_step == "run_planner") is not is_refused
+    assert (outcome.planners_refuse in told.warnings) is is_refused

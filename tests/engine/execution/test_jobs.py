@@ -247,3 +247,18 @@ async def test_progress_that_cannot_be_recorded_does_not_end_the_work(
         job = await runner.wait(runner.start("batch", RECIPE, succeed).job_id, 50, ignore)
     assert job.state == "done"
     assert "disk is full" in caplog.text
+
+
+async def test_job_that_cannot_begin_fails_alone(store: JobStore) -> None:
+    """Its thread cannot be started: the other jobs and the server go on."""
+
+    async def nowhere(*_: object) -> None:
+        raise RuntimeError("can't start new thread")
+
+    async with anyio.create_task_group() as tasks:
+        job = JobRunner(store, tasks, nowhere).start("batch", RECIPE, succeed)
+        other = JobRunner(store, tasks).start("batch", OTHER, succeed)
+        while not (store.get(job.job_id).ended and store.get(other.job_id).ended):
+            await anyio.sleep(0)
+    assert (store.get(job.job_id).state, store.get(other.job_id).state) == ("failed", "done")
+    assert "[resource_failure]" in store.get(job.job_id).error

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import anyio
 import pytest
 
-from plannerforge.engine.execution import CallThreads, run_in
-from plannerforge.schemas.errors import NotPossible
+from plannerforge.engine.execution import CallThreads, OwnThread, run_in
+from plannerforge.schemas.errors import NotPossible, ResourceFailure
 
 pytestmark = pytest.mark.anyio
 
@@ -157,3 +157,24 @@ async def asyncio_thread() -> threading.Thread:
 
 async def _loop_of_this() -> asyncio.AbstractEventLoop:
     return asyncio.get_running_loop()
+
+
+async def test_call_fails_by_name_if_no_thread_can_be_started_and_the_next_one_is_served(
+    threads: CallThreads, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(threading.Thread, "start", refuse_to_start)
+        with pytest.raises(ResourceFailure):
+            await threads.run(thread_of_this)
+    assert await threads.run(thread_of_this)
+
+
+async def test_own_thread_serves_when_no_other_can_be_started(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = OwnThread()
+    monkeypatch.setattr(threading.Thread, "start", refuse_to_start)
+    assert await own.run(sum, (1, 2)) == 3
+    own.end()
+
+
+def refuse_to_start(thread: threading.Thread) -> None:
+    raise RuntimeError("can't start new thread")

@@ -72,7 +72,7 @@ def test_as_many_as_found_room_can_be_asked_for(shared_data: Path, tmp_path: Pat
 
 def test_an_ego_that_cannot_be_and_is_kept_out_of_the_traffic_is_a_contradiction(tmp_path: Path) -> None:
     none = [VehicleDemand(vehicle_class="bicycle", least=0, most=0)]
-    with pytest.raises(InvalidRequest, match="vehicles ask for none"):
+    with pytest.raises(InvalidRequest, match="vehicles excludes it"):
         make("Fahrhausen", tmp_path, ego="type:bicycle", vehicles=none)
 
 

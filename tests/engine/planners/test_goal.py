@@ -109,9 +109,19 @@ def test_a_path_point_on_the_edge_of_the_goal_is_inside_wherever_the_map_lies() 
 @pytest.mark.parametrize(("farthest_m", "share"), [(0.0, 0.0), (47.0, 0.5), (94.0, 1.0), (120.0, 1.0)])
 def test_progress_is_the_share_of_the_path_to_where_the_goal_begins(farthest_m: float, share: float) -> None:
     scenario, problem = scenario_on(straight_road(200.0)), problem_for(goal_state((5, 90), rectangle_at(100.0, 0.0)))
-    driven = np.array([[0.0, 0.0], [farthest_m, 0.5], [farthest_m / 2, 0.0]])  # that it was there counts
+    there = np.linspace(0.0, farthest_m, 100)
+    driven = np.stack([[*there, farthest_m / 2], np.full(101, 0.5)], axis=1)  # that it was there counts
     found = progress_to_goal(scenario, problem, BMW_320I, driven)
     assert found == pytest.approx(share, abs=0.02)
+
+
+@pytest.mark.parametrize(("aside_m", "left_m"), [(1.9, 0.0), (2.5, 0.5), (4.0, 2.0)])
+def test_progress_is_one_only_if_the_ego_was_in_the_goal_itself(aside_m: float, left_m: float) -> None:
+    goal_state_of = goal_state((5, 90), rectangle_at(100.0, 0.0, size=(12.0, 4.0)))
+    driven = np.stack([np.linspace(0.0, 130.0, 131), np.full(131, aside_m)], axis=1)
+    found = progress_to_goal(scenario_on(straight_road(200.0)), problem_for(goal_state_of), BMW_320I, driven)
+    assert found == pytest.approx(1.0 - left_m / 94.0, abs=1e-6)
+    assert (found == 1.0) == (left_m == 0.0)
 
 
 def test_there_is_no_progress_to_a_goal_without_a_place() -> None:

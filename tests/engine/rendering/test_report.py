@@ -115,8 +115,11 @@ def test_the_overview_says_what_was_tested_what_came_out_and_what_is_next() -> N
     assert "lane prediction" in said["What was tested"]
     assert "6 of 7 valid runs (86 %" in said["What came out"]
     assert "8 of 8 valid runs (100 %" in said["What came out"]
-    assert "1 timeout; 1 could not be attempted" in said["What came out"]
-    assert said["Whose fault"] == "There was no collision whose course is known."
+    assert "reached the goal; the others ended as 1 timeout; frenetix:Safe" in said["What came out"]
+    assert "1 could not be attempted" in said["What came out"]
+    assert (
+        said["Who caused the collisions, frenetix:Default (cfg_a)"] == "There was no collision whose course is known."
+    )
     assert said["What is next"]
     rows = {row[0]: row[1:] for row in section.tables[1].rows}
     assert [(row[0], row[1], row[4]) for row in rows.values()] == [("7", "6 (86 %)", "1"), ("8", "8 (100 %)", "0")]

@@ -36,6 +36,15 @@ def test_vehicles_are_placed_in_words(town: Path) -> None:
     }
 
 
+@pytest.mark.parametrize(("speed", "is_oncoming"), [(0.0, False), (5.0, True)])
+def test_a_parked_vehicle_that_faces_the_ego_is_not_oncoming(speed: float, is_oncoming: bool, tmp_path: Path) -> None:
+    parked = driving(36, (120, 3.5), speed, 151, heading_rad=math.pi)
+    found = described(town_road().with_vehicles(parked).write(tmp_path / "parked.xml")).vehicles
+    vehicle = next(one for one in found if one.vehicle_id == 36)
+    assert ("oncoming" in vehicle.where) is is_oncoming
+    assert ("standing" in vehicle.where) is not is_oncoming
+
+
 def test_the_gap_is_bumper_to_bumper(town: Path) -> None:
     lead = next(vehicle for vehicle in described(town).vehicles if vehicle.vehicle_id == 31)
     assert lead.ahead_m == pytest.approx(30.0, abs=0.1)

@@ -50,3 +50,58 @@ def test_turning_left_and_later_right_is_not_going_straight_on(tmp_path: Path) -
     features = set(read_facts(ReadFactsRequest(path=path), silent).features)
     assert {"ego_turns_left", "ego_turns_right"} <= features
     assert "ego_goes_straight" not in features
+
+
+def _way(tmp_path: Path, lanes: tuple[Lane, ...], goal: tuple[float, float]) -> tuple[str, set[str]]:
+    """The ego's way in words and the computed features, from (40, 0) eastbound to a goal."""
+    path = ScenarioBuilder(lanes, problems=(Problem(goal=(*goal, 8.0, 3.0)),)).write(tmp_path / "scenario.xml")
+    ego = describe(DescribeRequest(path=path, detail="brief", focus=None, radius_m=300.0), silent).ego
+    assert ego is not None
+    return ego.way, set(read_facts(ReadFactsRequest(path=path), silent).features)
+
+
+def test_a_lane_for_left_turns_alone_turns_left(tmp_path: Path) -> None:
+    lanes = (
+        Lane(1, line((0, 0), (100, 0)), successors=(2,), right=(6, True)),
+        Lane(2, arc((100, 20), 20, -math.pi / 2, 0), predecessors=(1,), successors=(3,)),
+        Lane(3, line((120, 20), (120, 120)), predecessors=(2,)),
+        Lane(6, line((0, -3.5), (100, -3.5)), successors=(7,), left=(1, True)),
+        Lane(7, line((100, -3.5), (200, -3.5)), predecessors=(6,)),
+    )
+    way, features = _way(tmp_path, lanes, (120.0, 100.0))
+    assert way == "turns left"
+    assert "ego_turns_left" in features
+    assert "ego_goes_straight" not in features
+
+
+def test_a_side_street_that_ends_on_a_road_turns_where_it_must(tmp_path: Path) -> None:
+    lanes = (
+        Lane(1, line((0, 0), (100, 0)), successors=(2,)),
+        Lane(2, arc((100, 20), 20, -math.pi / 2, 0), predecessors=(1,), successors=(3,)),
+        Lane(3, line((120, 20), (120, 120)), predecessors=(2, 4)),
+        Lane(4, line((120, -100), (120, 20)), successors=(3,)),
+    )
+    assert _way(tmp_path, lanes, (120.0, 100.0))[0] == "turns left"
+
+
+def test_a_road_that_bends_without_a_junction_is_neither_a_turn_nor_straight_on(tmp_path: Path) -> None:
+    lanes = (
+        Lane(1, line((0, 0), (100, 0)), successors=(2,)),
+        Lane(2, arc((100, 20), 20, -math.pi / 2, 0), predecessors=(1,), successors=(3,)),
+        Lane(3, line((120, 20), (120, 120)), predecessors=(2,)),
+    )
+    way, features = _way(tmp_path, lanes, (120.0, 100.0))
+    assert way == "follows its road, which bends left by 90°"
+    assert not {"ego_goes_straight", "ego_turns_left"} & features
+
+
+def test_a_way_that_comes_back_beside_its_start_turns_back(tmp_path: Path) -> None:
+    lanes = (
+        Lane(1, line((0, 0), (100, 0)), successors=(2, 6)),
+        Lane(2, arc((100, 8), 8, -math.pi / 2, math.pi / 2 - 0.01), predecessors=(1,), successors=(3,)),
+        Lane(3, line((100, 16), (0, 16)), predecessors=(2,)),
+        Lane(6, line((100, 0), (200, 0)), predecessors=(1,)),
+    )
+    way, features = _way(tmp_path, lanes, (40.0, 16.0))
+    assert way == "turns back"
+    assert "ego_turns_back" in features

@@ -80,7 +80,7 @@ def test_it_gets_the_file_and_no_secret_and_its_log_is_kept(tmp_path: Path, monk
         ("other_problem", {}, "wrong_scenario", "#7; asked was ZAM_Builder-1_1_T-1 #100"),
         ("not_json", {}, "not_json", "Loading the planner"),
         ("silent", {}, "not_json", "writes no answer"),
-        ("two_answers", {}, "not_json", "writes no JSON"),
+        ("two_answers", {}, "not_json", "not JSON"),
         ("other_form", {}, "wrong_form", "trajectory"),
         ("unknown_field", {}, "wrong_form", "colour"),
         ("different_lengths", {}, "wrong_form", "different lengths"),

@@ -4,13 +4,10 @@ A number of thousands of digits, lists within lists or half a message are refuse
 nobody: a client that waits for the answer of such a request would wait for ever.
 """
 
-import io
 import json
 import logging
-import os
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from types import TracebackType
 from typing import Any, Protocol
 
@@ -19,7 +16,7 @@ from mcp.shared.message import SessionMessage
 from mcp.types import INVALID_REQUEST, PARSE_ERROR, ErrorData, JSONRPCError
 from pydantic import ValidationError
 
-from ..schemas.text import one_line
+from ...schemas.text import one_line
 
 logger = logging.getLogger(__name__)
 LONGEST_MESSAGE = 4 * 1024**2
@@ -146,31 +143,3 @@ def _value(text: str) -> int | str | None:
     except ValueError:  # an escape that is none
         return None
     return value
-
-
-class BoundedLines(io.TextIOWrapper):
-    """Text of which no line is kept longer than a message may be: a longer one is cut, and thereby unreadable."""
-
-    def readline(self, size: int | None = -1, /) -> str:  # type: ignore[override]  # as its base class does
-        """The next line."""
-        most = LONGEST_MESSAGE if size is None or size < 0 else size
-        line = super().readline(most)
-        if len(line) == LONGEST_MESSAGE and not line.endswith("\n"):
-            while (rest := super().readline(LONGEST_MESSAGE)) and not rest.endswith("\n"):
-                pass
-        return line
-
-
-@contextmanager
-def standard_input() -> Iterator["anyio.AsyncFile[str]"]:
-    """Standard input with bounded lines; who else reads it meanwhile, as a library or a child might, reads nothing."""
-    wire = os.dup(0)
-    nothing = os.open(os.devnull, os.O_RDONLY)
-    os.dup2(nothing, 0)
-    os.close(nothing)
-    try:
-        # a thread may still wait on it at the end: it is not closed, and nothing else gets its number
-        buffer = os.fdopen(wire, "rb", closefd=False)
-        yield anyio.wrap_file(BoundedLines(buffer, encoding="utf-8", errors="replace"))
-    finally:
-        os.dup2(wire, 0)

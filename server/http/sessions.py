@@ -1,0 +1,126 @@
+"""Sessions of the protocol revisions that have them, bounded for each token.
+
+A client of these revisions begins with ``initialize`` and gets a session, which it rarely ends. Each token may hold a
+number of sessions, so that no token takes the room of another; a client that begins one more than that ends the one
+that has been idle for longest. If each of them has a request under way, it is asked to come again.
+"""
+
+import time
+from collections import OrderedDict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from mcp.server.streamable_http import MCP_SESSION_ID_HEADER
+from mcp.shared.inbound import MCP_PROTOCOL_VERSION_HEADER
+from mcp.types import INTERNAL_ERROR
+from starlette.datastructures import Headers
+from starlette.responses import JSONResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from ..asking import STATELESS_SINCE
+from ..clients import principal_of
+
+MOST_SESSIONS = 64
+"""Sessions of one token; a host has one for each of its windows. A session costs some 30 kB and a task."""
+_WAIT_S = 1
+
+
+@dataclass
+class _Session:
+    """A session: when it was last used, and how many of its requests are under way."""
+
+    used_at: float
+    under_way: int = 0
+
+
+class BoundedSessions:
+    """Passes requests on to the SDK's endpoint, and ends sessions of a token that holds too many.
+
+    Args:
+        endpoint: serves MCP over HTTP, with sessions.
+        most: sessions of one token.
+    """
+
+    def __init__(self, endpoint: ASGIApp, most: int = MOST_SESSIONS) -> None:
+        self._endpoint, self._most = endpoint, most
+        self._by_owner: dict[str, OrderedDict[str, _Session]] = {}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request."""
+        headers, owner = Headers(scope=scope), principal_of(scope)
+        session_id = headers.get(MCP_SESSION_ID_HEADER)
+        if session_id is None and _begins_session(scope, headers) and not await self._has_room(owner, scope):
+            told = f"{self._most} sessions of this token have requests under way; end one of them, or wait"
+            error = {"code": INTERNAL_ERROR, "message": f"[http_503] {told}."}
+            body = {"jsonrpc": "2.0", "id": None, "error": error}
+            await JSONResponse(body, 503, {"retry-after": str(_WAIT_S)})(scope, receive, send)
+            return
+        with self._used(owner, session_id):
+            await self._endpoint(scope, receive, self._noting(owner, send, session_id))
+
+    @contextmanager
+    def _used(self, owner: str, session_id: str | None) -> Iterator[None]:
+        session = self._by_owner.get(owner, OrderedDict()).get(session_id or "")
+        if session is None:
+            yield
+            return
+        session.under_way += 1
+        try:
+            yield
+        finally:
+            session.under_way -= 1
+            session.used_at = time.monotonic()
+
+    def _noting(self, owner: str, send: Send, asked: str | None) -> Send:
+        """Return a channel that notes which session an answer begins, or says is gone."""
+
+        async def noting(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                given = Headers(raw=list(message.get("headers", []))).get(MCP_SESSION_ID_HEADER)
+                if asked is None and given is not None and message["status"] < 300:
+                    self._by_owner.setdefault(owner, OrderedDict())[given] = _Session(time.monotonic())
+                elif asked is not None and message["status"] == 404:
+                    self._forget(owner, asked)
+            await send(message)
+
+        return noting
+
+    async def _has_room(self, owner: str, scope: Scope) -> bool:
+        """Return whether this token may begin a session; ends the one that has been idle for longest if need be."""
+        own = self._by_owner.get(owner, OrderedDict())
+        while len(own) >= self._most:
+            idle = [(session.used_at, session_id) for session_id, session in own.items() if not session.under_way]
+            if not idle:
+                return False
+            _, oldest = min(idle)
+            self._forget(owner, oldest)
+            await self._end(oldest, scope)
+        return True
+
+    def _forget(self, owner: str, session_id: str) -> None:
+        own = self._by_owner.get(owner)
+        if own is not None:
+            own.pop(session_id, None)
+            if not own:
+                del self._by_owner[owner]
+
+    async def _end(self, session_id: str, scope: Scope) -> None:
+        """End a session as its client would: with a DELETE, in the name of the same token."""
+        replaced = (MCP_SESSION_ID_HEADER.encode(), b"content-length", b"transfer-encoding")
+        kept = [(name, value) for name, value in scope["headers"] if name not in replaced]
+        ended = {**scope, "method": "DELETE", "headers": [*kept, (MCP_SESSION_ID_HEADER.encode(), session_id.encode())]}
+
+        async def nothing() -> Message:
+            return {"type": "http.request", "body": b"", "more_body": False}
+
+        async def unheard(message: Message) -> None:
+            del message
+
+        await self._endpoint(ended, nothing, unheard)
+
+
+def _begins_session(scope: Scope, headers: Headers) -> bool:
+    """Return whether a request without a session gets one: all of the revisions that have sessions do."""
+    version = headers.get(MCP_PROTOCOL_VERSION_HEADER)
+    return scope["method"] == "POST" and (version is None or version < STATELESS_SINCE)

@@ -1,0 +1,83 @@
+"""Standard input and output as the wire of the protocol, which nothing else reads or writes.
+
+The SDK's streams take a thread of a shared pool for each line. If no further thread can be started (memory, or the
+limit of processes of a container), such a line would end the server; with threads of their own both go on.
+"""
+
+import io
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import IO, cast
+
+import anyio
+
+from ...engine.execution import OwnThread
+from .messages import LONGEST_MESSAGE
+
+
+class BoundedLines(io.TextIOWrapper):
+    """Text of which no line is kept longer than a message may be: a longer one is cut, and thereby unreadable."""
+
+    def readline(self, size: int | None = -1, /) -> str:  # type: ignore[override]  # as its base class does
+        """Return the next line."""
+        most = LONGEST_MESSAGE if size is None or size < 0 else size
+        line = super().readline(most)
+        if len(line) == LONGEST_MESSAGE and not line.endswith("\n"):
+            while (rest := super().readline(LONGEST_MESSAGE)) and not rest.endswith("\n"):
+                pass
+        return line
+
+
+class _ThreadedFile:
+    """What the SDK uses of an ``anyio.AsyncFile``, with one thread for all of it."""
+
+    def __init__(self, file: IO[str]) -> None:
+        self._file, self._thread = file, OwnThread()
+
+    def __aiter__(self) -> "_ThreadedFile":
+        return self
+
+    async def __anext__(self) -> str:
+        line = await self._thread.run(self._file.readline)
+        if not line:
+            raise StopAsyncIteration
+        return line
+
+    async def write(self, text: str) -> int:
+        """Write text, and return how many characters it has."""
+        return await self._thread.run(self._file.write, text)
+
+    async def flush(self) -> None:
+        """Hand over what was written."""
+        await self._thread.run(self._file.flush)
+
+    def end(self) -> None:
+        """End the thread; one that still reads ends with the process."""
+        self._thread.end()
+
+
+@contextmanager
+def standard_streams() -> Iterator["tuple[anyio.AsyncFile[str], anyio.AsyncFile[str]]"]:
+    """Lend standard input, with bounded lines, and standard output, until the block is left.
+
+    Whatever else reads standard input meanwhile, such as a library or a child process, reads nothing; whatever else
+    writes to standard output writes to standard error.
+    """
+    sys.stdout.flush()
+    wire_in, wire_out = os.dup(0), os.dup(1)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+    os.dup2(2, 1)
+    # a thread may still wait on them at the end: they are not closed, and nothing else gets their numbers
+    lines = _ThreadedFile(BoundedLines(os.fdopen(wire_in, "rb", closefd=False), encoding="utf-8", errors="replace"))
+    answers = _ThreadedFile(io.TextIOWrapper(os.fdopen(wire_out, "wb", closefd=False), encoding="utf-8", newline="\n"))
+    try:
+        yield cast("anyio.AsyncFile[str]", lines), cast("anyio.AsyncFile[str]", answers)
+    finally:
+        lines.end()
+        answers.end()
+        os.dup2(wire_in, 0)
+        os.dup2(wire_out, 1)
