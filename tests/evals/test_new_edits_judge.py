@@ -24,12 +24,12 @@ def test_a_file_is_read_with_lanes_and_states(tmp_path: Path) -> None:
     assert file.lane_of(np.array([-30.0, 0.5]), 0.1) == 1
 
 
-def test_who_drives_over_the_line_at_red_is_found(tmp_path: Path) -> None:
+def test_a_crossing_at_red_is_found(tmp_path: Path) -> None:
     (found,) = red_crossings(written(tmp_path, ((300, "red"),)), 32, 0)
     assert (found.lane, found.step) == (1, 29)
 
 
-def test_who_drives_over_it_at_green_or_stops_at_it_is_not(tmp_path: Path) -> None:
+def test_a_crossing_at_green_and_a_stop_at_the_line_are_none(tmp_path: Path) -> None:
     assert red_crossings(written(tmp_path, ((100, "green"), (100, "red"))), 32, 0) == []
     file = written(tmp_path, ((300, "red"),))
     user = file.users[32]
@@ -39,6 +39,6 @@ def test_who_drives_over_it_at_green_or_stops_at_it_is_not(tmp_path: Path) -> No
     assert red_crossings(replace(file, users={32: standing}), 32, 0) == []
 
 
-def test_who_could_not_stop_any_more_is_excused(tmp_path: Path) -> None:
+def test_a_vehicle_that_could_not_stop_any_more_is_excused(tmp_path: Path) -> None:
     assert red_crossings(written(tmp_path, ((25, "green"), (300, "red"))), 32, 0) == []
     assert len(red_crossings(written(tmp_path, ((5, "green"), (300, "red"))), 32, 0)) == 1
