@@ -12,10 +12,20 @@ from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.grammar import parse_quantity
 from ...schemas.modification import Achieved, Edit
 from ..commonroad import Track
-from ..cosimulation import DrivePlan, Manoeuvre, Replay, joined_track, recorded_plan, resized, sent_on, usual_behaviour
+from ..cosimulation import (
+    DrivePlan,
+    Manoeuvre,
+    Replay,
+    joined_track,
+    not_drivable,
+    recorded_plan,
+    resized,
+    sent_on,
+    usual_behaviour,
+)
 from ..geometry import Points, arc_length, interpolate, point_at, project
 from ..network import Signal, station_m
-from ..scene import Scene
+from ..scene import LaneMatch, Scene
 from ..vehicles import VehicleClass
 from .changes import Changes, EditStep, check_speed, named_vehicles, plan_of
 from .edited_scene import EditedScene
@@ -80,13 +90,33 @@ def move(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         )
     before = changes.replays.get(key)
     recording = scene.tracks[key] if before is None else before.recording
-    changes = changes.with_replay(Replay(track, scene.matcher.match(track), recording, from_step=-1))
+    match = scene.matcher.match(track)
+    changes = changes.with_replay(Replay(track, match, recording, from_step=-1))
+    there = scene if match is None else _with_track(scene, track, match)
+    obeys = match is not None and _crosses_at_red(there, track, match) and not not_drivable(there, key)
+    if obeys:
+        changes = changes.with_plan(recorded_plan(there, key, "edited", track.first_step))
     moved_m = float(np.linalg.norm(center - base.positions[0]))
     what = (
         f"vehicle {key} put on lanelet {place.lanelet_id} at {place.station_m:.1f} m, {moved_m:.1f} m from where it "
-        "was, with its recorded speeds"
+        f"was, {'driven, as it would cross a red light otherwise' if obeys else 'with its recorded speeds'}"
     )
     return EditStep(changes, vehicles, what)
+
+
+def _with_track(scene: Scene, track: Track, match: LaneMatch) -> Scene:
+    key = track.obstacle_id
+    return replace(scene, tracks=scene.tracks | {key: track}, matches=scene.matches | {key: match})
+
+
+def _crosses_at_red(scene: Scene, track: Track, match: LaneMatch) -> bool:
+    """Whether a motion crosses the line of a light that is red."""
+    lit = {key: signal for signal in scene.signals for key in signal.lanelets}
+    for lanelet in lit.keys() & set(match.sequence):
+        step = crossing_step(scene, track, lanelet)
+        if step is not None and lit[lanelet].letter_at(step * scene.step_s) in _RED:
+            return True
+    return False
 
 
 def _way_from(scene: Scene, key: int, lanelet_id: int) -> tuple[int, ...]:

@@ -203,12 +203,15 @@ def draw_lane_change(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def _duration_fault(offsets: Array, step_s: float, taken: float) -> str:
-    """What is wrong with the time from 2 % to 98 % of the way aside, of which a prescribed one takes most."""
+    """What is wrong with the time from 5 % to 95 % of the way aside, of which a prescribed one takes most.
+
+    At one speed all the way these are nine tenths of the time, along a sine half a period long seven tenths.
+    """
     total = float(offsets.max())
-    first = int(np.argmax(offsets > 0.02 * total))
-    last = int(np.argmax(offsets > 0.98 * total))
+    first = int(np.argmax(offsets > 0.05 * total))
+    last = int(np.argmax(offsets > 0.95 * total))
     measured = (last - first) * step_s
-    return "" if 0.75 * taken <= measured <= 1.15 * taken else f"takes {measured:.1f} s aside, not {taken:g}"
+    return "" if 0.65 * taken <= measured <= 1.0 * taken else f"takes {measured:.1f} s aside, not {taken:g}"
 
 
 def draw_cut_in(file: WrittenFile, rng: random.Random) -> Drawn | None:
@@ -266,7 +269,8 @@ def draw_wrong_way(file: WrittenFile, rng: random.Random) -> Drawn | None:
         (key,) = told.added[0]
         user = new.users[key]
         stations, offsets, directions = lane.along(user.places)
-        inside = stations > 1.0
+        gone = np.flatnonzero(stations <= 1.0)
+        inside = np.arange(len(stations)) < (int(gone[0]) if len(gone) else len(stations))
         turned = np.abs(np.abs(np.remainder(user.headings - directions + np.pi, 2 * np.pi) - np.pi) - np.pi)
         if float(turned[0]) > 0.05 or not (np.diff(stations[inside]) < 1e-3).all():
             return "does not drive against the lane"

@@ -60,7 +60,7 @@ def test_a_cut_in_ends_with_the_gap_that_is_asked_for(apply: Apply) -> None:
     assert track.positions[28][1] > 3.0
 
 
-def test_a_cut_in_from_another_lane_than_the_next_names_those_beside(apply: Apply) -> None:
+def test_a_cut_in_from_another_lane_than_the_next_names_the_vehicles_beside(apply: Apply) -> None:
     both = BESIDE.with_vehicles(*BESIDE.vehicles, driving(31, (70, 0), 10.0, 101))
     with pytest.raises(NotPossible) as refusal:
         apply({"op": "cut_in", "vehicles": ["31"]}, builder=both)
@@ -80,7 +80,7 @@ def test_a_vehicle_is_put_in_that_drives_against_its_lane(apply: Apply) -> None:
     assert track.positions[0][0] - track.positions[-1][0] == pytest.approx(100.0, abs=2.0)
 
 
-def test_the_one_behind_reacts_to_prescribed_braking_the_braking_one_to_none(apply: Apply) -> None:
+def test_the_follower_reacts_to_prescribed_braking(apply: Apply) -> None:
     close = ALONE.with_vehicles(*ALONE.vehicles, driving(32, (55, 0), 10.0, 101))
     braking = {"op": "set_speed", "vehicles": ["31"], "speed": "0m/s", "rate_mps2": 6.0, "time_s": 4.0}
     applied = apply(braking, builder=close, traffic="reactive")

@@ -12,7 +12,7 @@ ROAD = town_road()
 FREE = town_road().with_vehicles(driving(31, (70, 0), 10.0, 101))
 
 
-def test_a_moved_vehicle_keeps_its_id_and_speeds_and_no_other_changes(apply: Apply) -> None:
+def test_a_moved_vehicle_keeps_its_id_and_its_speeds_and_changes_no_other(apply: Apply) -> None:
     applied = apply({"op": "move", "vehicles": ["35"], "at": "2", "position": "20m"})
     old, new = applied.base_tracks()[35], applied.tracks()[35]
     assert new.positions[0] == pytest.approx([20.0, 3.5])
@@ -56,7 +56,7 @@ def test_a_pedestrian_comes_from_either_side(apply: Apply, side: str, sign: floa
     assert float(np.sign(walk[-1][1] - walk[0][1])) == sign
 
 
-def test_vehicles_that_would_hit_a_closed_lane_react(apply: Apply) -> None:
+def test_a_vehicle_that_would_hit_a_closed_lane_reacts(apply: Apply) -> None:
     applied = apply({"op": "close_lane", "to": ["11"], "position": "0.9"}, builder=FREE)
     assert applied.outcome.handed_over == ()
     closed = apply({"op": "close_lane", "to": ["1"], "position": "0.7"}, builder=FREE)
@@ -64,14 +64,14 @@ def test_vehicles_that_would_hit_a_closed_lane_react(apply: Apply) -> None:
     assert not closed.outcome.collisions
 
 
-def test_a_light_gets_other_phases_and_what_would_cross_at_red_stops(apply: Apply) -> None:
+def test_a_light_gets_other_phases_and_a_vehicle_at_red_stops(apply: Apply) -> None:
     coming = town_road().with_vehicles(driving(35, (150, 0), 8.0, 101))
     applied = apply({"op": "set_light", "to": ["1", "2"], "params": ["red=60", "green=20"]}, builder=coming)
     assert applied.tracks()[35].front_at(100)[0] < 200.5
     assert applied.outcome.handed_over == (35,)
 
 
-def test_a_vehicle_told_to_run_a_red_light_crosses_it_while_it_is_red(apply: Apply) -> None:
+def test_a_vehicle_that_is_to_run_a_red_light_crosses_at_red(apply: Apply) -> None:
     coming = town_road().with_vehicles(driving(35, (150, 0), 8.0, 101))
     light = {"op": "set_light", "to": ["1", "2"], "params": ["red=60", "green=20"]}
     applied = apply(light, {"op": "run_red_light", "vehicles": ["35"]}, builder=coming)
@@ -79,7 +79,7 @@ def test_a_vehicle_told_to_run_a_red_light_crosses_it_while_it_is_red(apply: App
     assert [report.verdict for report in applied.outcome.edits] == ["done", "done"]
 
 
-def test_a_mirrored_scene_is_on_the_other_side_and_mirrored_twice_itself(apply: Apply) -> None:
+def test_a_scene_that_is_mirrored_twice_is_itself_again(apply: Apply) -> None:
     once = apply({"op": "mirror"}, builder=ROAD)
     assert once.tracks()[33].positions[0] == pytest.approx([60.0, -3.5])
     lanelet = read_scenario(once.xml).scenario.lanelet_network.find_lanelet_by_id(1)
