@@ -300,7 +300,7 @@ def _showing(found: list[MapMatch], place: str, country: str | None, closeness: 
     for level in range(closeness + 1):
         matches = (_match(map_.entry, place[:LONGEST_TEXT], country, Closeness(level)) for map_ in found)
         if shown := [match for match in matches if match is not None]:
-            return shown
+            return [match for match in shown if not match.streets] or shown  # a town rather than a road of its name
     return []
 
 
