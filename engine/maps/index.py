@@ -120,16 +120,17 @@ _SHOWN_ROADS, _MOST_WORDS, _LONGEST_UNSPACED = 3, 12, 24
 class Closeness(IntEnum):
     """How near words must come to what a map shows.
 
-    SAME: they are its words, in another spelling. KNOWN: they are a name in another language by GeoNames, or a
-    settlement that GeoNames knows there. HEARD: they sound like its words in another script. PLACE_PART: they are a
-    part of a place's name, or its beginning. PART: the same of a road.
+    SAME: they are its words, in another spelling. TRANSLATED: they are what GeoNames calls one of its places in another
+    language. KNOWN: they are a settlement that GeoNames knows there. HEARD: they sound like its words in another
+    script. PLACE_PART: they are a part of a place's name, or its beginning. PART: the same of a road.
     """
 
     SAME = 0
-    KNOWN = 1
-    HEARD = 2
-    PLACE_PART = 3
-    PART = 4
+    TRANSLATED = 1
+    KNOWN = 2
+    HEARD = 3
+    PLACE_PART = 4
+    PART = 5
 
 
 @dataclass(frozen=True)
@@ -299,7 +300,7 @@ def _showing(found: list[MapMatch], place: str, country: str | None, closeness: 
     for level in range(closeness + 1):
         matches = (_match(map_.entry, place[:LONGEST_TEXT], country, Closeness(level)) for map_ in found)
         if shown := [match for match in matches if match is not None]:
-            return shown
+            return [match for match in shown if not match.streets] or shown  # a town rather than a road of its name
     return []
 
 
@@ -510,7 +511,9 @@ def _read_alike(
     """
     if closeness is Closeness.SAME or not any(map(str.isalpha, part)):
         return None
-    found = _read_name_elsewhere(part, facts) or _read_settlement(part, facts, wide=wide)
+    found = _read_name_elsewhere(part, facts)
+    if found is None and closeness >= Closeness.KNOWN:
+        found = _read_settlement(part, facts, wide=wide)
     if found is None and closeness >= Closeness.HEARD:
         found = _read_place_like(part, facts, is_transliterated) or _read_road_like(part, facts, is_transliterated)
     if found is None and closeness >= Closeness.PLACE_PART and (settled or not _lies_elsewhere(part, facts)):
@@ -590,22 +593,30 @@ def _read_place(part: str, facts: MapFacts) -> _Reading | None:
     own = {facts.map_id, facts.map_id.removeprefix("map_"), file_stem(facts.file_name)}
     if {fold(part), fold(file_stem(part))} & {fold(name) for name in own}:
         return _Reading(named=True)
-    keys = _framed_keys(part)
-    for area in facts.areas:
-        if not keys.isdisjoint(_all_keys(area.name, area.other_names)):
-            taken = "" if fold(part) == fold(area.name) else f"{part!r} is taken as "
-            if _is_whole(area, facts):
-                return _Reading(named=True, understood=(f"{taken}{area.name}",) if taken else ())
-            return _Reading(named=True, area=area, understood=(f"{taken}{_area_text(area)}",))
-    for name in (facts.place, *facts.places):
-        if not keys.isdisjoint(_framed_keys(name)):
-            alike = fold(part) == fold(name)
-            return _Reading(named=True, understood=() if alike else (f"{part!r} is taken as {name}",))
+    for keys_of in (place_keys, _framed_keys):
+        if (found := _read_named_place(part, facts, keys_of)) is not None:
+            return found
     code = country_code(part)
     if (code is not None and code == facts.country) or region_of(
         part, facts.country, (facts.south + facts.north) / 2, (facts.west + facts.east) / 2
     ):
         return _Reading(named=True)
+    return None
+
+
+def _read_named_place(part: str, facts: MapFacts, keys_of: Callable[[str], frozenset[str]]) -> _Reading | None:
+    """The words as a place inside the map, or as its own place, by the given keys of names."""
+    keys = keys_of(part)
+    for area in facts.areas:
+        if any(not keys.isdisjoint(keys_of(name)) for name in (area.name, *area.other_names)):
+            taken = "" if fold(part) == fold(area.name) else f"{part!r} is taken as "
+            if _is_whole(area, facts):
+                return _Reading(named=True, understood=(f"{taken}{area.name}",) if taken else ())
+            return _Reading(named=True, area=area, understood=(f"{taken}{_area_text(area)}",))
+    for name in (facts.place, *facts.places):
+        if not keys.isdisjoint(keys_of(name)):
+            alike = fold(part) == fold(name)
+            return _Reading(named=True, understood=() if alike else (f"{part!r} is taken as {name}",))
     return None
 
 
@@ -645,11 +656,6 @@ def _box_around(area: PlaceArea) -> Box:
     up = math.degrees(area.radius_m / _EARTH_RADIUS_M)
     aside = up / max(math.cos(math.radians(area.latitude)), 0.05)
     return area.latitude - up, area.longitude - aside, area.latitude + up, area.longitude + aside
-
-
-@lru_cache(maxsize=MOST_KEPT)
-def _all_keys(name: str, others: tuple[str, ...]) -> frozenset[str]:
-    return frozenset(key for spelling in (name, *others) for key in _framed_keys(spelling))
 
 
 @lru_cache(maxsize=MOST_KEPT)

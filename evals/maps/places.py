@@ -113,7 +113,7 @@ def _written(stems: frozenset[str]) -> tuple[list[_Asked], frozenset[str]]:
             continue
         names, kind, words, road = line.split("\t")
         maps = frozenset(names.split("|"))
-        tuned |= maps if is_tuned else frozenset()
+        tuned |= maps if is_tuned and len(maps) == 1 else frozenset()
         if maps <= stems:
             asked.append(_Asked(words, maps, road, kind == "half", ""))
     return asked, frozenset(tuned)

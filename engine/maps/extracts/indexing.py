@@ -35,7 +35,7 @@ from ...execution import ProgressReporter
 from ..facts import countries_near
 from ..naming.places import fold, place_keys
 from ..naming.shown import LEAST_RADIUS_M, USUAL_RADIUS_M
-from ..naming.tags import PLACE_KINDS, keys_of_road, names_of
+from ..naming.tags import PLACE_KINDS, keys_of_road, place_names_of
 from ..osm import (
     EARTH_RADIUS_M,
     KEPT_KEYS,
@@ -138,7 +138,7 @@ def _stage(path: Path, folder: Path, store: TileStore, report: ProgressReporter)
                     continue
                 nodes += 1
                 store.stage_nodes([node])
-                if node.tags.get("place") in PLACE_KINDS and (names := names_of(node.tags)):
+                if node.tags.get("place") in PLACE_KINDS and (names := place_names_of(node.tags)):
                     places.append(_Settlement(PLACE_KINDS.index(node.tags["place"]), tuple(names), *node.position))
             elif element.is_way():
                 way, line = _way(element)

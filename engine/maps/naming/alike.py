@@ -4,7 +4,7 @@ import re
 import unicodedata
 from functools import cache, lru_cache
 
-from .places import latin
+from .places import VOWELLESS, latin
 from .spellings import MOST_KEPT, distinctive, kinds_of_road, road_readings, words_of_name
 
 _TRANSLITERATIONS = """
@@ -15,8 +15,8 @@ ks=x ck=k qu=k ou=u oo=u ee=i iy=i yj=i ij=i yy=i yo=o jo=o io=o ya=a ja=a ia=a 
 usage of Cyrillic, ELOT 743 of Greek, Hepburn of Japanese; and German
 diphthongs, which other scripts write as they are spoken."""
 _LETTERS = str.maketrans("ywjqz", "iviks")
-_VOWELLESS = re.compile(r"[\u0590-\u05ff\u0600-\u06ff]")
-"""Hebrew and Arabic, which write hardly any vowel."""
+_ALPHABETS = frozenset(["LATIN", "CYRILLIC", "GREEK", "GEORGIAN", "ARMENIAN", "HEBREW", "ARABIC"])
+"""Scripts with a letter for each sound: how names in the others sound is not told from their letters one by one."""
 _LEAST_LIKENESS = 84
 """Of 100: of the sounds of two spellings of one name in different scripts (measured on the tuning half of
 ``make bench-places``)."""
@@ -28,7 +28,8 @@ _SHORTEST = 3
 
 def is_transliterated(typed: str, name: str) -> bool:
     """Whether one is the other in another script, by how both sound."""
-    if _scripts(typed) == _scripts(name):
+    scripts = _scripts(typed), _scripts(name)
+    if scripts[0] == scripts[1] or not (scripts[0] | scripts[1]) <= _ALPHABETS:
         return False
     kinds = kinds_of_road(typed), kinds_of_road(name)
     if all(kinds) and kinds[0].isdisjoint(kinds[1]):
@@ -76,7 +77,7 @@ def _sound_alike(one: str, other: str, written: str) -> bool:
     from rapidfuzz import fuzz
 
     heard = _sound(one), _sound(other)
-    if _VOWELLESS.search(written):
+    if VOWELLESS.search(written):
         heard = re.sub("[aeiou]", "", heard[0]), re.sub("[aeiou]", "", heard[1])
         return heard[0] == heard[1] and len(heard[0]) >= _FEWEST_CONSONANTS
     return min(map(len, heard)) > 1 and fuzz.ratio(*heard) >= _LEAST_LIKENESS

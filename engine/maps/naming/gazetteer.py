@@ -80,6 +80,8 @@ def _cases(name: str) -> Iterator[str]:
     yield " ".join(word if index and len(word) < 4 else word.title() for index, word in enumerate(words))
     if len(name) < 5:
         yield name.upper()
+    if name[-1:] >= "\u4e00":
+        yield from (f"{name}市", f"{name}시")  # cities of East Asia often have their kind in their names
     if not name.isascii():
         from anyascii import anyascii
 

@@ -6,6 +6,7 @@ GeoNames (``gazetteer.py``).
 
 import gzip
 import json
+import re
 import unicodedata
 from functools import cache, lru_cache
 from pathlib import Path
@@ -22,6 +23,8 @@ USA america unitedstatesofamerica сша ηπα アメリカ
 ZAM artificial invented zamunda
 """
 """Names in common use that neither ISO 3166 nor the CLDR has, and CommonRoad's own ``ZAM`` for invented places."""
+VOWELLESS = re.compile(r"[\u0590-\u05ff\u0600-\u06ff]")
+"""Hebrew and Arabic, which write hardly any vowel: many names have the same consonants."""
 _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ø": "oe", "å": "aa", "æ": "ae"})
 
 
@@ -73,7 +76,9 @@ def place_keys(text: str) -> frozenset[str]:
     """
     lowered = unicodedata.normalize("NFC", text).casefold()
     spellings = {fold(lowered), fold(lowered.translate(_UMLAUTS))}
-    spellings |= {_without_digraphs(spelling) for spelling in spellings} | {latin(text)}
+    spellings |= {_without_digraphs(spelling) for spelling in spellings}
+    if not VOWELLESS.search(text):
+        spellings.add(latin(text))
     return frozenset(spelling for spelling in spellings if spelling)
 
 

@@ -8,7 +8,7 @@ from ....schemas.generation import PlaceArea
 from ..osm import OsmMap, ground_distance_m
 from .gazetteer import settlements_called
 from .places import fold
-from .tags import CITY_PEOPLE, MOST_NAMES, PLACE_KINDS, TOWN_PEOPLE, names_of
+from .tags import CITY_PEOPLE, MOST_NAMES, PLACE_KINDS, TOWN_PEOPLE, place_names_of
 
 _PART_RANKS = range(PLACE_KINDS.index("suburb"), PLACE_KINDS.index("hamlet"))
 """Kinds of parts of a settlement, which has its middle in one of them."""
@@ -131,7 +131,7 @@ def _districts(osm: OsmMap) -> list[str]:
         level = relation.tags.get("admin_level", "")
         is_district = level.isdecimal() and int(level) in _DISTRICT_LEVELS
         if relation.tags.get("boundary") == "administrative" and is_district:
-            found.append((-int(level), tuple(names_of(relation.tags))))
+            found.append((-int(level), tuple(place_names_of(relation.tags))))
     return [name for _, names in sorted(found) for name in names[:MOST_NAMES]]
 
 
@@ -150,7 +150,9 @@ def _outlines(osm: OsmMap) -> list[_Outline]:
             lines = [ways[number] for kind, number, _ in relation.members if kind == "way" and number in ways]
             if points := [osm.nodes[key].position for line in lines for key in line.node_ids]:
                 found.append((relation.tags, *_middle_and_reach(points)))
-    return [_Outline(tags, middle, reach, tuple(names)) for tags, middle, reach in found if (names := names_of(tags))]
+    return [
+        _Outline(tags, middle, reach, tuple(names)) for tags, middle, reach in found if (names := place_names_of(tags))
+    ]
 
 
 def _middle_and_reach(points: list[Position]) -> tuple[Position, float]:

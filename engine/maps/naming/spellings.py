@@ -195,10 +195,10 @@ def _meanings() -> dict[str, tuple[str, ...]]:
     own = dict(found)
     table = json.loads(gzip.decompress(_ABBREVIATIONS.read_bytes()))
     for word, written in (*table["kinds"].items(), *table["others"].items()):
-        spellings = [word, *(each for each in written if len(each) > 1)]
-        told = [own[each] for each in spellings if len(each) > 2 and len(own.get(each, ())) == 1]
+        abbreviated = [word, *(each for each in written if len(each) > 1)]
+        told = [own[each] for each in abbreviated if len(each) > 2 and len(own.get(each, ())) == 1]
         meanings = own.get(word) or (told[0] if told else (word,))
-        for spelling in spellings:
+        for spelling in abbreviated:
             itself = () if spelling in own else (spelling,)
             found[spelling] = tuple(dict.fromkeys((*found.get(spelling, itself), *meanings)))
     return found

@@ -52,10 +52,16 @@ MOST_NAMES = 400
 
 
 def names_of(tags: Mapping[str, str]) -> list[str]:
-    """Return all names that the tags give, the main one first, each once; of a double name, its parts too."""
+    """Return all names that the tags give, the main one first, each once."""
     found = [(match["key"], key) for key in tags if (match := _NAME_KEY.fullmatch(key))]
     found.sort(key=lambda pair: (NAME_KEYS.index(pair[0]), pair[1] != "name:en", pair[1]))
-    names = [name.strip() for _, key in found for name in tags[key].split(";")]
+    names = (name.strip() for _, key in found for name in tags[key].split(";"))
+    return list(dict.fromkeys(name for name in names if name))[:MOST_NAMES]
+
+
+def place_names_of(tags: Mapping[str, str]) -> list[str]:
+    """Return all names that the tags give a place; of a double name (``Bozen - Bolzano``) its parts too."""
+    names = names_of(tags)
     parts = [part.strip() for name in names if _BOTH.search(name) for part in _BOTH.split(name)]
     parts += [part for name in names for part in _by_script(name)]
     return list(dict.fromkeys(name for name in (*names, *parts) if name))[:MOST_NAMES]

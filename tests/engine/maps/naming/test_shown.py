@@ -1,7 +1,7 @@
 """The places that a map shows, and by which of them it is called."""
 
 from plannerforge.engine.maps.naming.shown import areas_shown, places_shown
-from plannerforge.engine.maps.naming.tags import names_of, refs_of
+from plannerforge.engine.maps.naming.tags import names_of, place_names_of, refs_of
 from plannerforge.engine.maps.osm import OsmMap, OsmNode, OsmRelation, OsmWay
 
 ROAD = OsmWay(1, (1, 2), {"highway": "residential"})
@@ -50,5 +50,7 @@ def test_a_place_that_is_a_point_and_an_address_is_one_area() -> None:
 
 def test_all_names_of_a_tag_count_but_no_facts_about_names() -> None:
     tags = {"name": "Bozen - Bolzano", "name:ru": "Больцано", "alt_name_1": "Balsan", "name:etymology:wikidata": "Q1"}
-    assert names_of(tags) == ["Bozen - Bolzano", "Больцано", "Balsan", "Bozen", "Bolzano"]
+    assert names_of(tags) == ["Bozen - Bolzano", "Больцано", "Balsan"]
+    assert place_names_of(tags) == ["Bozen - Bolzano", "Больцано", "Balsan", "Bozen", "Bolzano"]
+    assert place_names_of({"name": "Shubra حي شبرا"})[1:] == ["Shubra", "حي شبرا"]
     assert refs_of({"ref": "A 22;SS 12", "int_ref": "E 45"}) == ["A 22", "SS 12", "E 45"]
