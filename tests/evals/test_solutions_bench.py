@@ -19,7 +19,8 @@ from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.planners.driving.solution import solution_xml
 from plannerforge.engine.planners.runs import run_planner
-from plannerforge.evals.analysis.recorded import Hit, corners, is_preventable, kind_of, overlap
+from plannerforge.evals.analysis.recorded import Hit, corners, kind_of, overlap
+from plannerforge.evals.analysis.recorded_drivers import prevented_by
 from plannerforge.evals.analysis.solutions import judged, steering_share
 from plannerforge.schemas.planning import RunRequest
 from plannerforge.schemas.runs import RunSteps
@@ -120,4 +121,4 @@ def hit_by(start: tuple[float, float], speed_mps: float, ego_mps: float, heading
 )
 def test_recorded_collisions_are_classed_and_tried(hit: Hit, kind: str, preventable: bool) -> None:
     assert kind_of(hit) == kind
-    assert is_preventable(hit) is preventable
+    assert prevented_by(hit, "full_braking") is preventable
