@@ -94,6 +94,7 @@ class EgoFacts(Model):
 
     ``lanes``: lanelets side by side in the ego's direction at its start, 0 where it stands on none;
     ``route``: lanelets to the goal, empty where the goal has no place or cannot be reached;
+    ``manoeuvres``: what the recorded traffic does on the ego's way, None in records from before it was looked at;
     ``time_to_conflict_s``: until an ego that keeps path and initial speed meets the recorded traffic, None where it
     never does; records and answers name it ``time_to_collision_s``, as they did before. Signs, light and limits are
     those of the lanelets under its start.
@@ -114,6 +115,9 @@ class EgoFacts(Model):
     route: tuple[int, ...] = ()
     time_to_conflict_s: float | None = Field(default=None, alias="time_to_collision_s")
     features: tuple[str, ...] = ()
+    manoeuvres: tuple[str, ...] | None = Field(
+        None, exclude_if=lambda found: found is None, description="what road users of which type do: 'cut_in:truck'"
+    )
     signs: tuple[str, ...] = ()
     traffic_light: bool = False
     limits_kmh: tuple[float, ...] = ()
