@@ -12,8 +12,8 @@ RECORD ?= same-bytes.json
 SEED ?= 1
 
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
-	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
-	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning bench-serve bench-loop bench-database \
+	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-edits bench-import-crashes bench-drivable bench-same-bytes \
+	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-places bench-analysis bench-tuning bench-serve bench-loop bench-database \
 	dist requirements bundle starter house chat-page tutorial-page reference docs train-rbfn format clean
 
 help:
@@ -27,6 +27,8 @@ help:
 	@echo "make bench-loop  measure whether verdicts on planners can be relied on (developers)"
 	@echo "make bench-database FOLDER=FOLDER"
 	@echo "             run every scenario of a folder, such as the public CommonRoad database, under every planner (developers)"
+	@echo "make bench-places FOLDER=FOLDER"
+	@echo "             find the maps of a folder of OpenStreetMap extracts by other spellings of what they show (developers)"
 	@echo "make dist    build sdist and wheel into dist/ (developers)"
 	@echo "make requirements choose the versions of packaging/requirements.txt anew; needs uv (developers)"
 	@echo "make bundle  build the bundle that hosts install by a click (.mcpb) into dist/; needs Node (developers)"
@@ -110,8 +112,14 @@ bench-generation: $(DEV_STAMP)
 bench-maps: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.maps --workers $(WORKERS)
 
+bench-places: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.maps.places "$(FOLDER)" --workers $(WORKERS)
+
 bench-modification: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.modification --workers $(WORKERS)
+
+bench-edits: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.modification.new_edits
 
 bench-drivable: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.modification.drivable

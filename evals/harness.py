@@ -15,7 +15,7 @@ import tempfile
 import threading
 import time
 import traceback
-from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
@@ -448,19 +448,72 @@ class Parts(Generic[Bench]):
             faults += [f"{part}: {key} was not measured" for key in self.keys.get(part, ()) if key not in found]
         return figures, faults
 
+    def run(
+        self,
+        title: str,
+        parser: ArgumentParser,
+        make: Callable[[Namespace, Path], Bench],
+        broken: Callable[[Figures], Sequence[str]] | None = None,
+    ) -> int:
+        """Read the command line, measure the chosen parts, print the figures; return the exit status.
 
-def add_part_options(parser: ArgumentParser) -> None:
-    """``--only`` and ``--json``."""
-    parser.add_argument("--only", nargs="+", default=[], metavar="KEY", help="only the parts of these keys")
-    parser.add_argument("--json", action="store_true", help="print nothing but the figures as JSON")
+        ``make`` returns what the parts receive, from the options and an empty scratch folder. ``broken`` returns in
+        words what the figures must not be. The status is 1 if a part is missing or failed, or if anything is broken.
+        """
+        parser.add_argument("--only", nargs="+", default=[], metavar="KEY", help="only the parts of these keys")
+        parser.add_argument("--json", action="store_true", help="print nothing but the figures as JSON")
+        given = parser.parse_args()
+        try:
+            parts = self.chosen(given.only)
+        except ValueError as error:
+            parser.error(str(error))
+        with tempfile.TemporaryDirectory() as scratch:
+            figures, faults = self.measured(parts, make(given, Path(scratch)))
+        faults += broken(figures) if broken else ()
+        for fault in faults:
+            sys.stderr.write(f"{fault}\n")
+        if given.json:
+            sys.stdout.write(json.dumps(dict(figures)) + "\n")
+        else:
+            print_figures(title, figures, more_rows=[("!", fault) for fault in faults])
+        return 1 if faults else 0
 
 
-def print_parts(title: str, figures: Figures, faults: Sequence[str], *, as_json: bool) -> int:
-    """Print the figures and what is wrong; the status: 1 where something is."""
-    for fault in faults:
-        sys.stderr.write(f"{fault}\n")
-    if as_json:
-        sys.stdout.write(json.dumps(dict(figures)) + "\n")
-    else:
-        print_figures(title, figures, more_rows=[("!", fault) for fault in faults])
-    return 1 if faults else 0
+def part_options(text: str | None) -> ArgumentParser:
+    """Return a parser of the command line that shows a module's docstring as it is written."""
+    return ArgumentParser(description=text, formatter_class=RawDescriptionHelpFormatter)
+
+
+@dataclass(frozen=True)
+class SeededBench:
+    """What the parts of a benchmark receive that draw their cases, or take them from the shared folder.
+
+    ``shared``: the folder that contains ``data``; ``scratch``: an empty folder that is deleted afterwards; ``seed``: of
+    everything that is drawn (19 is looked at during development, 20 is reported); ``limit``: the number of cases per
+    part, or None for all of them.
+    """
+
+    shared: Path
+    scratch: Path
+    seed: int = 20
+    limit: int | None = None
+
+    def folder(self, name: str) -> Path:
+        """Create a folder in the scratch folder and return it."""
+        folder = self.scratch / name
+        folder.mkdir()
+        return folder
+
+    @classmethod
+    def options(cls, text: str | None) -> ArgumentParser:
+        """Return a parser with the options of these fields."""
+        parser = part_options(text)
+        parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder that contains data/commonroad")
+        parser.add_argument("--seed", type=int, default=20, help="of everything that is drawn (default: 20)")
+        parser.add_argument("--limit", type=int, default=None, help="only this many cases per part: a sample")
+        return parser
+
+    @classmethod
+    def of(cls, given: Namespace, scratch: Path) -> Self:
+        """Return what the parts receive, from the command line and a scratch folder."""
+        return cls(existing(given.shared), scratch, given.seed, given.limit)

@@ -311,6 +311,8 @@ class ImportFilesResult(Result):
         told = [counts] if self.added + self.reused + self.refused or not self.note else []
         if self.job_id and (self.state != "done" or self.note):
             told.append(f"{self.job_id}: {self.state}. {self.note}".rstrip())
+        elif self.note and told:
+            told.append(f"{self.note[0].upper()}{self.note[1:]}.")
         lines = [f"- {i.artifact_id}: {i.summary}{' (reused)' if i.reused else ''}" for i in self.items]
         lines += [f"- refused {item.file}: {item.reason}" for item in self.refusals]
         hidden = self.added + self.reused + self.refused - len(self.items) - len(self.refusals)

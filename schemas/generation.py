@@ -52,7 +52,7 @@ class PlaceArea(Model):
     radius_m: float
 
 
-MAP_FACTS_VERSION = 2
+MAP_FACTS_VERSION = 3
 """Raised when more is read of a map than before: what a workspace keeps of a map is then read anew."""
 
 

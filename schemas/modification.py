@@ -21,9 +21,20 @@ EditOperation = Literal[
     "remove_vehicle",
     "set_goal",
     "set_ego",
+    "cut_in",
+    "swerve",
+    "wrong_way",
+    "run_red_light",
+    "move",
+    "replace",
+    "close_lane",
+    "set_light",
+    "set_weather",
+    "crop",
+    "mirror",
 ]
-Letter = Literal["T", "B", "P", "G"]
-"""The paper's kinds of edits: trajectory, behaviour, population, goal."""
+Letter = Literal["T", "B", "P", "G", "S"]
+"""The paper's kinds of edits: trajectory, behaviour, population, goal; and S: the scene itself."""
 TrafficAfterEdits = Literal["recorded", "reactive"]
 """Whether vehicles that no edit names stay as recorded, or are driven anew from their first state on."""
 CheckedBy = Literal["closed_form", "drivability_checker"]
@@ -44,15 +55,15 @@ class EditKind(NamedTuple):
 
 EDITS: Final[dict[EditOperation, EditKind]] = {
     "reroute": EditKind("T", ("vehicles", "to", "via", "turn")),
-    "change_lane": EditKind("T", ("vehicles", "lane", "time_s")),
-    "set_speed": EditKind("T", ("vehicles", "speed", "time_s")),
+    "change_lane": EditKind("T", ("vehicles", "lane", "time_s", "lateral_s", "when")),
+    "set_speed": EditKind("T", ("vehicles", "speed", "time_s", "rate_mps2", "when")),
     "shift_time": EditKind("T", ("vehicles", "time_s")),
     "set_behaviour": EditKind("B", ("vehicles", "preset", "params")),
     "add_vehicle": EditKind(
         "P",
         (
             *("vehicle_class", "count", "spacing_m", "at", "lane", "offset_m", "position", "speed", "time_s", "to"),
-            *("preset", "params"),
+            *("preset", "params", "gap_s", "side", "when"),
         ),
     ),
     "remove_vehicle": EditKind("P", ("vehicles",)),
@@ -60,6 +71,19 @@ EDITS: Final[dict[EditOperation, EditKind]] = {
     "set_ego": EditKind(
         "G", ("vehicles", "vehicle_class", "at", "lane", "offset_m", "position", "speed", "former_ego")
     ),
+    "cut_in": EditKind("T", ("vehicles", "at", "gap_s", "lateral_s", "time_s", "speed")),
+    "swerve": EditKind("T", ("vehicles", "side", "offset_m", "lateral_s", "duration_s", "time_s", "when")),
+    "wrong_way": EditKind(
+        "T", ("vehicles", "time_s", "when", "lateral_s", "vehicle_class", "at", "lane", "offset_m", "position", "speed")
+    ),
+    "run_red_light": EditKind("T", ("vehicles", "speed")),
+    "move": EditKind("P", ("vehicles", "at", "lane", "offset_m", "position", "gap_s")),
+    "replace": EditKind("P", ("vehicles", "vehicle_class")),
+    "close_lane": EditKind("S", ("to", "position", "time_s", "duration_s")),
+    "set_light": EditKind("S", ("to", "params")),
+    "set_weather": EditKind("S", ("params",)),
+    "crop": EditKind("S", ("time_s", "duration_s", "at", "rectangle_m")),
+    "mirror": EditKind("S", ()),
 }
 """All operations; any argument of another one is refused. The engine's function of an edit has the operation's name."""
 
@@ -81,7 +105,9 @@ class Edit(Arguments):
     via: list[str] = Field([], description="reroute through these in order")
     turn: Literal["left", "right", "straight"] | None = Field(None, description="at the next fork")
     preset: str | None = Field(None, description="aggressive, cautious, emergency (urgent), eco, balanced, speeder")
-    params: list[str] = Field([], description="SUMO names: 'tau=0.7', 'minGap=1'")
+    params: list[str] = Field(
+        [], description="SUMO names: 'tau=0.7'; set_light: seconds 'red=10', 'green=20'; set_weather: 'weather=rain'"
+    )
     vehicle_class: str | None = Field(None, description="added, or the ego's")
     """The class of what is added, or `pedestrian`; with `set_ego`, what the ego is: `truck`, `bus`, `motorcycle` …"""
     count: int | None = Field(None, ge=1, le=20)
@@ -96,11 +122,18 @@ class Edit(Arguments):
         None,
         description="on the lanelet: beginning, quarter, middle, three_quarter, final (a goal's default), 0.66, '35m'",
     )
-    speed: str | None = Field(None, description="'30km/h', '8m/s'")
+    speed: str | None = Field(None, description="'30km/h', '8m/s', '+10%'")
     time_s: float | None = Field(None, description="from when on; shift_time: later by, - earlier")
+    gap_s: float | None = Field(None, description="time gap bumper to bumper: cut_in; in place of offset_m")
+    lateral_s: float | None = Field(None, ge=0.5, description="moving aside takes; prescribed")
+    rate_mps2: float | None = Field(None, ge=0.1, description="prescribed acceleration or braking")
+    when: str | None = Field(None, description="trigger: 'ego@LANELET:35m', 'gap<=2s' of the ego; prescribed")
+    duration_s: float | None = Field(None, ge=0.1)
+    """How long a swerve stays aside, a lane is closed, or a cut-out scenario lasts."""
+    side: Literal["left", "right"] | None = Field(None, description="swerve to, pedestrian from, parked at this kerb")
     former_ego: Literal["vanish", "traffic"] | None = None
     """What becomes of the old ego where a recorded car takes its place."""
-    rectangle_m: list[float] | None = Field(None, description="goal [length, width]")
+    rectangle_m: list[float] | None = Field(None, description="goal or crop [length, width]")
     goal_time: str | None = Field(None, description="'8..12s', '<=90steps'")
     goal_speed: str | None = None
     """Speed at the goal, such as `'5..10m/s'`."""
@@ -172,6 +205,17 @@ class VehicleRoute(Model):
     advice: str = Field("", description="what may help it to arrive")
 
 
+class Achieved(Model):
+    """What came out of one quantity that an edit asks for, measured on the motion that was written."""
+
+    vehicle_id: int
+    quantity: str = Field(description="what was asked for: speed, gap, lateral_duration …")
+    asked: float | None = Field(None, description="the value asked for; null where the edit leaves it open")
+    value: float = Field(description="the value that came out")
+    unit: str
+    reached: bool = Field(True, description="whether the value is the one asked for")
+
+
 class EditReport(Model):
     """What became of one edit; ``meant``: whom its words for vehicles meant."""
 
@@ -182,15 +226,19 @@ class EditReport(Model):
     what: str = Field(description="what was done, in one sentence with figures")
     vehicles: tuple[int, ...] = Field((), description="ids of the vehicles that it edited or added")
     routes: tuple[VehicleRoute, ...] = Field((), description="where these drive now")
+    achieved: tuple[Achieved, ...] = Field((), description="the values that came out")
     meant: str = ""
 
     @property
     def verdict(self) -> str:
-        """``done``, or that nothing is left of it, or that not all get where it sends them."""
+        """``done``, or that nothing is left of it, or that not all get where, or drive as, it tells them."""
         if not self.done:
             return "without effect"
-        missed = sum(route.arrives is False for route in self.routes)
-        sent = sum(route.arrives is not None for route in self.routes)
+        missing = {route.vehicle_id for route in self.routes if route.arrives is False}
+        missing |= {one.vehicle_id for one in self.achieved if not one.reached}
+        asked = {route.vehicle_id for route in self.routes if route.arrives is not None}
+        asked |= {one.vehicle_id for one in self.achieved}
+        missed, sent = len(missing), len(asked)
         return "done" if not missed else "not reached" if missed == sent else f"reached by {sent - missed} of {sent}"
 
 
@@ -237,6 +285,7 @@ class TouchedVehicle(Model):
     )
     handover_speed_step_mps: float | None = Field(None, description="how much its speed jumps at the hand-over")
     moved_m: float | None = None
+    stood_until_s: float | None = Field(None, description="until when it stood in the recording, where it drives now")
     reason: str = ""
 
 
@@ -379,7 +428,7 @@ class ModifyScenarioResult(Result):
             most, _ = self._most(_MOST_TOUCHED)
             more = f" and {len(named) - most} more" if len(named) > most else ""
             lines.append(f"Driven besides, to react: {', '.join(named[:most])}{more}.")
-        lines += self._moved()
+        lines += [*self._moved(), *self._standing_before()]
         if self.detail == "checks":
             lines += first_of([_touched_text(vehicle) for vehicle in self.touched], *self._most(0))
         return [*lines, f"{counted(self.untouched, 'vehicle')} exactly as recorded."]
@@ -394,6 +443,15 @@ class ModifyScenarioResult(Result):
         told = ", ".join(f"{vehicle.vehicle_id} {vehicle.moved_m:.3g} m" for vehicle in moved[:most])
         least = f" and {len(moved) - most} more by less" if len(moved) > most else ""
         return [f"Away from where it was recorded, at most: {told}{least}."] if moved else []
+
+    def _standing_before(self) -> list[str]:
+        """Who stood in the recording, at a light that the file does not tell of perhaps, and drives now."""
+        stood = [(one.vehicle_id, one.stood_until_s) for one in self.touched if one.stood_until_s is not None]
+        most, _ = self._most(_MOST_TOUCHED)
+        told = ", ".join(f"{key} (until {until_s:.1f} s)" for key, until_s in stood[:most])
+        more = f" and {len(stood) - most} more" if len(stood) > most else ""
+        drive = "drives" if len(stood) == 1 else "drive"
+        return [f"Stood in the recording, now {drive}: {told}{more}."] if stood else []
 
     def _judged(self) -> list[str]:
         if self.checkers_agree is None:

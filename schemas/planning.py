@@ -1,5 +1,7 @@
 """Planners and their configurations: arguments and results of list_planners, configure_planner and run_planner."""
 
+import hashlib
+import json
 import re
 from typing import Annotated, Literal
 
@@ -68,6 +70,23 @@ class PlannerConfiguration(Model):
     external_weights: dict[str, float] = Field(default_factory=dict)
     settings: PlannerSettings = PlannerSettings()
     template: str = Field("", exclude_if=lambda text: not text)
+
+    @property
+    def content_id(self) -> str:
+        """The id that follows from the content, which ``config_id`` is unless somebody forged it.
+
+        Default settings and no file are no part of it: it stays what it was before there were any.
+        """
+        return configuration_id_of(self.planner, self.weights, self.external_weights, self.settings, self.template)
+
+
+def configuration_id_of(
+    planner: str, weights: dict[str, float], external: dict[str, float], settings: PlannerSettings, template: str
+) -> str:
+    """Return the id of a configuration with this content."""
+    stated = settings.model_dump(exclude_defaults=True)
+    parts = [planner, weights, external, *([stated] if stated or template else []), *([template] if template else [])]
+    return f"cfg_{hashlib.sha256(json.dumps(parts, separators=(',', ':')).encode()).hexdigest()[:12]}"
 
 
 class RunRequest(Model):

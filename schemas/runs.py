@@ -271,6 +271,9 @@ class RunRecord(Model):
     uses_prediction: bool | None = Field(
         None, description="whether the planner plans on predictions of others; null: it did not say"
     )
+    imported: bool = Field(
+        False, exclude_if=lambda imported: not imported, description="it came in an archive, whose maker vouches for it"
+    )
 
 
 ContactKind = Literal[
@@ -295,7 +298,9 @@ SeenCourse = Literal["same", "oncoming", "crossing", "standing"]
 """The course of another, seen from the ego; ``standing``: it does not move, and heads another way than the ego."""
 
 
-ReferenceDriverName = Literal["full_braking", "r157_careful", "fsm", "rss", "keep_lane", "evading"]
+DriverModelName = Literal["full_braking", "r157_careful", "fsm", "rss", "keep_lane"]
+"""Reference drivers that are models of a driver, and planners of the same name."""
+ReferenceDriverName = Literal[DriverModelName, "evading"]
 """Drivers in the ego's place: full braking, UN R157's careful and fuzzy ones, RSS, one that keeps lane and speed, and
 one that steers aside by a lane's width (``docs/reference_drivers.md``)."""
 DriverStart = Literal["before_contact", "start"]

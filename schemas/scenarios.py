@@ -390,6 +390,7 @@ class DescribeScenarioResult(Result):
     counts: dict[str, int] = Field(description="road users by type")
     signs: tuple[str, ...] = Field(description="traffic signs, with their values")
     description: Description = Field(description="what its file shows around the focus")
+    other_problems: tuple[int, ...] = Field((), description="planning problems beside this one: ID#problem names one")
     generation: DescribedGeneration | None = Field(None, description="how it was generated; null where it was not")
     recipe: dict[str, JsonValue] | None = Field(
         None, description="what makes it again; null where it was not asked for"
@@ -403,6 +404,10 @@ class DescribeScenarioResult(Result):
         decided = [f"Tags: {', '.join(self.tags) or 'none'}. Computed: {', '.join(self.features) or 'nothing'}."]
         decided += [f"On the ego's lane: {', '.join(self.signs)}."] if self.signs else []
         decided.append(ego_text(shown.ego) if shown.ego else "No planning problem, so no ego.")
+        if self.other_problems:
+            words = ", ".join(f"{self.scenario_id}#{key}" for key in self.other_problems[:_PROBLEMS_SHOWN])
+            count = counted(len(self.other_problems), "more planning problem")
+            decided.append(f"The file has {count}, each with an ego of its own: {words}.")
         decided += _focus(shown.asked) if shown.asked else []
         listed = [*self._vehicles(), *self._lanelets(), *(f"Check: {check}" for check in shown.checks)]
         if self.generation is not None and self.detail in ("checks", "recipe"):
@@ -453,6 +458,10 @@ def _focus(focus: DescribedFocus) -> list[str]:
     ways = [(" then ".join(way.turns) or "straight", way) for way in focus.reach]
     reached = [f"{turns} {way.lanelet_id} ({way.distance_m:.0f} m)" for turns, way in ways]
     return [f"{name}{seen}{recorded} Can reach: {', '.join(reached) or 'no other lanelet'}."]
+
+
+_PROBLEMS_SHOWN = 6
+"""Other planning problems that an answer names (chosen)."""
 
 
 def ego_text(ego: DescribedEgo) -> str:

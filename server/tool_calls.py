@@ -51,6 +51,7 @@ async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> Ca
         if made := [name for name in spec.refused if getattr(arguments, name)]:
             raise NotPossible(f"this server makes nothing, and {made[0]} does", next_step=f"leave {made[0]} out")
         result = await spec.load_function()(arguments, call)
+        _remark_imported(result, call)
         return _with_view(_shaped(result, call), call)
     except (InputNeeded, MCPError):
         raise
@@ -59,6 +60,23 @@ async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> Ca
         if isinstance(error, UnexpectedFailure):
             logger.error("incident %s:\n%s", error.incident, error.details)  # noqa: TRY400 - it holds the traceback
         return refusal(error)
+
+
+_RESULT_ID = re.compile(r"\b(run|batch|study)_[0-9a-f]{12}\b")
+
+
+def _remark_imported(result: Result | ImageAnswer, call: ToolCall) -> None:
+    """Have an answer say which of the results that it names came in an archive."""
+    named = dict.fromkeys(
+        match[0] for match in _RESULT_ID.finditer(result.text if isinstance(result, ImageAnswer) else result.to_text())
+    )
+    imported = call.workspace.imported_of(named)
+    if imported:
+        more = f" and {len(imported) - MOST_LINKS} more" if len(imported) > MOST_LINKS else ""
+        call.remarks.append(
+            f"Imported: {', '.join(imported[:MOST_LINKS])}{more} came in an archive; what they say is what its maker "
+            "says. run_planner makes such runs anew."
+        )
 
 
 def _with_view(result: CallToolResult, call: ToolCall) -> CallToolResult:

@@ -4,6 +4,7 @@ import gc
 import inspect
 import os
 import shutil
+import sys
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -18,12 +19,14 @@ from mcp import Client
 from support.server import Connect, KeptWorkers, worker_processes
 
 from plannerforge.engine.catalog import open_catalogue
-from plannerforge.engine.execution import WorkerPool
+from plannerforge.engine.execution import WorkerPool, pool
 from plannerforge.engine.workspace import Workspace
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
 
 CHECKOUT = Path(__file__).resolve().parent.parent
+sys.dont_write_bytecode = False  # without bytecode every process compiles every test and the package anew:
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # half of what collecting costs, and .3 s for each program of a test
 os.environ["PLANNERFORGE_MAPS_ONLINE"] = "offline"  # no test asks the net; those of online maps name loopback services
 hypothesis_settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 hypothesis_settings.load_profile("any machine")  # no test depends on how fast or busy the machine is
@@ -41,6 +44,12 @@ def shared_data() -> Path:
     if not (folder / "data").is_dir():
         pytest.skip("the real scenarios and maps are not here")
     return folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _workers_import_what_they_need() -> None:
+    """Workers of this process load a library when an order needs it: a test needs few of those loaded ahead."""
+    pool.PRELOAD.update(dict.fromkeys(pool.PRELOAD, ()))
 
 
 @pytest.fixture(autouse=True)
@@ -68,10 +77,10 @@ def settings(tmp_path: Path) -> Settings:
     return Settings(workspace=tmp_path / "workspace", roots=(tmp_path,), workers=1, warm_up=False)
 
 
-@pytest.fixture(params=["auto", "legacy"], ids=["2026-07-28", "initialize"])
-def era(request: pytest.FixtureRequest) -> str:
-    """Both protocol eras: the stateless revision and those that begin with ``initialize``."""
-    return str(request.param)
+@pytest.fixture
+def era() -> str:
+    """The newer protocol era; tests of what differs between the eras are marked ``both_eras``."""
+    return "auto"
 
 
 @pytest.fixture(scope="session")

@@ -4,8 +4,10 @@ Many files are a job: it goes on when the call has answered, and the same call t
 """
 
 import logging
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Literal
 
@@ -13,7 +15,7 @@ import anyio
 
 from ..engine.catalog import open_catalogue
 from ..engine.execution import Job, JobProgress, OnProgress
-from ..engine.maps import MAP_ENDINGS, is_binary, is_net
+from ..engine.maps import MAP_ENDINGS, is_binary, is_net, root_element
 from ..engine.workspace import Recipe
 from ..schemas.artifacts import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
 from ..schemas.errors import InvalidRequest, PlannerForgeError, UnexpectedFailure, as_told
@@ -97,9 +99,12 @@ async def import_files(arguments: ImportFilesArguments, call: ToolCall) -> Impor
         return await _import_as_job(call, arguments, files)
     tally = _Tally(len(files))
     await _take_in(call, files, arguments, tally, call.progress)
-    if len(files) == 1 and tally.failures:
+    passed_over = _passed_over(call, arguments, files)
+    if len(files) == 1 and tally.failures and not passed_over:
         raise tally.failures[0]
-    return _with_running(tally)
+    result = _with_running(tally)
+    notes = "; ".join(part for part in (result.note, passed_over) if part)
+    return result.model_copy(update={"note": notes})
 
 
 def _with_running(tally: _Tally) -> ImportFilesResult:
@@ -131,6 +136,8 @@ def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, 
     paths = [entry for entry in paths if not call.workspace.owns(entry)]
     if arguments.kind != "map":  # networks lie beside scenarios; they are taken in where maps are asked for
         paths = [entry for entry in paths if not is_net(entry)]
+    if arguments.kind != "auto":
+        paths = [entry for entry in paths if _kind_of(entry, arguments.kind) == arguments.kind]
     if not paths:
         raise InvalidRequest(f"{quoted(arguments.path)} holds no file to import", valid=[f"*{end}" for end in wanted])
     if len(paths) > _MOST_FILES:
@@ -141,17 +148,59 @@ def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, 
     return [(entry, _kind(entry, arguments.kind)) for entry in paths]
 
 
+def _passed_over(call: ToolCall, arguments: ImportFilesArguments, files: Sequence[tuple[Path, _ImportKind]]) -> str:
+    """How many files below a folder are of no kind that was asked for, by their endings; empty without any."""
+    path = call.allowed_path(arguments.path)
+    if path.is_file():
+        return ""
+    taken = {entry for entry, _ in files}
+    others = islice((entry for entry in path.rglob("*") if entry not in taken and entry.is_file()), _MOST_COUNTED)
+    kinds = Counter(
+        one_line(entry.suffix.lower())[:_LONGEST_ENDING] or "without ending"
+        for entry in others
+        if not call.workspace.owns(entry)
+    )
+    if not kinds:
+        return ""
+    shown = ", ".join(f"{ending} {count}" for ending, count in kinds.most_common(_KINDS_SHOWN))
+    more = f", other kinds {sum(kinds.values()) - sum(count for _, count in kinds.most_common(_KINDS_SHOWN))}"
+    protobuf = f"; {_PROTOBUF}" if kinds[PROTOBUF_ENDING] else ""
+    return f"passed over: {shown}{more if len(kinds) > _KINDS_SHOWN else ''}{protobuf}"
+
+
+_KINDS_SHOWN, _LONGEST_ENDING, _MOST_COUNTED = 6, 12, 50_000
+"""Kinds of files that are named, characters of an ending, files that are looked at (chosen)."""
+PROTOBUF_ENDING = ".pb"
+_PROTOBUF = (
+    "CommonRoad's protobuf format (.pb) is not read, because only its XML can be checked before a library reads it: "
+    "convert it with commonroad-io (CommonRoadFileReader, CommonRoadFileWriter)"
+)
+
+
 def _kind(path: Path, wanted: str) -> _ImportKind:
-    known = next((kind for ending, kind in _SUFFIXES.items() if path.name.lower().endswith(ending)), None)
+    if path.suffix.lower() == PROTOBUF_ENDING:
+        raise InvalidRequest(f"{quoted(path.name)}: {_PROTOBUF}", valid=[f"*{end}" for end in _SUFFIXES])
+    known = _kind_of(path, wanted)
     if known is None:
         raise InvalidRequest(
             f"{quoted(path.name)} is of no kind that can be imported", valid=[f"*{end}" for end in _SUFFIXES]
         )
-    if wanted == "map" and path.name.lower().endswith(".xml"):  # a road network, to be filled with other traffic
-        return "map"
     if wanted not in ("auto", known):
         raise InvalidRequest(f"{quoted(path.name)} is a {known}, not a {wanted}", valid=[known, "auto"])
     return known
+
+
+def _kind_of(path: Path, wanted: str) -> _ImportKind | None:
+    """What a file is, by its content where that tells, else by its name; None for what cannot be imported."""
+    root = root_element(path)
+    if root == "commonRoad":  # as a map it is a road network, to be filled with other traffic
+        return "map" if wanted == "map" else "scenario"
+    if root is not None:
+        return "map"
+    if path.suffix.lower() == ".pbf" and is_binary(path):
+        return "map"
+    known = next((kind for ending, kind in _SUFFIXES.items() if path.name.lower().endswith(ending)), None)
+    return "map" if wanted == "map" and path.name.lower().endswith(".xml") else known
 
 
 async def _import_as_job(
@@ -174,7 +223,8 @@ async def _import_as_job(
     call.made("job", job.job_id)
     job = await call.wait_for(job.job_id, WAIT_S)
     result = tally.result(job.job_id, job.state)
-    return result.model_copy(update={"note": job.error or ("" if tally.done else job.message)})
+    notes = (job.error or ("" if tally.done else job.message), _passed_over(call, arguments, files))
+    return result.model_copy(update={"note": "; ".join(note for note in notes if note)})
 
 
 async def _take_in(

@@ -16,6 +16,7 @@ from ..engine.maps import (
     is_binary,
     is_large,
     is_map,
+    named_by_content,
     stored_name,
     unpacked,
 )
@@ -62,7 +63,12 @@ async def _amend_old(call: ToolCall) -> None:
             continue
         request = ReadMapRequest(path=str(map_entry(call, artifact).path), map_id=facts.map_id)
         read = await call.run(READ_MAP, request)
-        names = {"road_names": read.road_names, "areas": read.areas, "facts_version": read.facts_version}
+        names = {
+            "places": tuple(dict.fromkeys((*facts.places[:1], *read.places))),
+            "road_names": read.road_names,
+            "areas": read.areas,
+            "facts_version": read.facts_version,
+        }
         call.workspace.amend("map", artifact.artifact_id, facts.model_copy(update=names))
 
 
@@ -225,7 +231,8 @@ async def _plain(call: ToolCall, path: Path, folder: Path) -> tuple[Path | None,
     if is_binary(path):
         converted = await call.run(CONVERT_MAP, ConvertMapRequest(path=str(path), folder=str(folder)))
         return None if converted.too_large else Path(converted.path), converted.lost
-    plain = await anyio.to_thread.run_sync(unpacked, path, folder)
+    packed = await anyio.to_thread.run_sync(unpacked, path, folder)
+    plain = await anyio.to_thread.run_sync(named_by_content, packed, folder)
     if await anyio.to_thread.run_sync(foreign_format, plain) is None:
         return plain, ()
     converted = await call.run(CONVERT_ROADS, ConvertMapRequest(path=str(plain), folder=str(folder)))

@@ -122,7 +122,7 @@ def run_sources(run_ids: Iterable[str], call: ToolCall) -> tuple[RunSource, ...]
 
 def run_record(artifact: Artifact) -> RunRecord:
     """Return the record of a stored run; if it has no planner version, that comes from the run's recipe."""
-    record = artifact.read(RunRecord)
+    record = artifact.read(RunRecord).model_copy(update={"imported": artifact.imported})
     if record.planner_source:
         return record
     versions = artifact.recipe.versions

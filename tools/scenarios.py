@@ -14,7 +14,13 @@ from ..engine.generation import PlanRows
 from ..engine.workspace import Artifact
 from ..schemas.catalog import FindScenariosArguments, SearchRecord
 from ..schemas.errors import Faults, InvalidRequest, NotPossible, UnknownName
-from ..schemas.scenarios import DescribeRequest, DescribeScenarioArguments, DescribeScenarioResult, ScenarioRecord
+from ..schemas.scenarios import (
+    DescribeRequest,
+    DescribeScenarioArguments,
+    DescribeScenarioResult,
+    ScenarioFacts,
+    ScenarioRecord,
+)
 from .call import ToolCall
 from .generation.record import described_generation, kept_report, with_classes
 from .operations import DESCRIBE_SCENARIO
@@ -75,9 +81,17 @@ async def describe_scenario(arguments: DescribeScenarioArguments, call: ToolCall
         counts=facts.participants.counts,
         signs=(*(sign for sign in facts.roads.signs_ego if sign != "speed_limit"), *limits, *light),
         description=description,
+        other_problems=_other_problems(record.facts, problem_id),
         generation=described_generation(report, artifact, arguments.detail) if report is not None else None,
         recipe=artifact.recipe.model_dump(mode="json") if arguments.detail == "recipe" else None,
     )
+
+
+def _other_problems(facts: ScenarioFacts, problem_id: int | None) -> tuple[int, ...]:
+    """The planning problems of a file beside the one that is described; None: the first."""
+    known = [ego.problem_id for ego in facts.egos]
+    shown = known[0] if problem_id is None and known else problem_id
+    return tuple(key for key in known if key != shown)
 
 
 def one_scenario(word: str, call: ToolCall) -> tuple[Artifact, int | None]:

@@ -8,7 +8,7 @@ from itertools import islice
 from ...schemas.errors import closest
 from ...schemas.text import counted
 from ...schemas.vocabulary import CIRCUMSTANCES, FEATURES, MANOEUVRES, ORIGINS, ROAD_NET_KEYS, TAGS
-from ..maps import place_keys
+from ..maps import names_elsewhere, place_keys
 from .bm25 import words_of
 from .constraints import (
     ARTIFICIAL,
@@ -17,6 +17,7 @@ from .constraints import (
     MEASURE_COLUMNS,
     PARTICIPANTS,
     Constraint,
+    has_place,
     is_place,
     known_places,
     obstacle_type_of,
@@ -154,10 +155,7 @@ def _stands(connection: sqlite3.Connection, word: str) -> bool:
     query = "SELECT 1 FROM catalog_scenarios WHERE instr(lower(description), ?) OR instr(lower(place), ?) LIMIT 1"
     if connection.execute(query, (key, key)).fetchone() is not None:
         return True
-    keys = tuple(place_keys(word))
-    holes = ", ".join("?" * len(keys))
-    query = f"SELECT 1 FROM catalog_words WHERE kind = 'place' AND word IN ({holes}) LIMIT 1"  # noqa: S608 - only ? marks
-    return connection.execute(query, keys).fetchone() is not None
+    return has_place(connection, tuple(place_keys(word))) or has_place(connection, tuple(names_elsewhere(word)))
 
 
 _LETTERS = 5

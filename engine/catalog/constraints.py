@@ -25,7 +25,7 @@ from ...schemas.vocabulary import (
     TAGS,
     vehicle_class_of,
 )
-from ..maps import country_code, place_keys
+from ..maps import country_code, names_elsewhere, place_keys
 from .bm25 import words_of
 from .entry_sets import column_of
 
@@ -409,11 +409,24 @@ def location_constraints(connection: sqlite3.Connection, country: str | None, ci
         query = "SELECT number FROM catalog_scenarios WHERE country = ?"
         constraints.append(Constraint("location", "country", f"country {code}", query, (code,)))
     if city is not None:
-        keys = tuple(sorted(place_keys(city)))
+        keys = _keys_of_place(connection, city)
         holes = ", ".join("?" * len(keys))
         query = f"SELECT DISTINCT number FROM catalog_words WHERE kind = 'place' AND word IN ({holes})"  # noqa: S608 - only ? marks
         constraints.append(Constraint("location", "city", f"city {one_line(city)}", query, keys))
     return constraints
+
+
+def _keys_of_place(connection: sqlite3.Connection, city: str) -> tuple[str, ...]:
+    """The keys of a city as it is spelled; if the catalogue has none of them, also of its names in other languages."""
+    own = tuple(sorted(place_keys(city)))
+    return own if has_place(connection, own) else tuple(sorted(names_elsewhere(city)))
+
+
+def has_place(connection: sqlite3.Connection, keys: Sequence[str]) -> bool:
+    """Return whether a scenario of the catalogue lies in a place with one of the keys."""
+    holes = ", ".join("?" * len(keys))
+    query = f"SELECT 1 FROM catalog_words WHERE kind = 'place' AND word IN ({holes}) LIMIT 1"  # noqa: S608 - only ? marks
+    return connection.execute(query, tuple(keys)).fetchone() is not None
 
 
 def obstacle_type_of(word: str) -> str | None:

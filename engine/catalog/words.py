@@ -86,7 +86,14 @@ def summary(facts: ScenarioFacts) -> str:
         parts.append(f"ego {ego.speed_mps:.1f} m/s on {_lanes(ego.lanes)}")
         parts += _ego_does(facts)
         parts += [found.replace(":", " by ") for found in ego.manoeuvres or ()][:_MANOEUVRES_SHOWN]
+    if len(facts.egos) > 1:
+        others = ", ".join(f"#{other.problem_id}" for other in facts.egos[1:_PROBLEMS_SHOWN])
+        parts.append(f"{len(facts.egos)} planning problems: the first is meant, the others by ID{others}")
     return ", ".join(parts)
+
+
+_PROBLEMS_SHOWN = 6
+"""Planning problems that a line names (chosen)."""
 
 
 def _road_sentence(facts: ScenarioFacts) -> str:

@@ -3,8 +3,10 @@
 ``parse_benchmark_id``: country and place of a benchmark id; refuses what does not follow COUNTRY_Place.
 ``follows_naming``: whether country and place can be read from a benchmark id by CommonRoad's naming.
 ``derived_benchmark_id``: The base's id with a prediction number made of the recipe's digest (hexadecimal).
+``prescribed_ids``: Ids of the road users of a file whose motion an edit prescribes.
 ``ScenarioDocument``: The XML tree of a scenario file, with what edits replace in it.
 ``schema_errors``: What CommonRoad's own XML schema (2020a) and the naming of benchmarks find wrong with a file.
+``schema_faults``: What CommonRoad's schema (2020a) finds wrong with a file's tree, with the places in the file.
 ``LoadedScenario``: A CommonRoad scenario in memory, with its planning problems and the file it came from.
 ``RecordedScenario``: A scenario with its recording as tracks.
 ``Recording``: What reading a file gives, as it is kept on disk.
@@ -46,7 +48,7 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .benchmark_id import derived_benchmark_id, follows_naming, parse_benchmark_id
-    from .document import ScenarioDocument, ego_class_instruction, schema_errors
+    from .document import ScenarioDocument, ego_class_instruction, prescribed_ids, schema_errors, schema_faults
     from .reader import (
         LoadedScenario,
         RecordedScenario,

@@ -10,7 +10,7 @@ import re
 from ...schemas.errors import UnsafeInput
 from ...schemas.text import quoted
 
-_VALID_ID = re.compile(r"[A-Z]{3}_[a-zA-Z0-9]+-[1-9]\d*_[1-9]\d*_[STPI](-[1-9]\d*)+")
+_VALID_ID = re.compile(r"(C-)?[A-Z]{3}_[a-zA-Z0-9]+-[1-9]\d*_[1-9]\d*_[STPI](-[1-9]\d*)+")
 _USUAL_ID = re.compile(r"^(?P<head>(C-)?[A-Z]{3}_[A-Za-z0-9]+-\d+)(_(?P<config>\d+)(_(?P<kind>[A-Z])-[\d-]+)?)?$")
 _READABLE_ID = re.compile(r"(?:C-)?([A-Z]{3})_([A-Za-z0-9][A-Za-z0-9_]{0,60}?)(?:-[A-Za-z0-9_,]{1,30}){0,3}")
 """Ids from which country and place can be read: more than the scheme allows."""
@@ -24,7 +24,7 @@ _DIGITS = 9
 
 
 def is_benchmark_id(text: str) -> bool:
-    """Whether a text is the id of a scenario as the documentation of format 2020a has it, without cooperation."""
+    """Whether a text is the id of a scenario as the documentation of format 2020a has it (``C-``: cooperative)."""
     return _VALID_ID.fullmatch(text) is not None
 
 

@@ -11,11 +11,12 @@ namespaces and carriage returns.
 CommonRoad's format has no field for the ego's class of vehicle. A processing instruction in the planning problem
 holds it: ``<?plannerforge ego-class="truck"?>``. XML provides these for data that concerns one program; the schema does
 not see them, and other readers ignore them. Without it, the ego is a car. commonroad-io's writer, which writes a file
-from its objects, drops it.
+from its objects, drops it. Likewise ``<?plannerforge prescribed="12 34"?>`` at the beginning of a file names the road
+users whose motion an edit prescribes: they keep it in reactive traffic.
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -35,7 +36,8 @@ _ATTRIBUTE = re.compile(rb"\s+([\w.-]+)\s*=\s*(?:\"([^\"<>]*)\"|'([^'<>]*)')")
 _INSTRUCTION = "plannerforge"
 """The target of our processing instruction."""
 _EGO_CLASS = re.compile(r'ego-class="([a-z_]{1,30})"')
-_EGO_CLASS_BYTES = re.compile(rb'<\?plannerforge ego-class="[a-z_]{1,30}"\?>')
+_INSTRUCTION_BYTES = re.compile(rb'<\?plannerforge (?:ego-class="[a-z_]{1,30}"|prescribed="[0-9 ]{0,9999}")\?>')
+_PRESCRIBED = re.compile(rb'<\?plannerforge prescribed="([0-9 ]{0,9999})"\?>')
 _AN_ID = re.compile(rb"id\s*=")
 _PLAIN_ID = re.compile(rb"[^\"'<>&]*")
 _STAND_IN = re.compile(rb"<(?:dynamicObstacle|obstacle) id=\"[^\"]*\" chunk=\"(\d+)\"/>")
@@ -49,8 +51,11 @@ def is_declared_utf8(content: bytes) -> bool:
 
 
 def is_2018b(root: "etree._Element") -> bool:
-    """Whether a document is of format 2018b, in which obstacles carry their role in an element."""
-    return root.get("commonRoadVersion") == "2018b"
+    """Whether a document is of format 2018b, in which obstacles carry their role in an element.
+
+    So is a network of format 2017a, which holds no obstacle.
+    """
+    return root.get("commonRoadVersion") in ("2018b", "2017a")
 
 
 def moving_obstacle(root: "etree._Element") -> str:
@@ -79,6 +84,12 @@ def _instructions(problem: "etree._Element") -> list["etree._ProcessingInstructi
     ]
 
 
+def prescribed_ids(path: Path) -> frozenset[int]:
+    """Return the ids of the road users of a file whose motion an edit prescribes."""
+    found = _PRESCRIBED.search(path.read_bytes())
+    return frozenset() if found is None else frozenset(map(int, found[1].split()))
+
+
 @dataclass(frozen=True)
 class SplitDocument:
     """``chunks``: moving obstacles in the order of the file; ``rest``: the file with a stand-in for each of them.
@@ -94,7 +105,7 @@ class SplitDocument:
         """Split a file; None for one whose bytes may mean something else."""
         if not is_declared_utf8(content) or any(mark in content for mark in _NOT_PLAIN):
             return None
-        if content.count(b"<?") != 1 + len(_EGO_CLASS_BYTES.findall(content)):
+        if content.count(b"<?") != 1 + len(_INSTRUCTION_BYTES.findall(content)):
             return None
         chunks: list[bytes] = []
         rest: list[bytes] = []
@@ -206,14 +217,28 @@ class ScenarioDocument:
             made.tail = problem.text
             problem.insert(0, made)
 
+    def set_prescribed(self, ids: Iterable[int]) -> None:
+        """Say of road users, besides those of whom the file says so already, that their motion is prescribed."""
+        known = set(ids)
+        for old in list(self.root):
+            if isinstance(old, etree._ProcessingInstruction) and old.target == _INSTRUCTION:
+                known |= {int(word) for word in re.findall(r"\d+", old.text or "")}
+                self.root.remove(old)
+        if known:
+            made = etree.ProcessingInstruction(_INSTRUCTION, f'prescribed="{" ".join(map(str, sorted(known)))}"')
+            made.tail = self.root.text
+            self.root.insert(0, made)
+
     def remove(self, element: "etree._Element") -> None:
         """Take an element of the first level out, with the white space that follows it."""
         self.root.remove(element)
 
-    def add_obstacle(self, element: "etree._Element") -> None:
-        """Put an obstacle after the last dynamic one, or where the format wants the first."""
-        existing = [child for child in self.root if child.tag in ("dynamicObstacle", "obstacle")]
-        following = [child for child in self.root if child.tag in _AFTER_OBSTACLES]
+    def add_obstacle(self, element: "etree._Element", *, is_static: bool = False) -> None:
+        """Put an obstacle after the last dynamic one, or where the format wants the first; a static one before them."""
+        names = ("staticObstacle",) if is_static and not self.is_2018b else ("dynamicObstacle", "obstacle")
+        existing = [child for child in self.root if child.tag in names]
+        after = (*(("dynamicObstacle",) if is_static else ()), *_AFTER_OBSTACLES)
+        following = [child for child in self.root if child.tag in after]
         self._indent(element, 1)
         if existing:
             element.tail = existing[-1].tail
@@ -267,19 +292,38 @@ def _id_of(element: "etree._Element") -> int | None:
     return int(text) if text.isdecimal() else None
 
 
+@dataclass(frozen=True)
+class SchemaFault:
+    """What breaks CommonRoad's schema: the place in the file and the path of the element, and why, on one line."""
+
+    line: int
+    path: str
+    message: str
+
+    @property
+    def element_name(self) -> str:
+        """The name of the element."""
+        return self.path.rsplit("/", 1)[-1].partition("[")[0]
+
+
+def schema_faults(tree: "etree._ElementTree") -> list[SchemaFault]:
+    """What CommonRoad's own XML schema (2020a) finds wrong with a file's tree, in the order of the file."""
+    import commonroad
+
+    folder = Path(str(commonroad.__file__)).parent / "scenario_definition" / "xml_definition_files"
+    schema = etree.XMLSchema(etree.parse(folder / "XML_commonRoad_XSD.xsd"))
+    schema.validate(tree)
+    log: Any = schema.error_log
+    return [SchemaFault(int(error.line), str(error.path or ""), one_line(str(error.message))) for error in log]
+
+
 def schema_errors(document: "Path | etree._ElementTree") -> list[str]:
     """What CommonRoad's own XML schema (2020a) and the naming of benchmarks find wrong with a file or its tree.
 
     Each on one line of 200 characters at most: the schema repeats what stands in the file.
     """
-    import commonroad
-
     tree = etree.parse(document) if isinstance(document, Path) else document
-    folder = Path(str(commonroad.__file__)).parent / "scenario_definition" / "xml_definition_files"
-    schema = etree.XMLSchema(etree.parse(folder / "XML_commonRoad_XSD.xsd"))
-    schema.validate(tree)
-    log: Any = schema.error_log
-    errors = [one_line(str(error.message)) for error in log]
+    errors = [fault.message for fault in schema_faults(tree)]
     benchmark_id = tree.getroot().get("benchmarkID", "")
     if not is_benchmark_id(benchmark_id):
         errors.append(f"{quoted(benchmark_id)} is no benchmark id of 2020a")

@@ -31,7 +31,8 @@ from lxml import etree
 from ...schemas.errors import UnknownName, UnsafeInput
 from ...schemas.text import quoted
 from ...schemas.vocabulary import EGO_CLASSES
-from .document import SplitDocument, ego_classes_of, is_declared_utf8, moving_obstacle
+from .completeness import check_complete, complete
+from .document import SplitDocument, ego_classes_of, is_2018b, is_declared_utf8, moving_obstacle, schema_faults
 from .lanelet_networks import scenario_of
 from .plain_states import PlainStates, cut_states, put_states, take_plain_states, take_states
 from .recordings import FOLDER_VARIABLE, Recording, RecordingStore
@@ -261,6 +262,7 @@ def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[
     states = take_plain_states(whole) if states is None else states
     root = fromstring(etree.tostring(whole))  # noqa: S314 - serialised just now
     _check(path, root, limits, states)
+    complete(root)
     return root, states, ego_classes
 
 
@@ -357,6 +359,7 @@ def _check(path: Path, root: Element, limits: XmlLimits | None, taken: Collectio
     """Refuse what is beyond the limits; its line is looked for in the whole document, of which states may be taken."""
     try:
         check_document(root, taken)
+        check_complete(root)
     except BeyondLimits as error:
         _refuse_with_line(path, parse_document(path, limits))
         raise error.refusal(path.name, None) from None
@@ -366,6 +369,7 @@ def _check(path: Path, root: Element, limits: XmlLimits | None, taken: Collectio
 def _refuse_with_line(path: Path, whole: "etree._Element") -> None:
     try:
         check_document(whole)
+        check_complete(whole)
     except BeyondLimits as error:
         number = next(number for number, element in enumerate(whole.iter()) if element is error.element)
         raise error.refusal(path.name, _line_of(path, number)) from None
@@ -419,9 +423,18 @@ def _open(
         with _silence_commonroad_warnings():
             scenario, problems = _ParsedReader(path, root).open()
     except Exception as error:
-        reason = f"{type(error).__name__}: {quoted(str(error))}"
+        reason = _against_schema(path) or f"{type(error).__name__}: {quoted(str(error))}"
         raise UnsafeInput(f"{quoted(path.name)} is not readable as CommonRoad: {reason}") from error
     return LoadedScenario(scenario, problems, path, root.get("benchmarkID", ""), states, ego_classes)
+
+
+def _against_schema(path: Path) -> str:
+    """Return the first element of a file that breaks CommonRoad's schema (2020a), with its line; empty if none does."""
+    root = parse_document(path)
+    if is_2018b(root):
+        return ""
+    faults = [fault for fault in schema_faults(etree.ElementTree(root)) if fault.element_name != "commonRoad"]
+    return f"line {faults[0].line:,}, {faults[0].message}" if faults else ""
 
 
 @contextmanager

@@ -9,10 +9,18 @@
 ``values_set``: Single parameters as given, relative ones with the value that acts.
 ``DrivePlan``: A vehicle that SUMO drives from ``from_step`` on.
 ``recorded_plan``: The ``DrivePlan`` of a recorded vehicle along its recorded route.
+``sent_on``: The plan of a vehicle that an edit sends somewhere, which does not stand any more.
 ``Manoeuvre``: An order to a driven vehicle from a step on: a speed, or a change of lanes.
 ``Halt``: An order to a driven vehicle to stand, from a step on until another one.
 ``JunctionLaneChange``: A change of lane inside a junction.
 ``Replay``: A road user that moves by a given track and not by SUMO.
+``SpeedAct``: Of a script: speed up or slow down by a prescribed acceleration from a step on.
+``LateralAct``: Of a script: move aside within a prescribed time from a step on.
+``Act``: Either of them.
+``scripted_track``: A track as prescribed acts change it.
+``joined_track``: A track up to a step, and from there on the motion along a given track of the front.
+``resized``: The same motion with another body.
+``smooth_step``: How far aside a vehicle is after shares of the time that it takes.
 ``class_of``: The vehicle class that stands for a CommonRoad obstacle type.
 ``not_drivable``: Why a recorded vehicle cannot be driven by SUMO; empty if it can.
 ``next_speed_mps``: The next step's speed of a vehicle that shall be slow within some room; None while it may drive.
@@ -57,7 +65,16 @@ if TYPE_CHECKING:
     )
     from .handover import TakenOverTrack, taken_over_track
     from .manoeuvres import LANE_CHANGE_S, Halt, Manoeuvre
-    from .plans import PROGRESS_ACROSS, DrivePlan, JunctionLaneChange, Replay, class_of, not_drivable, recorded_plan
+    from .plans import (
+        PROGRESS_ACROSS,
+        DrivePlan,
+        JunctionLaneChange,
+        Replay,
+        class_of,
+        not_drivable,
+        recorded_plan,
+        sent_on,
+    )
     from .replay import (
         ROUTES_FILE,
         TYPES_FILE,
@@ -68,5 +85,6 @@ if TYPE_CHECKING:
         replayed_states,
         resimulate,
     )
+    from .scripts import Act, LateralAct, SpeedAct, joined_track, resized, scripted_track, smooth_step
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -41,7 +41,8 @@ class Actor:
     vehicle waits for a gap into one of them instead of driving past it (none: it does not). ``is_sent``: an edit sends
     it another way than recorded. ``branch``: the lane behind a junction that tells the way through it to the target
     from others that leave the target's lane for the same edge. ``maximum_speed_mps``: what a driven vehicle never
-    exceeds, that of its class or of its recording. ``halts``: where it waits for others.
+    exceeds, that of its class or of its recording. ``halts``: where it waits for others. ``ignores_lights``: it
+    stops at no red light and yields to nobody at a junction.
     """
 
     track: Track
@@ -60,6 +61,7 @@ class Actor:
     maximum_speed_mps: float = NO_LIMIT_MPS
     slow_places: Mapping[str, SlowPlaces] = field(default_factory=dict)
     halts: tuple[Halt, ...] = ()
+    ignores_lights: bool = False
 
     @cached_property
     def key(self) -> str:
@@ -146,7 +148,7 @@ def all_actors(
         if region.obstacle_id not in removed and region.match is not None
     ]
     for replay in replays:
-        if replay.recording is None:
+        if replay.recording is None and replay.match is None:
             actors += _pedestrian_proxies(scene, replay.track)
     return tuple(sorted(actors, key=lambda actor: actor.track.obstacle_id))
 
@@ -170,6 +172,7 @@ def driven_actor(scene: Scene, plan: DrivePlan) -> Actor:
         sumo_class=plan.vehicle_class.sumo_class,
         manoeuvres=plan.manoeuvres,
         halts=plan.halts,
+        ignores_lights=plan.ignores_lights,
         lanes_to_target=_lanes_to(scene, plan, aims, target),
         is_sent=bool(plan.targets) and plan.cause == "edited",
         branch=_branch(scene, plan),

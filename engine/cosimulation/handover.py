@@ -47,6 +47,8 @@ LANE_S = 3.0
 """A vehicle recorded beside its lane is led into it in this time, as in a lane change; SUMO puts it there at once."""
 LONG_M = 6.0
 """A longer vehicle may swing its front out in bends (chosen): all classes but cars, taxis and two-wheelers."""
+LEAST_SMOOTHING = (1.5, 0.8)
+"""In steps and in m, of a prescribed motion (chosen): its lanes have few kinks, and its values are to come out."""
 STANDING_MPS = 0.02
 """Speeds below this are written as 0 (chosen): smoothing leaves a rest."""
 
@@ -120,6 +122,44 @@ def taken_over_track(
         leaves=driven.leaves,
         lanes=lanes,
         blocked_by=driven.blocked_by,
+    )
+
+
+def led_track(
+    start: Track, first_step: int, centers: Points, step_s: float, last_step: int, *, leaves: bool = False
+) -> TakenOverTrack | None:
+    """A given track (n, 2) of the centre as a motion that can be driven, joined to a recorded start without a jump.
+
+    The first point is the place at ``first_step``. Of several smoothings the least is taken with which every step can
+    be driven, else the one with which most can. None if the scenario ends within two steps.
+    """
+    index, chassis = first_step - start.first_step, nearest_class(start.kind, start.length_m)
+    centers = centers[: last_step - first_step + 1]
+    if len(centers) < 3:
+        return None
+    best: Motion | None = None
+    most = -1.0
+    for smoothing in (LEAST_SMOOTHING, *SMOOTHINGS):
+        motion = _led_motion(start, index, centers, 0.0, smoothing, step_s, chassis)
+        share = _drivable_share(motion, step_s, chassis)
+        if share > most:
+            best, most = motion, share
+        if most == 1.0:
+            break
+    if best is None:
+        return None
+    return TakenOverTrack(
+        obstacle_id=start.obstacle_id,
+        kind=start.kind,
+        length_m=start.length_m,
+        width_m=start.width_m,
+        first_step=first_step,
+        positions=best.positions,
+        headings_rad=best.headings_rad,
+        speeds_mps=best.speeds_mps,
+        accelerations_mps2=best.accelerations_mps2,
+        leaves=leaves,
+        lanes=("",) * len(best.speeds_mps),
     )
 
 

@@ -26,11 +26,20 @@ ROUNDING_MPS = 1e-6
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """An order from a step on: drive at ``speed_mps``, or change ``lanes_left`` lanes (1 left, -1 right)."""
+    """An order from a step on: drive at ``speed_mps``, or change ``lanes_left`` lanes (1 left, -1 right).
+
+    ``profile_mps``: speeds of the first steps, before ``speed_mps`` is kept.
+    """
 
     from_step: int
     speed_mps: float | None = None
     lanes_left: int = 0
+    profile_mps: tuple[float, ...] = ()
+
+    def speed_at(self, step: int) -> float | None:
+        """The speed that is ordered for a step."""
+        since = step - self.from_step
+        return self.profile_mps[since] if 0 <= since < len(self.profile_mps) else self.speed_mps
 
 
 @dataclass(frozen=True)
@@ -48,18 +57,23 @@ def required_gap_m(closing_mps: float) -> float:
     return closing * (INTO_LANE_S + REACTION_S) + closing**2 / (2 * HARD_BRAKING_MPS2)
 
 
+_Order = tuple[str, int]
+"""A vehicle and the place of one of its orders among all of them: two orders may be alike and are still two."""
+
+
 class ManoeuvreExecutor:
     """Gives the orders of all driven vehicles, step by step, to one simulation.
 
     A change of lane goes on until it is done: it waits for room, to which SUMO adapts the speed, and where the lane
-    beside is not there yet (inside a junction, say) it is asked for on the next edge.
+    beside is not there yet (inside a junction, say) it is asked for on the next edge. Of several changes the next one
+    begins when the one before is done.
     """
 
     def __init__(self, sumo: Sumo) -> None:
         self._sumo = sumo
-        self._begun: dict[tuple[str, Manoeuvre], tuple[str, int]] = {}
-        self._done: set[tuple[str, Manoeuvre]] = set()
-        self._waited_for: dict[tuple[str, Manoeuvre], Counter[str]] = {}
+        self._begun: dict[_Order, tuple[str, int]] = {}
+        self._done: set[_Order] = set()
+        self._waited_for: dict[_Order, Counter[str]] = {}
         self._braking: set[str] = set()
 
     def act(self, key: str, manoeuvres: tuple[Manoeuvre, ...], step: int, highest_mps: float | None = None) -> None:
@@ -69,13 +83,16 @@ class ManoeuvreExecutor:
         """
         if highest_mps is None and key in self._braking:
             self._release(key)
-        for manoeuvre in manoeuvres:
+        is_changing = False
+        for place, manoeuvre in enumerate(manoeuvres):
             if step < manoeuvre.from_step:
                 continue
             if manoeuvre.speed_mps is None:
-                self._change_lane(key, manoeuvre)
+                if not is_changing:
+                    self._change_lane((key, place), manoeuvre)
+                is_changing = is_changing or (key, place) not in self._done
             else:
-                self._keep_speed(key, manoeuvre.speed_mps)
+                self._keep_speed(key, manoeuvre.speed_at(step) or 0.0)
         if highest_mps is not None:
             self._braking.add(key)
             self._sumo.slow_down(key, highest_mps)
@@ -108,23 +125,24 @@ class ManoeuvreExecutor:
         slowest_mps = self._sumo.speed_mps(key) - self._sumo.decel_mps2(key) * self._sumo.step_s() - ROUNDING_MPS
         return self._sumo.safe_speed_mps(key, *leader) < slowest_mps
 
-    def _change_lane(self, key: str, manoeuvre: Manoeuvre) -> None:
+    def _change_lane(self, order: _Order, manoeuvre: Manoeuvre) -> None:
+        key = order[0]
         edge, _, index = self._sumo.lane(key).rpartition("_")
-        if (key, manoeuvre) in self._done or not edge or edge.startswith(":"):
+        if order in self._done or not edge or edge.startswith(":"):
             return
-        if self._begun.get((key, manoeuvre), ("", 0))[0] != edge:
+        if self._begun.get(order, ("", 0))[0] != edge:
             wanted = int(index) + manoeuvre.lanes_left
             if not 0 <= wanted < self._sumo.lane_count(edge):
                 return
-            self._begun[key, manoeuvre] = (edge, wanted)
-        wanted = self._begun[key, manoeuvre][1]
+            self._begun[order] = (edge, wanted)
+        wanted = self._begun[order][1]
         if int(index) == wanted:
-            self._done.add((key, manoeuvre))
-            self._waited_for.pop((key, manoeuvre), None)
+            self._done.add(order)
+            self._waited_for.pop(order, None)
             self._sumo.allow_lane_changes(key, LaneChanges.FOR_THE_ROUTE)
             return
         blocking = self._too_near_beside(key, left=wanted > int(index))
-        self._waited_for.setdefault((key, manoeuvre), Counter()).update(blocking)
+        self._waited_for.setdefault(order, Counter()).update(blocking)
         self._sumo.allow_lane_changes(key, LaneChanges.DRIVERS_OWN if blocking else LaneChanges.INTO_ANY_ROOM)
         self._sumo.change_lane(key, wanted, LANE_CHANGE_S)
 

@@ -45,7 +45,7 @@ class DrivePlan:
     drive; ``edges``: SUMO's route for it; ``targets``: lanelets any of which the edit sends it to (none: no target);
     ``through``: lanelets of the route that it has to use; ``manoeuvres``: its orders, by their steps;
     ``junction_lane_change``: how it changes lanes where it is handed over inside a junction (None: it does not);
-    ``halts``: where it waits for others.
+    ``halts``: where it waits for others; ``ignores_lights``: it stops at no red light and yields to nobody.
     """
 
     start: Track
@@ -60,19 +60,26 @@ class DrivePlan:
     through: frozenset[int] = frozenset()
     junction_lane_change: JunctionLaneChange | None = None
     halts: tuple[Halt, ...] = ()
+    ignores_lights: bool = False
 
 
 @dataclass(frozen=True)
 class Replay:
-    """A road user that moves by a given track and not by SUMO: a recording moved in time, or an added pedestrian.
+    """A road user that moves by a given track and not by SUMO.
 
-    ``recording``: what was moved by ``shifted_steps`` (later positive); None for an added pedestrian.
+    A recording moved in time, an added pedestrian, or one that an edit prescribes the motion of. ``recording``: what
+    was there before, moved by ``shifted_steps`` (later positive); None for an added one. ``is_scripted``: the motion is
+    prescribed; it is kept whatever the others do, and each change of it is the track's. ``is_parked``: an added vehicle
+    that stands and is no traffic. ``from_step``: the first step at which it differs from its recording.
     """
 
     track: Track
     match: LaneMatch | None
     recording: Track | None = None
     shifted_steps: int = 0
+    is_scripted: bool = False
+    is_parked: bool = False
+    from_step: int = 0
 
 
 def recorded_plan(scene: Scene, vehicle_id: int, cause: Cause, from_step: int) -> DrivePlan:
@@ -101,6 +108,13 @@ def recorded_plan(scene: Scene, vehicle_id: int, cause: Cause, from_step: int) -
         behaviour=usual_behaviour(vehicle_class),
         vehicle_class=vehicle_class,
     )
+
+
+def sent_on(plan: DrivePlan) -> DrivePlan:
+    """The plan of a vehicle that an edit sends somewhere: one that was put in to stand does not stand any more."""
+    if plan.cause != "added" or plan.manoeuvres != (Manoeuvre(plan.from_step, speed_mps=0.0),):
+        return plan
+    return replace(plan, manoeuvres=())
 
 
 def not_drivable(scene: Scene, vehicle_id: int) -> str:

@@ -353,6 +353,8 @@ class _Run:
         """Hand a vehicle over, or give it its orders; note where it is."""
         key = actor.key
         if step == actor.drive_from:
+            if actor.ignores_lights:
+                self._sumo.ignore_lights(key)
             self._sumo.let_drive(key)
             if self._sumo.last_edge(key) != actor.edges[-1]:
                 self.astray.add(key)

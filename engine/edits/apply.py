@@ -5,6 +5,7 @@ what they ask for. It simulates and writes nothing. A new edit is such a functio
 ``OPERATIONS``, and its row in the table of the tool's schema (``EDITS``), which says what arguments it takes.
 """
 
+import itertools
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping
@@ -14,57 +15,185 @@ from functools import partial
 from pathlib import Path
 
 from ...schemas.errors import Faults, InvalidRequest, NotPossible
-from ...schemas.modification import EDITS, Edit, EditOperation, ModificationOutcome, ModificationRequest
-from ..commonroad import ScenarioDocument
-from ..cosimulation import ROUTES_FILE, TYPES_FILE, SimulationSetup, behaviour_from, usual_behaviour
-from ..execution import ProgressReporter
+from ...schemas.modification import EDITS, Edit, EditOperation, EditReport, ModificationOutcome, ModificationRequest
+from ..commonroad import ScenarioDocument, Track
+from ..cosimulation import (
+    ROUTES_FILE,
+    TYPES_FILE,
+    DrivePlan,
+    SimulationSetup,
+    behaviour_from,
+    not_drivable,
+    recorded_plan,
+    usual_behaviour,
+)
+from ..execution import ProgressReporter, silent
 from ..scene import Scene
 from ..vehicles import vehicle_classes
-from . import ego, population, rerouting, trajectory
+from . import ego, moving, population, rerouting, scripted, trajectory
 from .changes import Changes, EditStep
 from .edited_scene import SimulatedEdits, SimulationResult
 from .ego_risk import EgoDrive, drive_after, shown_ego
 from .entries import check_entries, slower_entries
-from .explanations import check_not_driven_past
+from .explanations import check_not_driven_past, is_red
+from .moving import crossing_step
 from .placement import first_place
 from .references import select, target_lanelets, whom_words_meant
 from .report import outcome_of
-from .scene_cache import scene_of
+from .scene_cache import KeptScene, scene_of
 from .simulation import Simulation
+from .world import TRANSFORMS, transformed
 from .writing import write_edits
 
 SCENARIO_FILE, NET_FILE = "scenario.xml", "scenario.net.xml"
+_MODULES = (rerouting, trajectory, scripted, population, moving, ego)
+_FUNCTIONS: Mapping[str, str] = {"replace": "replace_vehicle"}
+"""Functions of edits with another name than the edit's, which is that of a function that many modules import."""
 EditFunction = Callable[[Edit, Scene, Changes], EditStep]
 OPERATIONS: Mapping[EditOperation, EditFunction] = {
-    op: next(getattr(module, op) for module in (rerouting, trajectory, population, ego) if hasattr(module, op))
+    op: next(getattr(module, _FUNCTIONS.get(op, op)) for module in _MODULES if hasattr(module, _FUNCTIONS.get(op, op)))
     for op in EDITS
+    if op not in TRANSFORMS
 }
-"""The edits by their operation: each is the function of this name in one of these modules."""
+"""The edits by their operation: each is the function of this name in one of these modules. Those that change a whole
+file are in ``world.TRANSFORMS``."""
 
 
 def apply_edits(request: ModificationRequest, report: ProgressReporter) -> ModificationOutcome:
     """Carry out all edits, or none, in one re-simulation from the base scenario.
+
+    Edits that change the scene itself (its lights, its extent) part the list: those before one of them are carried out
+    first, and those after it begin from what it makes.
 
     Raises:
         InvalidRequest: an edit that cannot be meant, or that the scenario does not allow.
         NotPossible: an entry onto a taken place; collisions are left and the request refuses them.
         UnsafeInput: the file is not readable.
     """
+    if not any(edit.op in TRANSFORMS for edit in request.edits):
+        return _apply_stage(request, report, _Stage())[0]
+    with tempfile.TemporaryDirectory() as folder:
+        return _apply_in_stages(request, report, Path(folder))
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """What edits before leave to those of a stage.
+
+    ``added``: the ids that each edit before added; ``yielding_to``: the lanelets whose lights were changed, at which
+    vehicles that would cross at red are driven.
+    """
+
+    added: tuple[tuple[int, ...], ...] = ()
+    yielding_to: frozenset[int] = frozenset()
+
+
+def _apply_in_stages(request: ModificationRequest, report: ProgressReporter, folder: Path) -> ModificationOutcome:
+    """Carry out the edits up to the next one that changes the scene itself, then that one, and so on."""
+    xml, stage, outcomes = request.xml, _Stage(), list[ModificationOutcome]()
+    pending = list(enumerate(request.edits))
+    while True:
+        own = list(itertools.takewhile(lambda item: item[1].op not in TRANSFORMS, pending))
+        rest = pending[len(own) :]
+        begin = own[0][0] if own else len(request.edits) - len(rest)
+        is_last = not rest
+        part = request.model_copy(
+            update={
+                "xml": xml,
+                "edits": tuple(edit for _, edit in own),
+                "earlier": min(max(request.earlier - begin, 0), len(own)),
+                "output": request.output if is_last else folder / str(len(outcomes)),
+                "dry_run": request.dry_run and is_last,
+                "keep_simulation": request.keep_simulation and is_last,
+            }
+        )
+        if own or stage.yielding_to or is_last:
+            outcome, added = _apply_stage(part, silent if not is_last else report, stage)
+            outcomes.append(outcome)
+            xml, stage = outcome.xml or xml, _Stage((*stage.added, *added))
+        if is_last:
+            return _joined_outcome(request, outcomes)
+        index, edit = rest[0]
+        where = f"edit {index - request.earlier} ({edit.op})" if len(request.edits) - request.earlier > 1 else ""
+        changed = folder / f"changed{index}.xml"
+        faults = Faults()
+        with faults.collecting(where):
+            _check_arguments(edit)
+            what = _transformed(edit, xml, request, changed)
+        faults.raise_all()
+        outcomes.append(_transform_outcome(index - request.earlier, edit, what))
+        lights = frozenset(_lanelets_of_lights(edit, changed)) if edit.op == "set_light" else frozenset[int]()
+        xml, stage, pending = changed, _Stage((*stage.added, ()), lights), rest[1:]
+
+
+def _transformed(edit: Edit, xml: Path, request: ModificationRequest, output: Path) -> str:
+    """Change a file by an edit of the scene, and say what was done."""
+    kept = scene_of(xml, request.problem_id)
+    with tempfile.TemporaryDirectory() as name:
+        net = Path(name) / NET_FILE
+        net.write_text(kept.scene.sumo_net, encoding="utf-8")
+        setup = SimulationSetup(net, net.parent, kept.scene.step_s, kept.scene.last_step, request.seed)
+        return transformed(edit, xml, kept.scene, partial(_ego_track, kept, setup), output)
+
+
+def _lanelets_of_lights(edit: Edit, xml: Path) -> tuple[int, ...]:
+    scene = scene_of(xml).scene
+    return tuple(target_lanelets(edit.to, scene, Changes(next_id=0, driven={})))
+
+
+def _transform_outcome(index: int, edit: Edit, what: str) -> ModificationOutcome:
+    """The outcome of an edit of the scene itself."""
+    report = EditReport(index=index, op=edit.op, letter=EDITS[edit.op].letter, done=True, what=what)
+    return ModificationOutcome(xml=None, net=None, edits=(report,) if index >= 0 else ())
+
+
+def _joined_outcome(request: ModificationRequest, outcomes: list[ModificationOutcome]) -> ModificationOutcome:
+    """The outcome of all stages: files and figures of the last one, and what each of them did."""
+    last = outcomes[-1]
+    reports = [report for outcome in outcomes for report in outcome.edits]
+    touched = {vehicle.vehicle_id: vehicle for outcome in outcomes for vehicle in outcome.touched}
+    now = {vehicle.vehicle_id for vehicle in last.touched}
+    before = next((outcome.ego_before for outcome in outcomes if outcome.ego_before is not None), None)
+    return last.model_copy(
+        update={
+            "edits": tuple(report.model_copy(update={"index": place}) for place, report in enumerate(reports)),
+            "touched": tuple(vehicle for _, vehicle in sorted(touched.items())),
+            "removed": tuple(sorted({key for outcome in outcomes for key in outcome.removed})),
+            "collisions": tuple(hit for outcome in outcomes for hit in outcome.collisions),
+            "ego_before": before,
+            "untouched": max(last.untouched - len(touched.keys() - now), 0),
+            "warnings": tuple(dict.fromkeys(text for outcome in outcomes for text in outcome.warnings)),
+            "xml": None if request.dry_run else last.xml,
+            "net": None if request.dry_run else last.net,
+        }
+    )
+
+
+def _apply_stage(
+    request: ModificationRequest, report: ProgressReporter, stage: _Stage
+) -> tuple[ModificationOutcome, tuple[tuple[int, ...], ...]]:
+    """Carry out edits in one re-simulation; the outcome, and the ids that each of them added."""
     report(0.0, "reading the scenario")
     kept = scene_of(request.xml, request.problem_id)
     document = ScenarioDocument.read(request.xml)
     report(0.3, "resolving the edits")
     base, first_id = kept.scene, document.highest_id + 1
-    resolved = _resolved_edits(request.edits, base, first_id, request.earlier)
     with tempfile.TemporaryDirectory() as folder:
         net = Path(folder) / NET_FILE
         net.write_text(base.sumo_net, encoding="utf-8")
-        report(0.4, "simulating")
         setup = SimulationSetup(
             net, net.parent, base.step_s, base.last_step, request.seed, keeps_routes=request.keep_simulation
         )
+        start = Changes(
+            next_id=first_id,
+            driven=_obeying(base, stage.yielding_to),
+            added_by_edit=stage.added,
+            ego_drive=partial(_ego_track, kept, setup),
+        )
+        resolved = _resolved_edits(request.edits, base, start, request.earlier)
+        report(0.4, "simulating")
         before = kept.ego_before(setup)
-        simulated = _Run(request, base, setup, before, first_id).simulate(resolved)
+        simulated = _Run(request, base, setup, before, start).simulate(resolved)
         _check(request, simulated)
         report(0.8, "writing")
         notes = write_edits(document, simulated)
@@ -73,7 +202,19 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
             # What the last simulation left, which is the one whose motion was written.
             for name in (TYPES_FILE, ROUTES_FILE):
                 shutil.copyfile(setup.folder / name, request.output / name)
-    return outcome_of(request, simulated, None if before is None else before.danger, files, notes)
+    outcome = outcome_of(request, simulated, None if before is None else before.danger, files, notes)
+    return outcome, tuple(step.added for step in simulated.steps)
+
+
+def _obeying(scene: Scene, lanelets: frozenset[int]) -> dict[int, DrivePlan]:
+    """Plans for the recorded vehicles that would cross the end of lanelets at red: they are driven and obey."""
+    plans = {}
+    for key, track in scene.tracks.items():
+        for lanelet in lanelets.intersection(scene.matches[key].sequence) if key in scene.matches else ():
+            step = crossing_step(scene, track, lanelet)
+            if step is not None and is_red(scene, lanelet, step) and not not_drivable(scene, key):
+                plans[key] = recorded_plan(scene, key, "handed_over", track.first_step)
+    return dict(sorted(plans.items()))
 
 
 @dataclass(frozen=True)
@@ -86,16 +227,22 @@ class _ResolvedEdits:
     scene: Scene
 
 
-def _resolved_edits(edits: tuple[Edit, ...], base: Scene, next_id: int, earlier: int = 0) -> _ResolvedEdits:
+def _ego_track(kept: KeptScene, setup: SimulationSetup) -> Track | None:
+    """The ego as an ordinary driver drives it in the base scenario; None without one."""
+    drive = kept.ego_before(setup)
+    return None if drive is None else drive.track
+
+
+def _resolved_edits(edits: tuple[Edit, ...], base: Scene, start: Changes, earlier: int = 0) -> _ResolvedEdits:
     """Apply edits in order; any refusal refuses them all. Every edit sees the scene as those before it leave it.
 
-    ``next_id``: the id that the first added vehicle gets. ``earlier``: how many edits come from earlier calls; the
-    others are counted from 0 in errors.
+    ``start``: what is changed before the first of them. ``earlier``: how many edits come from earlier calls; the others
+    are counted from 0 in errors.
 
     Raises:
         InvalidRequest: edits that cannot be meant, or that the scenario does not allow; all that are wrong at once.
     """
-    changes, scene, steps, faults = Changes(next_id=next_id, driven={}), base, list[EditStep](), Faults()
+    changes, scene, steps, faults = start, base, list[EditStep](), Faults()
     for index, edit in enumerate(edits):
         if faults and edit.names_added:  # whom it is about may be what a refused edit was to add
             continue
@@ -170,14 +317,14 @@ def _scene_after(base: Scene, changes: Changes) -> Scene:
 class _Run:
     """What all simulations of a request share; ``ego_before``: the ego's drive in the base scenario, None without one.
 
-    ``first_id``: the id that the first added vehicle gets.
+    ``start``: what is changed before the first edit.
     """
 
     request: ModificationRequest
     base: Scene
     setup: SimulationSetup
     ego_before: EgoDrive | None
-    first_id: int
+    start: Changes
 
     def simulate(self, resolved: _ResolvedEdits) -> SimulatedEdits:
         """The edits as they were resolved, simulated.
@@ -191,7 +338,7 @@ class _Run:
             return usual
         edits, notes = slower
         try:
-            other = self._simulate_once(_resolved_edits(edits, self.base, self.first_id, self.request.earlier))
+            other = self._simulate_once(_resolved_edits(edits, self.base, self.start, self.request.earlier))
         except InvalidRequest:  # an edit that goes by speeds ("fastest") may mean no vehicle then
             other = usual
         if len(other.result.overlaps) < len(usual.result.overlaps):

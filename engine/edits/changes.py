@@ -4,12 +4,14 @@
 counted from its start.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest
+from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.modification import Achieved
 from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, recorded_plan, usual_behaviour
 from ..geometry import Points
@@ -40,7 +42,9 @@ class Changes:
     """All that the edits up to one of them ask for.
 
     ``added_by_edit``: ids that each edit added, by its index. ``next_id``: the id that the next added vehicle gets.
-    ``replays``: tracks that stand for the recorded ones, and added pedestrians. ``ego``: another start of the ego.
+    ``replays``: tracks that stand for the recorded ones, and added road users that SUMO does not drive. ``ego``:
+    another start of the ego. ``ego_drive``: gives the ego as an ordinary driver drives it in the base scenario, None
+    without one; edits that depend on where the ego is ask for it.
     """
 
     next_id: int
@@ -50,6 +54,7 @@ class Changes:
     added_by_edit: tuple[tuple[int, ...], ...] = ()
     replays: Mapping[int, Replay] = field(default_factory=dict)
     ego: Ego | None = None
+    ego_drive: Callable[[], Track | None] = field(default=lambda: None, compare=False)
 
     def with_plan(self, plan: DrivePlan) -> "Changes":
         """The changes with one more driven vehicle, or another plan for it; ids stay in ascending order."""
@@ -65,13 +70,19 @@ class Changes:
 
     def with_replay(self, replay: Replay) -> "Changes":
         """The changes with one more given track; ids stay in ascending order."""
-        replays = {**self.replays, replay.track.obstacle_id: replay}
-        return replace(self, replays=dict(sorted(replays.items())))
+        key = replay.track.obstacle_id
+        driven = {other: plan for other, plan in self.driven.items() if other != key}
+        return replace(self, driven=driven, replays=dict(sorted({**self.replays, key: replay}.items())))
 
     @property
     def shifts(self) -> dict[int, int]:
         """By how many steps recordings are moved in time (later positive), by id."""
         return {key: replay.shifted_steps for key, replay in self.replays.items()}
+
+    @property
+    def scripted(self) -> frozenset[int]:
+        """The road users that move as prescribed, or stand parked: they do not react to anybody."""
+        return frozenset(key for key, replay in self.replays.items() if replay.is_scripted or replay.is_parked)
 
     def is_added(self, vehicle_id: int) -> bool:
         """Whether an edit put the road user in."""
@@ -85,7 +96,8 @@ class EditStep:
 
     ``added``: those of the vehicles that it put in. ``aims``: by vehicle, sets of lanelets; the vehicle is to get onto
     any lanelet of each set. ``since``: the step from which on aims count. ``speeds``: the speed in m/s that a vehicle
-    is to reach, and from which step on. ``parameters``: those of a driver's behaviour that it sets, each with whether
+    is to reach, and from which step on. ``measure``: gives what came out of the values that it asks for, of the
+    ``EditedScene`` after the simulation. ``parameters``: those of a driver's behaviour that it sets, each with whether
     the new value is independent of the one before. ``meant``: whom its words for vehicles meant, "" for plain ids.
     """
 
@@ -97,6 +109,7 @@ class EditStep:
     since: Mapping[int, int] = field(default_factory=dict)
     speeds: Mapping[int, tuple[float, int]] = field(default_factory=dict)
     parameters: Mapping[str, bool] = field(default_factory=dict)
+    measure: Callable[[Any], tuple[Achieved, ...]] = field(default=lambda _: ())
     meant: str = ""
 
 
@@ -106,10 +119,16 @@ def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:
     Raises:
         NotPossible: the vehicle cannot be driven (a pedestrian, an obstacle off the lanes, or an occupancy set).
     """
+    if vehicle_id in changes.scripted:
+        raise NotPossible(
+            f"the motion of vehicle {vehicle_id} is prescribed by an edit before",
+            valid=["set_speed", "change_lane", "swerve", "cut_in", "remove_vehicle"],
+            next_step="use one of these, or make this edit without the one that prescribes the motion",
+        )
     first = scene.tracks[vehicle_id].first_step if vehicle_id in scene.tracks else 0
     if vehicle_id in changes.driven:
         plan = changes.driven[vehicle_id]
-        return plan if plan.cause == "added" else replace(plan, from_step=first)
+        return plan if plan.cause == "added" else replace(plan, from_step=first, cause="edited")
     return recorded_plan(scene, vehicle_id, "edited", first)
 
 

@@ -111,7 +111,13 @@ class EditedScene:
     def shifted(self) -> dict[int, Track]:
         """The recordings as edits move them in time, by ascending id; driven or not."""
         replays = self.changes.replays.items()
-        return {key: replay.track for key, replay in replays if replay.recording is not None}
+        return {key: replay.track for key, replay in replays if replay.recording is not None and replay.shifted_steps}
+
+    @cached_property
+    def told_speeds(self) -> frozenset[int]:
+        """The driven vehicles that an edit tells how fast to drive."""
+        plans = self.result.plans.items()
+        return frozenset(key for key, plan in plans if any(order.speed_mps is not None for order in plan.manoeuvres))
 
     @property
     def driven_shifts(self) -> tuple[int, ...]:

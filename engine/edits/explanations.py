@@ -16,7 +16,7 @@ import shapely
 from numpy.typing import NDArray
 
 from ...schemas.errors import NotPossible
-from ...schemas.modification import VehicleRoute
+from ...schemas.modification import Achieved, VehicleRoute
 from ..commonroad import Track
 from ..cosimulation import LANE_CHANGE_S, DrivePlan, Manoeuvre, TakenOverTrack, pedestrian_of
 from ..geometry import Values, project
@@ -102,9 +102,9 @@ def check_not_driven_past(edited: EditedScene, key: int) -> None:
         )
 
 
-def speeds_reached(edited: EditedScene, step: EditStep) -> list[str]:
+def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list[Achieved]]:
     """For each vehicle that is held to a speed, when it reaches it, or how close it comes and what keeps it from it."""
-    step_s, sentences = edited.scene.step_s, []
+    step_s, sentences, achieved = edited.scene.step_s, list[str](), list[Achieved]()
     for key, (wanted, first) in step.speeds.items():
         track = edited.result.tracks.get(key)
         if track is None:
@@ -116,14 +116,54 @@ def speeds_reached(edited: EditedScene, step: EditStep) -> list[str]:
         if len(near):
             when = (max(first, track.first_step) + int(near[0])) * step_s
             sentences.append(f"{key} reaches it at {when:.1f} s")
+            achieved.append(_speed_achieved(key, wanted, float(speeds[near[0]]), reached=True))
         elif later is not None:
             held = f"{later.speed_mps:.1f} m/s from {later.from_step * step_s:g} s on"
-            sentences.append(f"{key} does not reach it: another edit holds it to {held}")
+            closest = float(speeds[np.argmin(np.abs(speeds - wanted))]) if len(speeds) else later.speed_mps or 0.0
+            sentences.append(f"{key} does not reach it, {closest:.1f} m/s at best: another edit holds it to {held}")
+            achieved.append(_speed_achieved(key, wanted, closest, reached=False))
         elif len(speeds):
             closest = float(speeds[np.argmin(np.abs(speeds - wanted))])
             reason = _held_back(edited.scene, track, speeds, wanted)
             sentences.append(f"{key} does not reach it, {closest:.1f} m/s at best: {reason}")
-    return sentences
+            achieved.append(_speed_achieved(key, wanted, closest, reached=False))
+    return sentences, achieved
+
+
+def _speed_achieved(key: int, wanted_mps: float, speed_mps: float, *, reached: bool) -> Achieved:
+    return Achieved(
+        vehicle_id=key,
+        quantity="speed",
+        asked=round(wanted_mps, 2),
+        value=round(speed_mps, 2),
+        unit="m/s",
+        reached=reached,
+    )
+
+
+_STOOD_MPS, _STOOD_S, _DROVE_ON_M = 0.1, 2.0, 2.0
+"""A vehicle that was this slow for this long stood in its recording; it drives now if it gets this far in that time."""
+
+
+def stood_until_s(edited: EditedScene, key: int) -> float | None:
+    """Until when a driven vehicle stood in its recording while it drives now, in s; None if that is not so.
+
+    A queue at a light that the file does not tell of shows in recordings only.
+    """
+    track, recorded = edited.result.tracks[key], edited.scene.tracks.get(key)
+    if recorded is None or edited.changes.is_added(key):
+        return None
+    least, until = round(_STOOD_S / edited.scene.step_s), None
+    steps = np.arange(max(track.first_step, recorded.first_step), recorded.last_step + 1)
+    slow = recorded.speeds_mps[steps - recorded.first_step] < _STOOD_MPS
+    for stands, group in groupby(zip(steps.tolist(), slow.tolist(), strict=True), key=lambda pair: pair[1]):
+        stood = [step for step, _ in group]
+        if not stands or len(stood) < least:
+            continue
+        places = track.positions[np.clip(np.array(stood) - track.first_step, 0, len(track.positions) - 1)]
+        if float(np.linalg.norm(places[-1] - places[0])) > _DROVE_ON_M:
+            until = stood[-1] * edited.scene.step_s
+    return until
 
 
 def why_shifts_are_driven(edited: EditedScene, vehicles: tuple[int, ...]) -> list[str]:
@@ -228,6 +268,9 @@ class DrivenVehicle:
         if track.leaves:
             return f"{ends} before lanelet {target}"
         late = delay(scene, track, self.others, self.lanelets)
+        held = [order for order in self.plan.manoeuvres if order.speed_mps is not None]
+        if held and float(track.speeds_mps[-1]) <= (held[-1].speed_mps or 0.0) + _SPEED_TOLERANCE_MPS:
+            late = f", held to {held[-1].speed_mps:.1f} m/s"
         if float(track.speeds_mps[-1]) < _STANDING_MPS:
             return f"it stands on lanelet {last} when {ends}{late}"
         return f"{ends} while it is on its way to lanelet {target}{late}"

@@ -1,11 +1,16 @@
 """The place on a lanelet that an edit names: an arc length in m along the lanelet's middle."""
 
 import math
+import re
+from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
-from ...schemas.grammar import SELECTORS, parse_selector
+from ...schemas.grammar import SELECTORS, parse_quantity, parse_selector
 from ...schemas.modification import Edit
+from ..commonroad import Track
 from ..geometry import Points, point_at, project, wrap_angle
 from ..network import station_m
 from ..scene import Scene, straightness
@@ -14,6 +19,8 @@ from .references import EGO_WORDS, known_lanelet, select
 
 _ONCOMING_RAD = math.radians(135.0)
 """Lanes whose directions differ by more are oncoming ones (chosen)."""
+_STANDING_MPS = 0.5
+"""Below this speed a road user stands, and a time is no gap (chosen)."""
 _ONCOMING_REACH_M = 15.0
 """How far beside its own lane a vehicle's oncoming lane may lie: a median is narrower (chosen)."""
 
@@ -37,6 +44,8 @@ class _Reference:
     name: str
     lanelet_id: int
     position: Points
+    speed_mps: float = 0.0
+    length_m: float = 0.0
 
 
 def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> Place:
@@ -71,11 +80,100 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
             next_step="leave position out, or name a lanelet in 'at'",
         )
     reference = _reference(edit.at, scene, changes)
+    offset_m = _offset_m(edit, reference, length_m)
     if edit.lane == "oncoming":
-        return _oncoming(reference, edit.offset_m or 0.0, scene)
+        return _oncoming(reference, offset_m, scene)
     lane = _lane_beside(reference, edit.lane or "same", scene)
     station, _ = project(scene.layout.table.lanes[lane].center, reference.position)
-    return advance_along_lane(scene, Place(lane, station), edit.offset_m or 0.0)
+    return advance_along_lane(scene, Place(lane, station), offset_m)
+
+
+def _offset_m(edit: Edit, reference: _Reference, length_m: float) -> float:
+    """How far along the lane a place is from its reference, between centres: as named, or by a time gap.
+
+    A time gap lies between bumpers, and is that of the one behind: of the reference for a place ahead of it. For a
+    place behind it counts with the reference's speed too, as who follows drives about as fast.
+
+    Raises:
+        InvalidRequest: both a distance and a time gap, or a time gap to one that stands.
+    """
+    if edit.gap_s is None:
+        return edit.offset_m or 0.0
+    if edit.offset_m is not None or reference.speed_mps < _STANDING_MPS:
+        stands = f"{reference.name} stands, so that no time gap leads to a place"
+        raise InvalidRequest(
+            "gap_s and offset_m both say where" if edit.offset_m is not None else stands,
+            valid=["offset_m", *([] if edit.offset_m is None else ["gap_s"])],
+            next_step="name offset_m alone" if edit.offset_m is None else "name one of them",
+        )
+    room_m = abs(edit.gap_s) * reference.speed_mps + (reference.length_m + length_m) / 2
+    return math.copysign(room_m, edit.gap_s)
+
+
+_TRIGGER_REACH_M = 4.0
+"""The ego passes a place on a lanelet if it is no farther beside its middle (chosen): half of a wide lane and more."""
+
+
+def trigger_step(text: str, scene: Scene, changes: Changes, place_at: Callable[[int], Points | None]) -> int:
+    """The first step at which a trigger holds on the ego's drive by an ordinary driver.
+
+    ``ego@595:35m`` holds once the ego's centre has passed a place on a lanelet (``ego@595`` is its beginning), and
+    ``gap<=2s`` once the ego would be at the road user in that time at its speed, and is behind it.
+
+    Args:
+        text: the trigger.
+        scene: the scene as the edits before leave it.
+        changes: they know the ego's drive.
+        place_at: gives the place (2,) of the road user at a step; None where it is not there.
+
+    Raises:
+        InvalidRequest: no such trigger.
+        NotPossible: there is no ego, or it never gets there.
+    """
+    drive = changes.ego_drive()
+    if drive is None:
+        raise NotPossible("the scenario has no ego that drives", next_step="name a time in 'time_s'")
+    word = text.replace(" ", "")
+    gap = re.fullmatch(r"gap<=?(.+)", word)
+    place = re.fullmatch(r"ego@(\w+)(?::(.+))?", word)
+    if gap is not None:
+        seconds = parse_quantity(gap[1], "s")
+        holds = (step for step in _steps_of(drive) if _is_near(drive, step, place_at(step), seconds))
+        never = f"the ego never comes within {seconds:g} s"
+    elif place is not None:
+        lanelet = known_lanelet(place[1], scene)
+        line = scene.layout.table.lanes[lanelet].center
+        station = station_m(place[2] or "beginning", lanelet, scene.layout.table.lanes[lanelet].length_m)
+        holds = (step for step in _steps_of(drive) if _has_passed(drive, step, line, station))
+        never = f"the ego never passes lanelet {lanelet} at {station:.1f} m"
+    else:
+        raise InvalidRequest(
+            f"'{text}' is no trigger",
+            valid=["ego@LANELET:35m", "gap<=2s", "time_s=3 for a time"],
+            next_step="write it like one of these",
+        )
+    step = next(holds, None)
+    if step is None:
+        raise NotPossible(never, valid=["another place", "a larger gap", "time_s"], next_step="choose one of these")
+    return step
+
+
+def _steps_of(track: Track) -> range:
+    return range(track.first_step, track.last_step + 1)
+
+
+def _is_near(drive: Track, step: int, place: Points | None, seconds: float) -> bool:
+    index = step - drive.first_step
+    if place is None:
+        return False
+    away, heading = place - drive.front_at(index), float(drive.headings_rad[index])
+    ahead_m = float(away[0]) * math.cos(heading) + float(away[1]) * math.sin(heading)
+    return ahead_m >= 0.0 and float(np.linalg.norm(away)) <= seconds * float(drive.speeds_mps[index])
+
+
+def _has_passed(drive: Track, step: int, line: Points, station: float) -> bool:
+    here, aside = project(line, drive.positions[step - drive.first_step])
+    return here >= station and abs(aside) <= _TRIGGER_REACH_M
 
 
 def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: frozenset[int] = frozenset()) -> Place:
@@ -138,7 +236,8 @@ def _reference(text: str, scene: Scene, changes: Changes) -> _Reference:
     if body.lower() in EGO_WORDS:
         if scene.ego is None or not scene.ego.lanelets:
             raise NotPossible("the scenario has no ego on a lanelet", next_step="name a lanelet or a vehicle")
-        return _Reference("the ego", scene.ego.lanelets[0], scene.ego.position)
+        ego = scene.ego
+        return _Reference("the ego", ego.lanelets[0], ego.position, ego.speed_mps, ego.size_m[0])
     vehicles = _vehicles_meant(text, body.removeprefix("vehicle:"), scene, changes)
     if len(vehicles) != 1:
         raise NotPossible(f"'{text}' means {len(vehicles)} vehicles", valid=vehicles, next_step="name one by its id")
@@ -147,7 +246,8 @@ def _reference(text: str, scene: Scene, changes: Changes) -> _Reference:
         raise NotPossible(f"vehicle {key} is recorded on no lanelet", next_step="name a lanelet")
     track, match = there.tracks[key], there.matches[key]
     index = track.index_at(scene.ego.step if scene.ego else 0) or 0
-    return _Reference(f"vehicle {key}", match.at(index), track.positions[index])
+    speed_mps = float(track.speeds_mps[index])
+    return _Reference(f"vehicle {key}", match.at(index), track.positions[index], speed_mps, track.length_m)
 
 
 def _vehicles_meant(text: str, selector: str, scene: Scene, changes: Changes) -> tuple[int, ...]:

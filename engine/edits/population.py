@@ -18,14 +18,14 @@ from ...schemas.grammar import parse_quantity
 from ...schemas.modification import Edit
 from ...schemas.vocabulary import vehicle_class_of
 from ..commonroad import Track
-from ..cosimulation import DrivePlan, Replay, behaviour_from, own_minimum_gap_m, usual_behaviour
+from ..cosimulation import DrivePlan, Manoeuvre, Replay, behaviour_from, own_minimum_gap_m, usual_behaviour
 from ..geometry import Points, length_m, point_at, project, without_repeats
 from ..network import station_m
 from ..scene import Scene
 from ..vehicles import VehicleClass, vehicle_classes
 from .changes import Changes, EditStep, check_speed, listed
 from .entries import CLEARANCE_M, PLACE_TAKEN, OccupiedPlaces, entry_speed, gaps_in_words
-from .placement import Place, advance_along_lane, first_place
+from .placement import Place, advance_along_lane, first_place, trigger_step
 from .references import drive_to, nearest_driven, select, target_lanelets
 
 _USUAL_SPACING_M = 10.0
@@ -36,6 +36,10 @@ _WALKING_MPS, _RUNNING_MPS = 1.4, 4.0
 """The usual speed of pedestrians, and the fastest (chosen)."""
 _SIZE_M = (0.5, 0.6)
 """Length and width of a person (chosen)."""
+_PARKING_GAP_M = 1.5
+"""Between the bumpers of vehicles that are parked one behind the other (chosen)."""
+_PARKED_BESIDE_M = 0.1
+"""A parked vehicle stands this far beside the lane (chosen), so that drivers who keep to lanes pass it."""
 _KERB_M = 0.6
 """A pedestrian that crosses begins and ends this far beside the road (chosen)."""
 _MOTORWAY_WORDS = frozenset({"highway", "interstate", "mainCarriageWay"})
@@ -71,7 +75,15 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """
     if edit.vehicle_class is not None and vehicle_class_of(edit.vehicle_class) == "pedestrian":
         return _add_pedestrian(edit, scene, changes)
-    vehicle_class = _class(edit.vehicle_class)
+    vehicle_class = class_named(edit.vehicle_class)
+    if edit.side is not None:
+        return _add_parked(edit, scene, changes, vehicle_class)
+    if edit.when is not None:
+        raise InvalidRequest(
+            "when is for pedestrians here; a vehicle enters at a time",
+            valid=["time_s", "vehicle_class=pedestrian"],
+            next_step="name a time, or give the added vehicle an edit with 'when' of its own",
+        )
     place = first_place(edit, scene, changes, vehicle_class.length_m)
     check_allowed(vehicle_class.name, place.lanelet_id, scene)
     count = edit.count or 1
@@ -96,7 +108,8 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     where = f"{_where(places, spacing)}{_why_there(edit)}"
     why = f" ({entering[0].reason})" if entering[0].reason else ""
     gaps = f"{entering[-1].ahead} and {entering[0].behind}"
-    what = f"{who} {where}, {_entries(edit, scene, changes, added)}{why}, gaps: {gaps}"
+    stands = ", and stands until another edit sends it on" if changes.driven[added[0]].manoeuvres else ""
+    what = f"{who} {where}, {_entries(edit, scene, changes, added)}{why}{stands}, gaps: {gaps}"
     aims = {key: (changes.driven[key].targets,) for key in added if changes.driven[key].targets}
     return EditStep(changes, tuple(added), what, added=tuple(added), aims=aims)
 
@@ -149,11 +162,17 @@ def _entries(edit: Edit, scene: Scene, changes: Changes, added: list[int]) -> st
     return "; ".join(f"{key}: {entry}" for key, entry in zip(added, words, strict=True))
 
 
-def _class(word: str | None) -> VehicleClass:
+def class_named(word: str | None) -> VehicleClass:
+    """The class of vehicle that a word means.
+
+    Raises:
+        InvalidRequest: no word.
+        UnknownName: no such class.
+    """
     classes = vehicle_classes()
     if word is None:
         raise InvalidRequest(
-            "add_vehicle needs a vehicle_class", valid=[*classes, "pedestrian"], next_step="name one in 'vehicle_class'"
+            "the edit needs a vehicle_class", valid=[*classes, "pedestrian"], next_step="name one in 'vehicle_class'"
         )
     known = vehicle_class_of(word)
     if known is not None:
@@ -197,8 +216,14 @@ def _plan(
         targets=targets,
         behaviour=usual,
         vehicle_class=vehicle_class,
+        manoeuvres=(Manoeuvre(step, speed_mps=0.0),) if _is_to_stand(edit, speed) else (),
     )
     return _Entering(plan, reason, *gaps_in_words(scene, changes, vehicle_class, place, step, speed))
+
+
+def _is_to_stand(edit: Edit, speed_mps: float) -> bool:
+    """Whether a vehicle is put in to stand, until another edit sends it somewhere."""
+    return edit.speed is not None and speed_mps == 0.0 and not edit.to
 
 
 def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place) -> int:
@@ -239,6 +264,86 @@ def _start(key: int, vehicle_class: VehicleClass, scene: Scene, place: Place, st
     )
 
 
+def _add_parked(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClass) -> EditStep:
+    """Park vehicles at a kerb: beside the outermost lane on a side of the road, out of the way of who drives there.
+
+    Raises:
+        InvalidRequest: arguments for vehicles that drive.
+        NotPossible: the place is taken, or another lane is there.
+    """
+    foreign = [name for name in ("to", "preset", "params", "speed", "time_s") if name in edit.given]
+    if foreign:
+        raise InvalidRequest(
+            f"{', '.join(foreign)} is for vehicles that drive; side parks one at the kerb",
+            valid=["at", "position", "lane", "offset_m", "count", "spacing_m", "side"],
+            next_step="leave it out, or leave side out",
+        )
+    place, side = first_place(edit, scene, changes, vehicle_class.length_m), edit.side or "right"
+    count = edit.count or 1
+    spacing = edit.spacing_m or vehicle_class.length_m + _PARKING_GAP_M
+    added: list[int] = []
+    for number in range(count):
+        center, heading = _at_kerb(scene, advance_along_lane(scene, place, number * spacing), side, vehicle_class)
+        occupant = OccupiedPlaces.at(scene, 0, changes).occupant_at(
+            center, heading, (vehicle_class.length_m, vehicle_class.width_m)
+        )
+        if occupant is not None:
+            raise NotPossible(
+                f"{number} of {count} vehicles have a place at the {side} kerb; the next one is taken by {occupant}",
+                reason=PLACE_TAKEN,
+                valid=[f"count={number}"] if number else ["another position", "the other side"],
+                next_step="choose another place",
+            )
+        steps = scene.last_step + 1
+        track = Track(
+            obstacle_id=changes.next_id,
+            kind="parkedVehicle",
+            length_m=vehicle_class.length_m,
+            width_m=vehicle_class.width_m,
+            first_step=0,
+            positions=np.repeat(center[None], steps, axis=0),
+            headings_rad=np.full(steps, heading),
+            speeds_mps=np.zeros(steps),
+        )
+        added.append(track.obstacle_id)
+        changes = replace(changes.with_replay(Replay(track, None, is_parked=True)), next_id=changes.next_id + 1)
+    who = ", ".join(map(str, added))
+    what = (
+        f"{vehicle_class.name} {who} parked at the {side} kerb beside lanelet {place.lanelet_id} at "
+        f"{place.station_m:.1f} m, {_PARKED_BESIDE_M:g} m beside the lane"
+    )
+    return EditStep(changes, tuple(added), what, added=tuple(added))
+
+
+def _at_kerb(scene: Scene, place: Place, side: str, vehicle_class: VehicleClass) -> tuple[Points, float]:
+    """The centre (2,) in m and the heading of a vehicle that is parked beside the outermost lane of a side.
+
+    Raises:
+        NotPossible: another lane lies there.
+    """
+    point, heading = place.pose(scene)
+    left = np.array([-np.sin(heading), np.cos(heading)])
+    offsets = [offset for key in _side_by_side(scene, place.lanelet_id) for offset in _bounds(scene, key, point, left)]
+    half_m = vehicle_class.width_m / 2 + _PARKED_BESIDE_M
+    aside_m = max(offsets) + half_m if side == "left" else min(offsets) - half_m
+    center: Points = point + left * aside_m
+    ahead = np.array([np.cos(heading), np.sin(heading)])
+    corners = [center + ahead * shift for shift in (-vehicle_class.length_m / 2, 0.0, vehicle_class.length_m / 2)]
+    there = [
+        int(key)
+        for found in scene.network.find_lanelet_by_position(corners)
+        for key in found
+        if int(key) in scene.layout.table.lanes
+    ]
+    if there:
+        raise NotPossible(
+            f"at the {side} kerb beside lanelet {place.lanelet_id} lies lanelet {min(there)}",
+            valid=["another position", "the other side"],
+            next_step="choose another place",
+        )
+    return center, heading
+
+
 def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Add a pedestrian: along a footpath or crossing from the place on, or across a road from right to left there.
 
@@ -255,14 +360,17 @@ def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         )
     speed = _WALKING_MPS if edit.speed is None else parse_quantity(edit.speed, "m/s")
     check_speed(speed, _RUNNING_MPS, f"a pedestrian does not walk {edit.speed}", "choose a slower speed")
+    line, where = _line(edit, scene, changes, stands=speed == 0.0)
+    middle = line[[0, -1]].mean(axis=0)
     first = _asked_step(edit, scene)
+    if edit.when is not None:
+        first = trigger_step(edit.when, scene, changes, lambda _: middle)
     if not 0 <= first < scene.last_step:
         raise InvalidRequest(
             f"departure at {first * scene.step_s:.1f} s is not within the scenario",
             valid=[f"0 … {(scene.last_step - 1) * scene.step_s:.1f} s"],
             next_step="choose another time_s",
         )
-    line, where = _line(edit, scene, changes, stands=speed == 0.0)
     track = _walk(changes.next_id, line, speed, first, scene)
     places = OccupiedPlaces.at(scene, first, changes)
     occupant = places.occupant_at(track.positions[0], float(track.headings_rad[0]), _SIZE_M)
@@ -287,8 +395,9 @@ def _line(edit: Edit, scene: Scene, changes: Changes, *, stands: bool) -> tuple[
         line = np.array([(x, y), (x + np.cos(heading), y + np.sin(heading))])
         return line, _stands_on(place.lanelet_id, place.station_m)
     line = _across(scene, place)
-    where = f"crosses lanelet {place.lanelet_id} at {place.station_m:.1f} m from its right"
-    return line, where
+    side = "left" if edit.side == "left" else "right"
+    where = f"crosses lanelet {place.lanelet_id} at {place.station_m:.1f} m from its {side}"
+    return line[::-1] if side == "left" else line, where
 
 
 def _along(edit: Edit, footpath: int, scene: Scene, *, stands: bool) -> tuple[Points, str]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from ...schemas.modification import (
     EDITS,
+    Achieved,
     EditReport,
     EgoDanger,
     ModificationOutcome,
@@ -15,13 +16,23 @@ from ...schemas.modification import (
 )
 from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, TakenOverTrack
-from ..scene import Scene, is_own_recording
+from ..scene import NOT_DRIVEN, Scene, is_own_recording
 from ..vehicles import Feasibility, Motion, check_drivability, check_kinematics, nearest_class, refused_by_planners
 from .edited_scene import EditedScene, SimulatedEdits
 from .ego_risk import EgoRisk, ego_risk_after
 from .entries import entering_onto_ego
-from .explanations import speeds_reached, vehicle_route, why_handed_over, why_shifts_are_driven, why_undone
+from .explanations import (
+    speeds_reached,
+    stood_until_s,
+    vehicle_route,
+    why_handed_over,
+    why_shifts_are_driven,
+    why_undone,
+)
 from .writing import replayed_motion
+
+_MOST_VALUES = 4
+"""Values that an edit's sentence tells (chosen); the structured answer has all."""
 
 
 def outcome_of(
@@ -73,8 +84,9 @@ def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tu
         edit, step = request.edits[index], simulated.steps[index]
         driven = [key for key in step.vehicles if key in simulated.result.tracks]
         routes = tuple(vehicle_route(simulated, step, key) for key in driven)
-        speeds = speeds_reached(simulated, step)
+        speeds, achieved = speeds_reached(simulated, step)
         shifts = why_shifts_are_driven(simulated, step.vehicles) if edit.op == "shift_time" else []
+        values = step.measure(simulated)
         undone = why_undone(edit.op, step, simulated.steps[index + 1 :], simulated.result, routes)
         reports.append(
             EditReport(
@@ -82,13 +94,25 @@ def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tu
                 op=edit.op,
                 letter=EDITS[edit.op].letter,
                 done=undone is None,
-                what="; ".join([step.what, *speeds, *shifts, *([] if undone is None else [undone])]),
+                what="; ".join(
+                    [step.what, *speeds, *_values_in_words(values), *shifts, *([] if undone is None else [undone])]
+                ),
                 vehicles=step.vehicles,
                 routes=routes,
+                achieved=(*achieved, *values),
                 meant=step.meant,
             )
         )
     return tuple(reports)
+
+
+def _values_in_words(values: tuple[Achieved, ...]) -> list[str]:
+    """What came out of the values that an edit asks for, for the first of its vehicles."""
+    words = []
+    for one in values[:_MOST_VALUES]:
+        asked = "" if one.asked is None or one.reached else f" (asked: {one.asked:g} {one.unit})"
+        words.append(f"{one.vehicle_id} {one.quantity.replace('_', ' ')} {one.value:.3g} {one.unit}{asked}")
+    return words
 
 
 def _judged(request: ModificationRequest, edited: EditedScene) -> tuple[tuple[TouchedVehicle, ...], int | None]:
@@ -110,6 +134,10 @@ def _touched_vehicles(edited: EditedScene, check: Callable[..., Feasibility]) ->
         key: _touched(scene, result.plans[key], track, _verdict(scene, track, track.motion, check))
         for key, track in result.tracks.items()
     }
+    for key in result.tracks:
+        stood_s = None if key in edited.told_speeds else stood_until_s(edited, key)
+        if stood_s is not None:
+            driven[key] = driven[key].model_copy(update={"stood_until_s": round(stood_s, 3)})
     for key in edited.driven_shifts:
         driven[key] = driven[key].model_copy(update={"cause": "shifted"})
     for key, reason in why_handed_over(edited).items():
@@ -127,12 +155,15 @@ def _verdict(scene: Scene, track: Track, motion: Motion, check: Callable[..., Fe
 
 def _given(scene: Scene, replay: Replay, check: Callable[..., Feasibility]) -> TouchedVehicle:
     """A road user that moves by a given track; people on foot are not held to what vehicles can do."""
-    motion = None if replay.recording is None else replayed_motion(replay.track, scene.step_s)
+    is_vehicle = replay.track.kind not in NOT_DRIVEN and len(replay.track.positions) > 1
+    motion = replayed_motion(replay.track, scene.step_s) if is_vehicle else None
     verdict = None if motion is None else _verdict(scene, replay.track, motion, check)
+    cause = "added" if replay.recording is None else "shifted" if replay.shifted_steps else "edited"
+    first = max(replay.track.first_step, replay.from_step)
     return TouchedVehicle(
         vehicle_id=replay.track.obstacle_id,
-        cause="added" if verdict is None else "shifted",
-        from_time_s=round(replay.track.first_step * scene.step_s, 3),
+        cause=cause,
+        from_time_s=round(first * scene.step_s, 3),
         until_time_s=round(replay.track.last_step * scene.step_s, 3),
         leaves_network=False,
         feasible=verdict is None or verdict.feasible,
@@ -214,7 +245,11 @@ def _warnings(request: ModificationRequest, edited: EditedScene) -> list[str]:
 def _late_entries(edited: EditedScene) -> list[str]:
     """Who enters after time 0, for which CommonRoad's schema has no form."""
     steps = {key: plan.from_step for key, plan in edited.result.plans.items() if plan.cause == "added"}
-    steps |= {key: replay.track.first_step for key, replay in edited.changes.replays.items()}
+    steps |= {
+        key: replay.track.first_step
+        for key, replay in edited.changes.replays.items()
+        if replay.recording is None or replay.recording.first_step != replay.track.first_step
+    }
     late: dict[int, list[int]] = {}
     for key, step in sorted(steps.items(), key=lambda entry: (entry[1], entry[0])):
         if step > 0:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.modification import Edit
-from ..cosimulation import LANE_CHANGE_S, PROGRESS_ACROSS, DrivePlan, JunctionLaneChange, first_curve_too_tight
+from ..cosimulation import LANE_CHANGE_S, PROGRESS_ACROSS, DrivePlan, JunctionLaneChange, first_curve_too_tight, sent_on
 from ..geometry import Points, length_m, point_at, project, wrap_angle
 from ..scene import Scene
 from ..vehicles import HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2
@@ -52,7 +52,7 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         )
     vehicles = select(edit.vehicles, scene, changes)
     for vehicle_id in vehicles:
-        plan = plan_of(scene, changes, vehicle_id)
+        plan = sent_on(plan_of(scene, changes, vehicle_id))
         changes = changes.with_plan(_rerouted(edit, scene, changes, plan))
     where = f"turn {edit.turn} at the next fork" if edit.turn else f"to {' or '.join(edit.to or edit.via[-1:])}"
     through = f" through {', then '.join(edit.via)}" if edit.via and edit.to else ""
@@ -108,12 +108,15 @@ def _other_starts(scene: Scene, plan: DrivePlan) -> tuple[int, ...]:
 def _is_in_time(scene: Scene, plan: DrivePlan) -> bool:
     """Whether a vehicle at the speed of the fastest lane, or its own, drives a plan's way before the scenario ends.
 
+    One that edits before hold to speeds drives no faster than these, or than it begins.
+
     What passed its turn comes back to it round the block, which is of no use to anybody after the end.
     """
     table, route = scene.layout.table, plan.lanelets
     way_m = sum(table.lanes[key].length_m for key, after in pairwise(route) if after in table.successors[key])
     speed_mps = float(plan.start.speeds_mps[plan.from_step - plan.start.first_step])
-    fastest_mps = max(speed_mps, *(scene.lane_speeds_mps[key] for key in route))
+    held_mps = [order.speed_mps for order in plan.manoeuvres if order.speed_mps is not None]
+    fastest_mps = max(speed_mps, *(held_mps or [scene.lane_speeds_mps[key] for key in route]))
     return way_m <= fastest_mps * (scene.last_step - plan.from_step) * scene.step_s
 
 

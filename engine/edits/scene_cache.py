@@ -14,7 +14,7 @@ _KEPT = 4
 
 
 @dataclass(frozen=True)
-class _KeptScene:
+class KeptScene:
     """A scene, and what its ego does in it before any edit: a simulation that does not depend on the edits."""
 
     scene: Scene
@@ -34,7 +34,7 @@ class _KeptScene:
         return self._drives[setup.seed]
 
 
-def scene_of(path: Path, problem_id: int | None = None) -> _KeptScene:
+def scene_of(path: Path, problem_id: int | None = None) -> KeptScene:
     """The scene of a file with its lanes and SUMO network; made once for the same content, and never changed.
 
     Args:
@@ -49,5 +49,5 @@ def scene_of(path: Path, problem_id: int | None = None) -> _KeptScene:
 
 
 @lru_cache(maxsize=_KEPT)
-def _scene(recorded: RecordedScenario, problem_id: int | None) -> _KeptScene:
-    return _KeptScene(Scene.of(recorded.loaded, problem_id))
+def _scene(recorded: RecordedScenario, problem_id: int | None) -> KeptScene:
+    return KeptScene(Scene.of(recorded.loaded, problem_id))

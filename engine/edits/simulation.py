@@ -84,7 +84,7 @@ class Simulation:
         return {
             key: recorded_plan(self.scene, key, "handed_over", self.scene.tracks[key].first_step)
             for key in self.scene.tracks
-            if key not in self.changes.removed and not not_drivable(self.scene, key)
+            if key not in self.changes.removed | self.changes.scripted and not not_drivable(self.scene, key)
         }
 
     def _round(self, plans: Mapping[int, DrivePlan], shown: tuple[Actor, ...]) -> SimulationResult:
@@ -110,6 +110,8 @@ class Simulation:
         known = scene.tracks | scene.standing
         moved = [known[key] for key in replays if key not in tracks]
         recorded = {key: track for key, track in known.items() if not self.changes.is_added(key)}
+        changed = {key: replay.recording for key, replay in replays.items() if replay.shifted_steps == 0}
+        recorded |= {key: recording for key, recording in changed.items() if recording is not None}
         kept = recorded.keys() - tracks.keys() - replays.keys() - removed
         others = [recorded[key] for key in sorted(kept)]
         regions = [region for region in scene.regions if region.obstacle_id not in removed]
@@ -134,7 +136,7 @@ class Simulation:
         for hit in overlaps:
             for key in (hit.first, hit.second):
                 plan = plans.get(key)
-                if plan is not None and plan.cause != "handed_over":
+                if (plan is not None and plan.cause != "handed_over") or key in self.changes.scripted:
                     continue
                 if plan is None and (key not in scene.tracks or not_drivable(scene, key)):
                     continue
@@ -213,7 +215,7 @@ def plans_giving_way(
         waits = [
             _wait(plans[key], tracks[key], road_users[other], hit.step)
             for key, other in pairs
-            if key in tracks and other in road_users
+            if key in tracks and other in road_users and not plans[key].ignores_lights
         ]
         possible = [wait for wait in waits if wait is not None]
         if possible:

@@ -7,9 +7,11 @@ Times count from the scenario's start.
 from collections.abc import Iterable
 from dataclasses import replace
 
+import numpy as np
+
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.grammar import parse_quantity, parse_selector
-from ...schemas.modification import Edit
+from ...schemas.modification import Achieved, Edit
 from ..commonroad import Track
 from ..cosimulation import (
     Behaviour,
@@ -21,8 +23,11 @@ from ..cosimulation import (
     own_minimum_gap_m,
     parameters_set,
     presets,
+    scripted_track,
+    sent_on,
     values_set,
 )
+from ..geometry import Values
 from ..scene import Scene
 from .changes import (
     FEWEST_STATES,
@@ -35,7 +40,14 @@ from .changes import (
     named_vehicles,
     plan_of,
 )
+from .edited_scene import EditedScene
 from .references import nearest_ids, select
+from .scripted import achieved, beyond, is_relative, motion_of, scripted_lane_change, scripted_speed, wanted_speed
+
+_STANDING_MPS = 0.1
+"""Slower motion has no speed that a share could be taken of (chosen): SUMO's speed of a waiting vehicle."""
+_NEAR_SHARE = 0.02
+"""A mean speed is reached within this share of it (chosen)."""
 
 
 def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
@@ -52,10 +64,12 @@ def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             "change_lane goes left or right", valid=["lane=left", "lane=right"], next_step="name one in 'lane'"
         )
     vehicles = select(edit.vehicles, scene, changes)
+    if edit.lateral_s is not None or edit.when is not None or not changes.scripted.isdisjoint(vehicles):
+        return scripted_lane_change(edit, scene, changes, vehicles)
     aims: dict[int, tuple[frozenset[int], ...]] = {}
     since: dict[int, int] = {}
     for vehicle_id in vehicles:
-        plan, step = _plan_from(scene, changes, vehicle_id, edit.time_s)
+        plan, step = _plan_from(scene, changes, vehicle_id, edit.time_s, sends_on=True)
         is_first = vehicle_id not in changes.driven
         here = _lanelets_at(scene, plan, step, exact=is_first)
         beside = _lanes_beside(scene, here, edit.lane)
@@ -139,7 +153,12 @@ def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         raise InvalidRequest(
             "set_speed needs a speed", valid=["speed='30km/h'", "speed='0m/s'"], next_step="name one in 'speed'"
         )
-    vehicles, wanted = select(edit.vehicles, scene, changes), parse_quantity(edit.speed, "m/s")
+    vehicles = select(edit.vehicles, scene, changes)
+    if edit.rate_mps2 is not None or edit.when is not None or not changes.scripted.isdisjoint(vehicles):
+        return scripted_speed(edit, scene, changes, vehicles)
+    if is_relative(edit.speed):
+        return _relative_speed(edit, scene, changes, vehicles)
+    wanted = parse_quantity(edit.speed, "m/s")
     speeds: dict[int, tuple[float, int]] = {}
     for vehicle_id in vehicles:
         plan, step = _plan_from(scene, changes, vehicle_id, edit.time_s)
@@ -150,6 +169,77 @@ def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         speeds[vehicle_id] = (wanted, step)
     when = "" if edit.time_s is None else f" from {edit.time_s:g} s on"
     return EditStep(changes, vehicles, f"{named_vehicles(vehicles)} held to {wanted:.1f} m/s{when}", speeds=speeds)
+
+
+def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[int, ...]) -> EditStep:
+    """Have vehicles drive faster or slower than they do: at every place of their way by a share or a difference."""
+    text, since, made = edit.speed or "", dict[int, int](), dict[int, tuple[int, float, float]]()
+    for vehicle_id in vehicles:
+        motion, orders = motion_of(scene, changes, vehicle_id)
+        if orders:
+            as_ordered = scripted_track(motion, orders, beyond(scene, motion), scene.last_step, scene.step_s)
+            motion = as_ordered or motion
+        plan, step = _plan_from(scene, changes, vehicle_id, edit.time_s)
+        now = motion.speeds_mps[step - motion.first_step :]
+        wanted = np.array([wanted_speed(text, float(speed)) if speed > _STANDING_MPS else 0.0 for speed in now])
+        check_speed(
+            float(wanted.min() if wanted.min() < 0.0 else wanted.max()),
+            class_of(motion.kind).maximum_speed_mps,
+            f"a {motion.kind} does not drive {text} of its speed",
+            "choose a smaller change",
+        )
+        profile = _by_place(now, wanted)
+        order = Manoeuvre(step, speed_mps=profile[-1], profile_mps=profile)
+        changes = changes.with_plan(_with_manoeuvre(plan, order))
+        since[vehicle_id] = step
+        made[vehicle_id] = step, float(now.sum()), float(np.sum(profile[: len(now)]))
+
+    def measured(edited: EditedScene) -> tuple[Achieved, ...]:
+        found = []
+        for key, (step, _, asked) in made.items():
+            track = edited.result.tracks.get(key)
+            if track is None:
+                continue
+            speeds = track.speeds_mps[max(step - track.first_step, 0) :]
+            count = min(len(speeds), len(profile_of(edited, key)))
+            mean = float(speeds[:count].mean())
+            wanted_mps = float(np.mean(profile_of(edited, key)[:count])) if count else asked
+            found.append(
+                achieved(
+                    key,
+                    "mean speed",
+                    wanted_mps,
+                    mean,
+                    "m/s",
+                    reached=abs(mean - wanted_mps) <= _NEAR_SHARE * wanted_mps,
+                )
+            )
+        return tuple(found)
+
+    def profile_of(edited: EditedScene, key: int) -> tuple[float, ...]:
+        orders = edited.result.plans[key].manoeuvres
+        return next((order.profile_mps for order in reversed(orders) if order.profile_mps), ())
+
+    when = "" if edit.time_s is None else f" from {edit.time_s:g} s on"
+    what = (
+        f"{named_vehicles(vehicles)} driven at {text} of the speed before{when}"
+        if "%" in text
+        else (f"{named_vehicles(vehicles)} driven {text} relative to the speed before{when}")
+    )
+    return EditStep(changes, vehicles, what, since=since, measure=measured)
+
+
+def _by_place(now: Values, wanted: Values) -> tuple[float, ...]:
+    """The speeds in time of a drive that has the wanted speeds at the places where a motion has its own.
+
+    Behind the end of the motion the last speed is kept; where it stood, the drive stands as long.
+    """
+    speeds, place = [], 0.0
+    while place < len(now) - 1:
+        at = int(place)
+        speeds.append(float(wanted[at]))
+        place += float(wanted[at] / now[at]) if now[at] > _STANDING_MPS else 1.0
+    return (*speeds, float(wanted[-1]))
 
 
 def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
@@ -261,10 +351,13 @@ def _drivable(edit: Edit, scene: Scene, changes: Changes) -> tuple[tuple[int, ..
     return tuple(key for key in vehicles if key not in refusals), tuple(refusals)
 
 
-def _plan_from(scene: Scene, changes: Changes, vehicle_id: int, time_s: float | None) -> tuple[DrivePlan, int]:
+def _plan_from(
+    scene: Scene, changes: Changes, vehicle_id: int, time_s: float | None, *, sends_on: bool = False
+) -> tuple[DrivePlan, int]:
     """The plan of a vehicle that is driven from a time on at the latest, and the step of that time.
 
-    ``time_s``: from the scenario's start; None: from the vehicle's first step on.
+    ``time_s``: from the scenario's start; None: from the vehicle's first step on. ``sends_on``: one that was put in to
+    stand does so no more.
 
     Raises:
         InvalidRequest: the vehicle is not there then.
@@ -272,6 +365,7 @@ def _plan_from(scene: Scene, changes: Changes, vehicle_id: int, time_s: float | 
     """
     before = changes.driven.get(vehicle_id)
     plan = plan_of(scene, changes, vehicle_id)
+    plan = sent_on(plan) if sends_on else plan
     first, last = plan.from_step, scene.last_step - 1
     if vehicle_id in scene.tracks and before is None:
         last = scene.tracks[vehicle_id].last_step - 1

@@ -33,6 +33,10 @@ def write_edits(document: ScenarioDocument, edited: EditedScene) -> list[str]:
         Sentences on what else had to change.
     """
     changes, result, step_s = edited.changes, edited.result, edited.scene.step_s
+    ordered = {key for key, plan in result.plans.items() if plan.manoeuvres or plan.ignores_lights}
+    prescribed = ordered | {key for key, replay in changes.replays.items() if replay.is_scripted}
+    if prescribed:
+        document.set_prescribed(prescribed)
     for key in sorted(changes.removed):
         document.remove(document.obstacle(key))
     for replay in changes.replays.values():
@@ -198,14 +202,74 @@ def _number(value: float) -> str:
 
 
 def _write_replay(document: ScenarioDocument, replay: Replay, step_s: float) -> None:
-    """Move the states of a recorded obstacle in time, or put an added pedestrian in."""
+    """Move the states of a recorded obstacle in time, write those that an edit prescribes, or put an added one in."""
+    if replay.is_parked:
+        document.add_obstacle(_parked_element(replay.track, is_2018b=document.is_2018b), is_static=True)
+        return
     if replay.recording is None:
         motion = replayed_motion(replay.track, step_s)
         document.add_obstacle(_obstacle_element(replay.track, motion, step_s, is_2018b=document.is_2018b))
         return
     obstacle = document.obstacle(replay.track.obstacle_id)
+    if replay.shifted_steps == 0:
+        _write_prescribed(document, obstacle, replay, step_s)
+        return
     for tag, initial in _INITIAL_OF.items():
         _move(obstacle, tag, initial, replay)
+
+
+def _write_prescribed(document: ScenarioDocument, obstacle: _Element, replay: Replay, step_s: float) -> None:
+    """Replace the states that an edit prescribes, and the body where it is another one; the others keep their bytes."""
+    track, recording, trajectory = replay.track, replay.recording, obstacle.find("trajectory")
+    if recording is None or trajectory is None:
+        return
+    if (track.kind, track.size_m) != (recording.kind, recording.size_m):
+        _write_body(document, obstacle, track)
+    states = trajectory.findall("state")
+    fields = tuple(str(child.tag) for child in states[0])
+    new = _state_elements(track, replayed_motion(track, step_s), fields, step_s)
+    initial = obstacle.find("initialState")
+    if replay.from_step < track.first_step and initial is not None:
+        _write_first_state(document, initial, track, step_s)
+    changed = [state for state in states if _state_step(state) > replay.from_step]
+    if len(changed) == len(states):
+        document.replace_children(trajectory, states, new[1:])
+    else:
+        begin = replay.from_step - track.first_step + 1
+        kept = changed or states[-1:]
+        document.replace_children(trajectory, kept, [*([] if changed else kept), *new[begin:]])
+
+
+def _write_body(document: ScenarioDocument, obstacle: _Element, track: Track) -> None:
+    """Write the class and the size of a road user."""
+    kind, shape = obstacle.find("type"), obstacle.find("shape")
+    if kind is not None:
+        kind.text = track.kind
+    if shape is not None:
+        made = etree.Element("shape")
+        _sub(made, "rectangle", length=_number(track.length_m), width=_number(track.width_m))
+        document.replace_children(obstacle, [shape], [made])
+
+
+def _write_first_state(document: ScenarioDocument, initial: _Element, track: Track, step_s: float) -> None:
+    """Write another place, heading and speed into an initial state; what else it holds is kept."""
+    fields = tuple(str(child.tag) for child in initial if isinstance(child.tag, str))
+    first = _state_elements(track.part(0, 2), replayed_motion(track.part(0, 2), step_s), fields, step_s)[0]
+    document.replace_children(initial, [one for one in initial if isinstance(one.tag, str)], list(first))
+
+
+def _parked_element(track: Track, *, is_2018b: bool) -> _Element:
+    """The element of a vehicle that is parked."""
+    obstacle = etree.Element("obstacle" if is_2018b else "staticObstacle", id=str(track.obstacle_id))
+    if is_2018b:
+        etree.SubElement(obstacle, "role").text = "static"
+    etree.SubElement(obstacle, "type").text = track.kind
+    _sub(_sub(obstacle, "shape"), "rectangle", length=_number(track.length_m), width=_number(track.width_m))
+    state = etree.SubElement(obstacle, "initialState")
+    state.append(_point_element(track.positions[0]))
+    _sub(state, "orientation", exact=_number(wrap_angle(float(track.headings_rad[0]))))
+    _sub(state, "time", exact="0")
+    return obstacle
 
 
 def replayed_motion(track: Track, step_s: float) -> Motion:

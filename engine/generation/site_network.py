@@ -16,6 +16,7 @@ from lxml import etree
 from ...schemas.errors import NotPossible
 from ...schemas.generation import GenerationRequest
 from ...schemas.scenarios import RuleFinding
+from ...schemas.text import counted
 from ..commonroad import road_document
 from ..execution import ProgressReporter
 from ..maps import (
@@ -24,12 +25,15 @@ from ..maps import (
     OsmMap,
     Pavements,
     RoadFile,
+    RoadReader,
     Site,
     cut_lanelets,
     cut_map,
     cut_net,
     find_pavements,
+    jurisdiction_of,
     read_lanelet_map,
+    site_finder,
 )
 from ..network import (
     RoadNetwork,
@@ -106,8 +110,8 @@ def prepare_site(
     usual_m = radius_for(site, request)
     usual = _known_sites().get(request, osm, site, usual_m, folder, report)
     built = usual.built(request, folder)
-    counted = 1 + sum(demand.needed for demand in vehicles_asked(request))
-    share = counted / max(VEHICLES_PER_LANE_KM["high"] * lane_km_of(built.net), 1.0)
+    asked = 1 + sum(demand.needed for demand in vehicles_asked(request))
+    share = asked / max(VEHICLES_PER_LANE_KM["high"] * lane_km_of(built.net), 1.0)
     if share <= MOST_CROWDED or isinstance(osm, LaneletMap):
         return usual.judged(request, folder, report)
     wider_m, wider = usual_m * min(math.sqrt(share), MOST_WIDENED), folder / "wider"
@@ -118,7 +122,7 @@ def prepare_site(
         note = f"a wider cut for so many vehicles is refused: {refusal.message}"
         narrow = usual.judged(request, folder, report)
         return replace(narrow, notes=(*narrow.notes, note))
-    note = f"cut out {wider_m:.0f} m around the site, not {usual_m:.0f} m, to have road for {counted} vehicles"
+    note = f"cut out {wider_m:.0f} m around the site, not {usual_m:.0f} m, to have road for {asked} vehicles"
     return replace(roomy, notes=(*roomy.notes, note))
 
 
@@ -194,6 +198,8 @@ class _KnownSite:
         """A site that is built in the folder."""
         try:
             built = build_network(request, osm, site, radius_m, folder, report)
+            if _lacks_lights(built, osm):
+                built = _with_lights(build_network(request, _lit(osm, site), site, radius_m, folder, report))
         except NotPossible as refusal:
             return cls(_anew(refusal), b"")
         return cls(built, built.net_path.read_bytes())
@@ -228,6 +234,28 @@ class _KnownSite:
         return replace(known, net_path=net_path, metadata=metadata)
 
 
+def _lacks_lights(built: SiteNetwork, osm: OsmMap) -> bool:
+    """Whether netconvert made no lights at a junction that has signals on the map.
+
+    It makes lights where all roads that lead to a junction have a signal; some of them have it on a link road or a
+    crossing that is not cut out.
+    """
+    is_map_of_lines = not isinstance(osm, (LaneletMap, NetMap))
+    is_wanted = built.site.kind == "signalised_intersection" and built.site.mark in osm.nodes
+    return is_map_of_lines and is_wanted and why_not_realised(built.site, built.net) is not None
+
+
+def _lit(osm: OsmMap, site: Site) -> OsmMap:
+    """The map with a signal at the junction itself, where netconvert makes lights for all its roads."""
+    node = osm.nodes[site.mark]
+    return replace(osm, nodes={**osm.nodes, site.mark: replace(node, tags={**node.tags, "highway": "traffic_signals"})})
+
+
+def _with_lights(built: SiteNetwork) -> SiteNetwork:
+    note = "the map has signals on some of the roads that lead to the junction; lights were made for all of them"
+    return replace(built, notes=(*built.notes, note))
+
+
 def _anew(refusal: NotPossible) -> NotPossible:
     """The same refusal without its traceback, which would keep all that was there when it was raised."""
     return NotPossible(refusal.message, valid=refusal.valid, next_step=refusal.next_step, reason=refusal.reason)
@@ -247,7 +275,10 @@ def judged(built: SiteNetwork, report: ProgressReporter) -> SiteNetwork:
     findings = _network_findings(built)
     if built.roads is not None:
         return _as_the_file_has_it(built, findings)
-    if errors := summarise_findings(findings, "error"):
+    errors = list(summarise_findings(findings, "error"))
+    if lost := built.network.lost_connections:
+        errors.append(f"{counted(len(lost), 'connection')} of the net lost, first: {lost[0][0]} to {lost[0][1]}")
+    if errors:
         where = f"{site.latitude:.5f}, {site.longitude:.5f}"
         raise NotPossible(
             f"the road network at {where} is wrong: {'; '.join(errors)}",
@@ -295,8 +326,12 @@ def build_network(
             pavements = find_pavements(osm, osm.roads(frozenset(classes)), site.position, radius_m, lefthand=lefthand)
             if not pavements.mapped_km + pavements.guessed_km:
                 raise nowhere_to_walk()
-        cut_map(osm, site.position, radius_m, classes, cut, pavements)
+        reader = RoadReader(
+            site_finder(osm).built_up, jurisdiction_of(request.country, site.position), lefthand=lefthand
+        )
+        cut_map(osm, site.position, radius_m, classes, cut, pavements, reader)
         warnings, notes, network = _convert_site(site, cut, net_path, lefthand=lefthand, on_foot=on_foot, report=report)
+        notes += reader.notes()
     if network.dropped_lanes:
         removed, later = remove_hairpins(net_path, folder)
         warnings += later

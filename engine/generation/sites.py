@@ -206,7 +206,8 @@ def middle_of(site: Site, net: SumoNet) -> Points:
 
 def road_classes(edge: NetEdge) -> frozenset[str]:
     """OSM's ``highway`` values of an edge: several where netconvert joined roads, "" where a user's net states none."""
-    return frozenset(part.removeprefix("highway.") for part in edge.road_type.split("|"))
+    parts = edge.road_type.split("|")
+    return frozenset(part.removeprefix("highway.") for part in parts if not part.startswith("service."))
 
 
 def _passes(net: SumoNet, middle: Points, within_m: float, wanted: Callable[[frozenset[str]], bool]) -> bool:
@@ -247,7 +248,9 @@ def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...], before: Map
 
 def _junctions_near(net: SumoNet, middle: Points) -> list[str]:
     """Junctions near the middle at which three roads or more meet, not only motorways; links left out."""
-    roads = [edge for edge in net.edges.values() if not edge.internal and road_classes(edge) - frozenset(LINKS)]
+    open_to_many = net.drivable_edges("passenger") | net.drivable_edges("delivery")
+    roads = [net.edges[key] for key in net.edges if key in open_to_many]
+    roads = [edge for edge in roads if road_classes(edge) - frozenset(LINKS)]
     around: dict[str, list[NetEdge]] = {}
     near: dict[str, None] = {}
     for edge in roads:

@@ -8,6 +8,10 @@
 ``find_pavements``: The pavements of roads within a circle around a point.
 ``read_map``: An operation: the facts of a map file, its place and country among them.
 ``MapEntry``: A map at hand: its facts and its file.
+``Closeness``: How near words must come to what a map shows.
+``file_stem``: A file's name without the endings of maps.
+``names_elsewhere``: The keys of a place, and of what it is called in other languages.
+``settlements_called``: The settlements of the world that have a name, the largest first.
 ``MapMatch``: A map that shows an asked place, with the streets that a site there must carry.
 ``SeenFile``: What became of a file in a map folder: the id of a map, or why it was refused.
 ``SeenFiles``: The files of map folders that were looked at, kept in the database.
@@ -44,6 +48,8 @@
 ``ROADS``: OSM's road classes that vehicles use, links left out.
 ``resolve_road_classes``: The road classes that groups (roads, link, all) and classes name together, each once.
 ``RURAL_CLASSES``: OSM's road classes of main roads outside towns.
+``jurisdiction_of``: The country and the states in which a position lies, as the table of legal limits names them.
+``RoadReader``: Writes the tags of a site's roads as netconvert reads them, and tells what it left out.
 ``Site``: A spot of a map: type, middle in degrees, streets, and the node or way that marks it.
 ``SiteFinder``: Finds the sites of one map by their type.
 ``MAP_ENDINGS``: Endings of the names of map files.
@@ -51,6 +57,8 @@
 ``is_large``: Whether a file is a binary extract that is read into tiles without trying to read it at once.
 ``is_map``: Whether a file is a map by its name.
 ``is_net``: Whether a file, not packed, is a SUMO network by its name.
+``named_by_content``: A map under a name with the ending of its format.
+``root_element``: The root element of a file as far as formats of maps have it.
 ``stored_name``: The name under which a map is kept, not packed.
 ``unpacked``: A map as a plain file, unpacked into a folder where it is compressed.
 """
@@ -60,7 +68,6 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .cut import cut_map, cut_net
     from .drawn_library import Sketch
     from .extracts.cutting import cut_extract
     from .extracts.indexing import index_extract
@@ -70,24 +77,41 @@ if TYPE_CHECKING:
     from .foreign.net_map import NetMap
     from .index import (
         NOT_SHOWN,
+        Closeness,
         MapEntry,
         MapMatch,
         SeenFile,
         SeenFiles,
         built_in_maps,
+        file_stem,
         find_maps,
         match_fetched,
         place_parts,
     )
     from .map_file import read_map_file, site_finder
+    from .naming.gazetteer import names_elsewhere, settlements_called
+    from .naming.places import country_code, country_name, fold, place_keys
     from .online.fetch import fetch_maps
     from .online.places import locate_place
     from .osm import OsmMap, ground_distance_m, write_as_xml
-    from .pavements import Pavements, find_pavements
-    from .places import country_code, country_name, fold, place_keys
     from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, resolve_road_classes
+    from .site_roads.cut import cut_map, cut_net
+    from .site_roads.jurisdictions import jurisdiction_of
+    from .site_roads.pavements import Pavements, find_pavements
+    from .site_roads.road_reader import RoadReader
     from .site_search.finder import Site, SiteFinder
     from .site_search.nearness import Gathering
-    from .unpacking import MAP_ENDINGS, foreign_format, is_binary, is_large, is_map, is_net, stored_name, unpacked
+    from .unpacking import (
+        MAP_ENDINGS,
+        foreign_format,
+        is_binary,
+        is_large,
+        is_map,
+        is_net,
+        named_by_content,
+        root_element,
+        stored_name,
+        unpacked,
+    )
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

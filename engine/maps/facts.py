@@ -9,63 +9,27 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Mapping
 from functools import lru_cache
 from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...schemas.generation import MAP_FACTS_VERSION, MapFacts, PlaceArea, ReadMapRequest
+from ...schemas.generation import MAP_FACTS_VERSION, MapFacts, ReadMapRequest
 from ...schemas.text import LONGEST_TEXT, one_line
 from ..execution import ProgressReporter
 from .map_file import read_map_file
+from .naming.places import country_code
+from .naming.shown import MOST_PLACES, areas_shown, places_shown
+from .naming.tags import MOST_NAMES, names_of, refs_of
 from .osm import OSM_ATTRIBUTION, OsmMap, ground_distance_m, length_m
-from .places import country_code, fold
 from .site_search.finder import SiteFinder
-from .spellings import road_keys, whole_road_keys
 from .unpacking import MAP_ENDINGS
 
 if TYPE_CHECKING:
     from shapely import Polygon, STRtree
 
-PLACE_KINDS = ("city", "town", "village", "suburb", "borough", "quarter", "neighbourhood", "hamlet")
-"""OSM's values of ``place`` for settlements and their parts, the larger first."""
-MOST_PLACES = 40
-"""Names of places that the facts of a map hold: those of a large city would fill a page (chosen)."""
 MOST_STREETS = 10_000
 """Names of streets, and numbers of roads, that the facts of a map hold, those with most road first (chosen)."""
-PART_RANKS = range(PLACE_KINDS.index("suburb"), PLACE_KINDS.index("hamlet"))
-"""Kinds of parts of a settlement, which has its middle in one of them."""
-NAME_KEYS = (
-    "name",
-    "int_name",
-    "official_name",
-    "alt_name",
-    "short_name",
-    "loc_name",
-    "old_name",
-    "nat_name",
-    "reg_name",
-)
-"""OSM's tags for names; each may have a language after a colon (``name:ru``) and several names between semicolons."""
-USUAL_RADIUS_M = {
-    "city": 10_000.0,
-    "town": 3000.0,
-    "village": 1500.0,
-    "suburb": 1500.0,
-    "borough": 3000.0,
-    "quarter": 1000.0,
-    "neighbourhood": 700.0,
-    "hamlet": 500.0,
-}
-"""How far a place without an outline reaches at most, by its kind (chosen)."""
-LEAST_RADIUS_M = 400.0
-"""A site needs room: the area of a place reaches at least as far (chosen)."""
-MOST_NAMES = 400
-"""Names of one place or road that are kept: a country has one in every language (chosen)."""
-MOST_AREAS = 500
-"""Places with their area that the facts of a map hold (chosen)."""
-Position = tuple[float, float]
 
 
 def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
@@ -88,7 +52,7 @@ def facts_of(osm: OsmMap, request: ReadMapRequest) -> MapFacts:
     """What a map shows that was read from the request's file."""
     path = Path(request.path)
     given = one_line(request.place or osm.name)
-    names = list(dict.fromkeys(([given] if given else []) + _places(osm)))
+    names = list(dict.fromkeys(([given] if given else []) + places_shown(osm)))
     roads = osm.roads()
     south, west, north, east = osm.bounds
     near = countries_near(osm.bounds)
@@ -110,7 +74,7 @@ def facts_of(osm: OsmMap, request: ReadMapRequest) -> MapFacts:
         road_km=round(sum(length_m(osm, way) for way in roads) / 1000, 2),
         attribution=request.attribution or osm.attribution or OSM_ATTRIBUTION,
         road_names=_road_names(osm),
-        areas=_areas(osm),
+        areas=areas_shown(osm),
         facts_version=MAP_FACTS_VERSION,
     )
 
@@ -129,108 +93,17 @@ def _map_id_of(path: Path) -> str:
     return "map_" + (re.sub(r"[^a-z0-9]+", "_", path.name.split(".osm")[0].lower()).strip("_") or "unnamed")
 
 
-def _places(osm: OsmMap) -> list[str]:
-    """Names of the places in the file: settlements by their rank, then the towns of addresses by their number."""
-    ranked: list[tuple[int, str]] = []
-    tagged = [node.tags for node in osm.nodes.values() if node.tags] + [way.tags for way in osm.ways]
-    tagged += [relation.tags for relation in osm.relations]
-    towns = Counter(tags["addr:city"] for tags in tagged if tags.get("addr:city"))
-    for tags in tagged:
-        if tags.get("place") in PLACE_KINDS:
-            names = [tags.get("name"), tags.get("name:en"), tags.get("int_name")]
-            ranked += [(PLACE_KINDS.index(tags["place"]), name) for name in names if name]
-    nodes = [name for _, name in sorted(ranked, key=lambda entry: entry[0])]
-    addresses = [town for town, _ in sorted(towns.items(), key=lambda entry: (-entry[1], entry[0]))]
-    first_is_town = bool(ranked) and min(ranked)[0] <= PLACE_KINDS.index("village")
-    merged = nodes + addresses if first_is_town or not addresses else addresses + nodes
-    return list({fold(name): name for name in reversed(merged)}.values())[::-1]
-
-
-def names_of(tags: Mapping[str, str]) -> list[str]:
-    """All names that the tags give, the main one first, each once."""
-    keys = [key for key in tags if key.partition(":")[0] in NAME_KEYS]
-    keys.sort(key=lambda key: (NAME_KEYS.index(key.partition(":")[0]), key != "name:en", key))
-    names = (name.strip() for key in keys for name in tags[key].split(";"))
-    return list(dict.fromkeys(name for name in names if name))[:MOST_NAMES]
-
-
-def keys_of_road(tags: Mapping[str, str]) -> frozenset[str]:
-    """The keys of all names and numbers of a road; two spellings mean the same road where they share one."""
-    names = [*names_of(tags), *(part.strip() for part in tags.get("ref", "").split(";") if part.strip())]
-    return frozenset(key for name in names for key in (*road_keys(name), *whole_road_keys(name)))
-
-
 def _road_names(osm: OsmMap) -> tuple[tuple[str, ...], ...]:
     """Names of roads and motorway junctions that have several: the main one, then the others, sorted by the main."""
     found: dict[str, dict[str, None]] = {}
     junctions = (node.tags for node in osm.nodes.values() if node.tags.get("highway") == "motorway_junction")
     for tags in (*(way.tags for way in osm.roads()), *junctions):
         main = tags.get("name", "").strip() or tags.get("ref", "").partition(";")[0].strip()
-        others = [name for name in names_of(tags) if name != main]
+        own = {main, *(ref.strip() for ref in tags.get("ref", "").split(";"))}
+        others = [name for name in (*names_of(tags), *refs_of(tags)) if name not in own]
         if main and others:
             found.setdefault(main, {}).update(dict.fromkeys(others))
     return tuple((main, *list(found[main])[:MOST_NAMES]) for main in sorted(found))[:MOST_STREETS]
-
-
-def _areas(osm: OsmMap) -> tuple[PlaceArea, ...]:
-    """Settlements and their parts with where they lie, the larger first.
-
-    One that is a point and an outline is one place, where its point lies.
-    """
-    outlines: list[tuple[Mapping[str, str], Position, float | None]] = []
-    outlines += [
-        (node.tags, node.position, None) for node in osm.nodes.values() if node.tags.get("place") in PLACE_KINDS
-    ]
-    ways = {way.way_id: way for way in osm.ways}
-    outlines += [
-        (way.tags, *_middle_and_reach([osm.nodes[key].position for key in way.node_ids]))
-        for way in osm.ways
-        if way.tags.get("place") in PLACE_KINDS and way.node_ids[0] == way.node_ids[-1]
-    ]
-    for relation in osm.relations:
-        if relation.tags.get("place") in PLACE_KINDS:
-            lines = [ways[number] for kind, number, _ in relation.members if kind == "way" and number in ways]
-            if points := [osm.nodes[key].position for line in lines for key in line.node_ids]:
-                outlines.append((relation.tags, *_middle_and_reach(points)))
-    return _merged(outlines)
-
-
-def _middle_and_reach(points: list[Position]) -> tuple[Position, float]:
-    south, north = min(p[0] for p in points), max(p[0] for p in points)
-    west, east = min(p[1] for p in points), max(p[1] for p in points)
-    middle = ((south + north) / 2, (west + east) / 2)
-    return middle, max(ground_distance_m(middle, point) for point in points)
-
-
-def _merged(outlines: list[tuple[Mapping[str, str], Position, float | None]]) -> tuple[PlaceArea, ...]:
-    """One area a place; without an outline it reaches at most half way to the next place that is as large."""
-    ranked = sorted((PLACE_KINDS.index(tags["place"]), index) for index, (tags, _, _) in enumerate(outlines))
-    named = [(rank, *outlines[index], names) for rank, index in ranked if (names := names_of(outlines[index][0]))]
-    keyed = [(rank, fold(names[0]), middle) for rank, _, middle, _, names in named[:MOST_AREAS]]
-    merged: dict[str, PlaceArea] = {}
-    for rank, tags, middle, reach, names in named[:MOST_AREAS]:
-        key = fold(names[0])
-        if key in merged:
-            kept = merged[key]
-            others = dict.fromkeys((*kept.other_names, *(name for name in names if name != kept.name)))
-            merged[key] = kept.model_copy(update={"other_names": tuple(others)[:MOST_NAMES]})
-            continue
-        if reach is None:
-            near = (
-                ground_distance_m(middle, position) / 2
-                for other_rank, other_key, position in keyed
-                if other_rank <= rank and other_key != key and (other_rank in PART_RANKS) == (rank in PART_RANKS)
-            )
-            reach = min([USUAL_RADIUS_M[tags["place"]], *near])
-        merged[key] = PlaceArea(
-            name=names[0],
-            kind=tags["place"],
-            other_names=tuple(names[1:]),
-            latitude=middle[0],
-            longitude=middle[1],
-            radius_m=round(max(reach, LEAST_RADIUS_M)),
-        )
-    return tuple(merged.values())
 
 
 def _country(osm: OsmMap) -> str | None:

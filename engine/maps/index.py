@@ -6,8 +6,9 @@ every call.
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from enum import IntEnum
 from functools import cache, lru_cache
 from pathlib import Path
 
@@ -16,15 +17,20 @@ from ...schemas.generation import MapFacts, MapList, PlaceArea, ScenarioType
 from ...schemas.maps import Box, NamedPlace
 from ...schemas.text import LONGEST_TEXT
 from ..workspace import Database, versions_of
-from .places import country_code, fold, latin, place_keys
-from .regions import region_of
-from .spellings import MOST_KEPT, distinctive, road_keys, road_readings, route_number, whole_road_keys
+from .naming.alike import is_half_of, is_transliterated
+from .naming.gazetteer import Settlement, settlements_called
+from .naming.places import country_code, fold, latin, place_keys
+from .naming.regions import region_of
+from .naming.spellings import MOST_KEPT, distinctive, road_keys, road_readings, route_number, whole_road_keys
+from .naming.tags import CITY_PEOPLE, ROAD_PLACES
 
 LIBRARY = Path(__file__).parent / "library"
 NOT_SHOWN = "not_shown"
 """Reason of a refusal because no map shows the place, the country or the box."""
 _NEAREST_SHOWN = 4
 """Maps that a refusal of a box names (chosen)."""
+_NEAR_KM = 50.0
+"""A settlement that lies further from a map is another one of the same name (chosen)."""
 _EARTH_RADIUS_KM = 6371.0088
 """Mean radius of the Earth (IUGG)."""
 
@@ -85,12 +91,19 @@ _NO_PLACES = frozenset(
     ]
 )
 """Words of file names that say what kind of map it is."""
+_PLACE_WORDS = (
+    r"city|town|village|quarter|district|suburb|borough|ward|parish|county|township|municipality|neighbou?rhood|stadt(?:teil)?|viertel|"
+    r"gemeinde|bezirk|(?:land)?kreis|ville|commune|quartier|arrondissement|ciudad|municipio|barrio|distrito|"
+    r"cidade|bairro|freguesia|concelho|citt[aà]|comune|quartiere|miasto|gmina|powiat|kommune?n?|wijk|gemeente|"
+    r"ilçe(?:si)?|mahalle(?:si)?|г\.?|город|район|(?:муниципальный )?округ|м[іi]сто"
+)
+"""What a place is, as people and maps write it before or behind its name."""
 _PLACE_FRAME = re.compile(
-    r"^\d{4,6}\s+|\s+\d{5}(?:-\d{4})?$|^(?:(?:the\s+)?(?:city|town|village|quarter|district|suburb)(?:\s+of)?|stadt(?:teil)?|viertel|gemeinde|"
-    r"ville de|quartier(?: de)?|ciudad de|citta di|г\.|город|район)\s+"
-    r"|\s+(?:city|town|village|quarter|district|suburb)$|(?<=[\u4e00-\u9fff])[市区區县縣]$",
+    rf"^\d{{4,6}}\s+|\s+\d{{5}}(?:-\d{{4}})?$|^(?:the\s+)?(?:{_PLACE_WORDS})(?:\s+(?:of|de|do|da|di|von))?\s+"
+    rf"|\s+(?:{_PLACE_WORDS})$|(?<=[\u4e00-\u9fff])[市区區县縣里]$|(?<=[\uac00-\ud7a3])[시구군동]$",
     re.IGNORECASE,
 )
+_FILE_ENDINGS = re.compile(r"(?:\.(?:osm|pbf|xml|net|xodr|roads|pb|gz|bz2))+$", re.IGNORECASE)
 _HOUSE_NUMBER = re.compile(r"\s+\d+\s?[a-z]?$|^\d+[a-z]?\s+", re.IGNORECASE)
 _PREPOSITIONS = frozenset(("in", "at", "near", "im", "bei", "à", "a", "en", "em", "nel", "в", "i", "w", "of", "auf"))
 _EARTH_RADIUS_M = 6_371_008.8
@@ -98,8 +111,25 @@ _LEAST_LIKENESS, _LEAST_WORD_LIKENESS, _TELLING_LETTERS = 78, 85, 4
 """Of 100: from which a name is worth suggesting, or a name with such words; letters of a word that tells (chosen)."""
 _MOST_NEAR, _COMPARED = 4, 2000
 """Suggestions, and names that are compared, at most (chosen)."""
+_FEW_WORDS = 4
+"""Words of which both the place and the road may be only like those of the map (chosen)."""
 _SHOWN_ROADS, _MOST_WORDS, _LONGEST_UNSPACED = 3, 12, 24
 """Roads that a sentence names, words that are tried in all splits, letters that are (chosen)."""
+
+
+class Closeness(IntEnum):
+    """How near words must come to what a map shows.
+
+    SAME: they are its words, in another spelling. KNOWN: they are a name in another language by GeoNames, or a
+    settlement that GeoNames knows there. HEARD: they sound like its words in another script. PLACE_PART: they are a
+    part of a place's name, or its beginning. PART: the same of a road.
+    """
+
+    SAME = 0
+    KNOWN = 1
+    HEARD = 2
+    PLACE_PART = 3
+    PART = 4
 
 
 @dataclass(frozen=True)
@@ -151,8 +181,11 @@ def find_maps(
     country: str | None = None,
     bbox: Box | None = None,
     scenario_type: ScenarioType = "any",
+    closeness: Closeness = Closeness.PART,
 ) -> list[MapMatch]:
     """All maps that fit; those that hold the asked type of site first, otherwise in the order given.
+
+    Where no map shows the very words, those that show something like them count, up to the given closeness.
 
     Raises:
         UnknownName: no map shows the place, country or box; the error names what can be had, the closest first.
@@ -166,9 +199,9 @@ def find_maps(
     if bbox is not None:
         matches = _in_box(matches, bbox)
     if place is not None:
-        shown = _showing(matches, place, code)
+        shown = _showing(matches, place, code, closeness)
         if not shown:
-            raise _not_shown(place, country, bbox, matches, _showing(everywhere, place, code))
+            raise _not_shown(place, country, bbox, matches, _showing(everywhere, place, code, closeness))
         matches = shown
     return sorted(
         matches,
@@ -183,7 +216,7 @@ def match_fetched(entry: MapEntry, place: NamedPlace | None, asked: str | None) 
     if asked is None:
         return MapMatch(entry)
     try:
-        return find_maps([entry], place=asked)[0]
+        return find_maps([entry], place=asked, closeness=Closeness.SAME)[0]
     except UnknownName:
         label = "" if place is None else place.label
         taken = (f"{asked!r} is taken as {label}",) if label and fold(label) != fold(asked) else ()
@@ -258,10 +291,16 @@ def _box_text(f: MapFacts) -> str:
     return f"{f.place} [{f.south:.4f}, {f.west:.4f}, {f.north:.4f}, {f.east:.4f}]"
 
 
-def _showing(found: list[MapMatch], place: str, country: str | None) -> list[MapMatch]:
-    """Maps in which every part of the text (``street, city`` or ``street A / street B``) is a place or a road."""
-    matches = (_match(map_.entry, place[:LONGEST_TEXT], country) for map_ in found)
-    return [match for match in matches if match is not None]
+def _showing(found: list[MapMatch], place: str, country: str | None, closeness: Closeness) -> list[MapMatch]:
+    """Maps in which every part of the text (``street, city`` or ``street A / street B``) is a place or a road.
+
+    Of those only the closest.
+    """
+    for level in range(closeness + 1):
+        matches = (_match(map_.entry, place[:LONGEST_TEXT], country, Closeness(level)) for map_ in found)
+        if shown := [match for match in matches if match is not None]:
+            return shown
+    return []
 
 
 def place_parts(place: str) -> list[str]:
@@ -312,7 +351,7 @@ def _not_shown(
         return UnknownName(
             f"no map shows {place!r}",
             valid=near,
-            next_step="choose one of these, or import an .osm extract of the place with import_files",
+            next_step=f"call again with place={near[0]!r}, or import an .osm extract of the place with import_files",
             reason=NOT_SHOWN,
         )
     return UnknownName(
@@ -374,21 +413,27 @@ def _sound(text: str) -> str:
     return re.sub(r"(.)\1+", r"\1", text)
 
 
-def _match(entry: MapEntry, place: str, country: str | None) -> MapMatch | None:
+def _match(entry: MapEntry, place: str, country: str | None, closeness: Closeness) -> MapMatch | None:
     """The map with the streets that are meant, where it shows every part.
 
     A part that it does not name is let pass beside a street where another part names the map, or where the map knows
     no place and the caller names its country.
     """
     facts = entry.facts
-    reading = _read_part(place, facts)
+    reading = _read_whole(place, facts)
     if reading is None:
         listed = listed_parts(place)
         if not listed:
             return None
         reading = _Reading()
         for part in listed:
-            found = _read_part(part, facts) or _read_crossing(part, facts) or _read_together(part, facts)
+            found = (
+                _read_whole(part, facts)
+                or _read_together(part, facts, Closeness.SAME)
+                or _read_part(part, facts, closeness)
+                or _read_crossing(part, facts, closeness)
+                or _read_together(part, facts, closeness)
+            )
             if found is None and country_code(part) not in (None, facts.country) and len(part) > 3:
                 return None
             reading += found or _Reading(unnamed=(part,))
@@ -403,7 +448,7 @@ def _match(entry: MapEntry, place: str, country: str | None) -> MapMatch | None:
 
 def _with_words_of_the_file(reading: "_Reading", facts: MapFacts) -> "_Reading":
     """The reading with words that nothing on a map is called, but its file is: people name extracts after places."""
-    named = _named_by_file(facts.file_name.partition(".")[0])
+    named = _named_by_file(file_stem(facts.file_name))
     rest = replace(reading, unnamed=())
     for part in reading.unnamed:
         by_file = _Reading(named=True, understood=(f"{part!r} is taken as the map {facts.file_name}",))
@@ -442,17 +487,110 @@ class _Reading:
         )
 
 
-def _read_part(part: str, facts: MapFacts) -> _Reading | None:
+def _read_part(part: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:
     """The words as one place or one road; None where they are neither."""
-    return _read_place(part, facts) or _read_road(part, facts)
+    return _read_whole(part, facts) or _read_road(part, facts) or _read_alike(part, facts, closeness)
+
+
+def _read_whole(part: str, facts: MapFacts) -> _Reading | None:
+    """The words as the whole name of a place or a road; of a square as its roads, where there are any."""
+    place = _read_place(part, facts)
+    if place is not None and (place.area is None or place.area.kind not in ROAD_PLACES):
+        return place
+    return _read_road(part, facts, whole=True) or place
+
+
+def _read_alike(
+    part: str, facts: MapFacts, closeness: Closeness, *, wide: bool = False, settled: bool = False
+) -> _Reading | None:
+    """The words as a place or a road that is only like them.
+
+    ``wide``: a settlement counts whose outskirts the map may lie in, because a road was named with it. ``settled``:
+    other words name a place of the map, so that these name none elsewhere.
+    """
+    if closeness is Closeness.SAME or not any(map(str.isalpha, part)):
+        return None
+    found = _read_name_elsewhere(part, facts) or _read_settlement(part, facts, wide=wide)
+    if found is None and closeness >= Closeness.HEARD:
+        found = _read_place_like(part, facts, is_transliterated) or _read_road_like(part, facts, is_transliterated)
+    if found is None and closeness >= Closeness.PLACE_PART and (settled or not _lies_elsewhere(part, facts)):
+        words = without_frame(part)
+        found = _read_place_like(words, facts, is_half_of)
+        if found is None and closeness is Closeness.PART:
+            found = _read_road_like(words, facts, is_half_of)
+    return found
+
+
+def _read_name_elsewhere(part: str, facts: MapFacts) -> _Reading | None:
+    """The words as what a place of the map is called in another language, by GeoNames."""
+    for settlement in settlements_called(without_frame(part)):
+        if settlement.country not in _countries(facts) and not _is_near(settlement, facts):
+            continue
+        for name in (facts.place, *facts.places, *(area.name for area in facts.areas)):
+            if not settlement.keys.isdisjoint(place_keys(name)) and (found := _read_place(name, facts)) is not None:
+                return replace(found, understood=(f"{part!r} is taken as {name}",))
+    return None
+
+
+def _read_settlement(part: str, facts: MapFacts, *, wide: bool) -> _Reading | None:
+    """The words as a settlement that GeoNames knows where the map lies, which does not name it."""
+    for settlement in settlements_called(without_frame(part)):
+        away_m = 1000.0 * _km_between(_as_box(settlement), _nearest_spot(settlement, facts))
+        if away_m <= settlement.reach_m(wide=wide):
+            where = f"{away_m / 1000:.1f} km from the map" if away_m else "inside the map"
+            taken = f"{part!r} is taken as {settlement.name} (GeoNames), whose centre lies {where}"
+            return _Reading(named=True, understood=(taken,))
+    return None
+
+
+def _is_near(settlement: Settlement, facts: MapFacts) -> bool:
+    return _km_between(_as_box(settlement), _nearest_spot(settlement, facts)) <= _NEAR_KM
+
+
+def _lies_elsewhere(part: str, facts: MapFacts) -> bool:
+    """Whether the words name a city of the world, and nothing in the map's country: no road that begins so is meant."""
+    known = settlements_called(without_frame(part))
+    return any(settlement.population >= CITY_PEOPLE for settlement in known) and not any(
+        settlement.country in _countries(facts) or _is_near(settlement, facts) for settlement in known
+    )
+
+
+def _as_box(settlement: Settlement) -> Box:
+    return settlement.latitude, settlement.longitude, settlement.latitude, settlement.longitude
+
+
+def _nearest_spot(settlement: Settlement, facts: MapFacts) -> Box:
+    """The spot of a map that lies nearest to a settlement's centre, as a box."""
+    latitude = min(max(settlement.latitude, facts.south), facts.north)
+    longitude = min(max(settlement.longitude, facts.west), facts.east)
+    return latitude, longitude, latitude, longitude
+
+
+def _read_place_like(part: str, facts: MapFacts, is_like: Callable[[str, str], bool]) -> _Reading | None:
+    """The words as a place of the map that is like them in the given way."""
+    for area in facts.areas:
+        if any(is_like(part, name) for name in (area.name, *area.other_names)):
+            found = _read_place(area.name, facts)
+            return None if found is None else replace(found, understood=(f"{part!r} is taken as {_area_text(area)}",))
+    for name in facts.places:
+        if is_like(part, name):
+            return _Reading(named=True, understood=(f"{part!r} is taken as {name}",))
+    return None
+
+
+def _read_road_like(part: str, facts: MapFacts, is_like: Callable[[str, str], bool]) -> _Reading | None:
+    """The words as the roads of the map that are like them in the given way."""
+    index = _road_index((*facts.streets, *facts.refs), facts.road_names)
+    roads = tuple(name for name, spellings in index.spellings.items() if any(is_like(part, one) for one in spellings))
+    return _as_roads(part, roads) if roads else None
 
 
 def _read_place(part: str, facts: MapFacts) -> _Reading | None:
     """The words as the map itself (its id, its file, its place, region or country) or as a place inside it."""
-    stem = facts.file_name.partition(".")[0]
-    if fold(part) in {fold(facts.map_id), fold(facts.map_id.removeprefix("map_")), fold(facts.file_name), fold(stem)}:
+    own = {facts.map_id, facts.map_id.removeprefix("map_"), file_stem(facts.file_name)}
+    if {fold(part), fold(file_stem(part))} & {fold(name) for name in own}:
         return _Reading(named=True)
-    keys = place_keys(part) | place_keys(without_frame(part))
+    keys = _framed_keys(part)
     for area in facts.areas:
         if not keys.isdisjoint(_all_keys(area.name, area.other_names)):
             taken = "" if fold(part) == fold(area.name) else f"{part!r} is taken as "
@@ -460,7 +598,7 @@ def _read_place(part: str, facts: MapFacts) -> _Reading | None:
                 return _Reading(named=True, understood=(f"{taken}{area.name}",) if taken else ())
             return _Reading(named=True, area=area, understood=(f"{taken}{_area_text(area)}",))
     for name in (facts.place, *facts.places):
-        if keys & place_keys(name):
+        if not keys.isdisjoint(_framed_keys(name)):
             alike = fold(part) == fold(name)
             return _Reading(named=True, understood=() if alike else (f"{part!r} is taken as {name}",))
     code = country_code(part)
@@ -469,6 +607,11 @@ def _read_place(part: str, facts: MapFacts) -> _Reading | None:
     ):
         return _Reading(named=True)
     return None
+
+
+def file_stem(name: str) -> str:
+    """A file's name without the endings of maps: what a map is converted to has another ending than its file."""
+    return _FILE_ENDINGS.sub("", name)
 
 
 def without_frame(part: str) -> str:
@@ -506,7 +649,13 @@ def _box_around(area: PlaceArea) -> Box:
 
 @lru_cache(maxsize=MOST_KEPT)
 def _all_keys(name: str, others: tuple[str, ...]) -> frozenset[str]:
-    return frozenset(key for spelling in (name, *others) for key in place_keys(spelling))
+    return frozenset(key for spelling in (name, *others) for key in _framed_keys(spelling))
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _framed_keys(name: str) -> frozenset[str]:
+    """The keys of a place's name, with and without the words for what it is."""
+    return place_keys(name) | place_keys(without_frame(name))
 
 
 def _read_road(
@@ -522,24 +671,30 @@ def _read_road(
         roads = roads_called(unnumbered, facts, short=short)
     if not roads:
         return None
+    return _as_roads(part, roads)
+
+
+def _as_roads(part: str, roads: tuple[str, ...]) -> _Reading:
+    """Roads as what the words mean."""
     exact = {fold(name) for name in roads} == {fold(part)}
     more = f" and {len(roads) - _SHOWN_ROADS} more" * (len(roads) > _SHOWN_ROADS)
     taken = f"{part!r} is taken as {' or '.join(roads[:_SHOWN_ROADS])}{more}"
     return _Reading(streets=(roads,), understood=() if exact else (taken,))
 
 
-def _read_crossing(text: str, facts: MapFacts) -> _Reading | None:
+def _read_crossing(text: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:
     """The words as several roads or a road near a place; None where one of them is unknown."""
     parts = crossing_parts(text)
     if len(parts) < 2:
-        return None if parts in ([], [text]) else _read_part(parts[0], facts)
+        return None if parts in ([], [text]) else _read_part(parts[0], facts, closeness)
     reading = _Reading()
     for part in parts:
         found = (
             _read_road(part, facts)
             or _read_place(part, facts)
-            or _read_together(part, facts)
+            or _read_together(part, facts, closeness)
             or _read_road(part, facts, short=True)
+            or _read_alike(part, facts, closeness)
         )
         if found is None:
             return None
@@ -547,17 +702,26 @@ def _read_crossing(text: str, facts: MapFacts) -> _Reading | None:
     return reading
 
 
-def _read_together(text: str, facts: MapFacts) -> _Reading | None:
+def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:
     """The words as a road and a place with nothing between (``I-5 Seattle``, ``上海中山北路``), in either order."""
     for head, tail in _splits(text):
         if (one := _read_road(head, facts, whole=True)) and (other := _read_road(tail, facts, whole=True)):
             return one + other
         for first, second in ((head, tail), (tail, head)):
-            place = _read_place(second, facts)
-            if place is None or (len(second) < 3 and second.isascii() and not second.isupper()):
+            if len(second) < 3 and second.isascii() and not second.isupper():
                 continue
-            rest = _read_road(first, facts) or _read_place(first, facts) or _read_crossing(first, facts)
-            if rest is not None:
+            place = _read_place(second, facts)
+            rest = _read_road(first, facts) or _read_place(first, facts)
+            if rest is None and place is not None:
+                rest = _read_together(first, facts, closeness)
+            if rest is None and place is None and closeness is Closeness.PART and len(text.split()) <= _FEW_WORDS:
+                place = _read_alike(second, facts, Closeness.KNOWN)
+            if place is None and rest is not None and rest.streets:
+                place = _read_alike(second, facts, closeness, wide=True)
+            elif place is not None and rest is None:
+                rest = _read_crossing(first, facts, closeness)
+                rest = rest or _read_alike(first, facts, closeness, settled=True)
+            if place is not None and rest is not None:
                 return place + rest if first == tail else rest + place
     return None
 

@@ -25,6 +25,8 @@ from ...schemas.text import LONGEST_TEXT, one_line
 from ..commonroad import XmlLimits, scan_xml
 from ..execution import ProgressReporter
 from .road_classes import ALL_ROADS
+from .road_tags.access import closing_tag, in_words, users_of
+from .road_tags.limits import signed_kmh
 from .unpacking import LARGEST_BYTES
 
 LIMITS = XmlLimits(size_bytes=LARGEST_BYTES, depth=8, elements=4_000_000)
@@ -78,10 +80,12 @@ class OsmWay:
     @property
     def maxspeed_kmh(self) -> float | None:
         """The signed limit in km/h; None where none is signed or it is not a number."""
-        parts = self.tags.get("maxspeed", "").split()
-        if not parts or not parts[0].isdecimal():
-            return None
-        return int(parts[0]) * (1.609344 if parts[-1] == "mph" else 1.0)
+        return signed_kmh(self.tags)
+
+    @property
+    def is_for_cars(self) -> bool:
+        """Whether its access tags leave it open to cars, in one direction at least."""
+        return "car" in users_of(self.tags)
 
 
 @dataclass(frozen=True)
@@ -109,9 +113,9 @@ class OsmMap:
     name: str = ""
     country: str | None = None
 
-    def roads(self, classes: frozenset[str] = ALL_ROADS) -> list[OsmWay]:
-        """Ways of the given ``highway`` values."""
-        return [way for way in self.ways if way.road_class in classes]
+    def roads(self, classes: frozenset[str] = ALL_ROADS, *, cars_only: bool = True) -> list[OsmWay]:
+        """Ways of the given ``highway`` values that cars may use; ``cars_only``: otherwise those closed to them too."""
+        return [way for way in self.ways if way.road_class in classes and (way.is_for_cars or not cars_only)]
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -143,6 +147,12 @@ def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
     except (etree.LxmlError, ValueError) as error:
         raise UnsafeInput(f"{path.name} is not readable as OpenStreetMap: {error}") from error
     if not extract.roads():
+        if closed := extract.roads(cars_only=False):
+            tags = in_words(dict.fromkeys(closing_tag(way.tags) for way in closed))
+            raise UnsafeInput(
+                f"{path.name} holds no road that is open to cars: {len(closed)} are closed ({tags})",
+                next_step="use an extract with open streets in it",
+            )
         others = sorted({way.road_class for way in extract.ways if way.road_class})[:SHOWN_CLASSES]
         only = f", only {', '.join(others)}" if others else ""
         only += "; what lies beyond 80° S or 84° N, where map projections end, is not read" if beyond else ""
@@ -163,7 +173,9 @@ def _read(path: Path) -> tuple[OsmMap, int]:
             stream, events=("end",), tag=("node", "way", "relation", "bounds"), resolve_entities=False, no_network=True
         )
         for _, element in document:
-            if element.tag == "node":
+            if element.get("action") == "delete" or element.get("visible") == "false":
+                pass  # an editor or the history keeps what was taken off the map
+            elif element.tag == "node":
                 if "lat" in element.attrib and "lon" in element.attrib:  # deleted and unknown nodes have no position
                     node = _node(element)
                     nodes[node.node_id] = node

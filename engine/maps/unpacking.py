@@ -1,4 +1,6 @@
-"""Files of maps by their names, and those that come compressed: unpacked, never into more than may be read.
+"""Files of maps: what format they have, and those that come compressed: unpacked, never into more than may be read.
+
+Names only say which files are looked at; what a file is, its content tells.
 
 Nothing heavy is imported here: the server's process asks.
 """
@@ -6,9 +8,11 @@ Nothing heavy is imported here: the server's process asks.
 import bz2
 import gzip
 import re
+import shutil
 import zlib
+from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import IO, Literal
 
 from ...schemas.errors import UnsafeInput
 
@@ -18,9 +22,18 @@ LANELETS_ENDING = ".xml"
 BINARY_ENDING = ".osm.pbf"
 DRIVE_ENDING = ".xodr"
 MAP_ENDINGS = (
-    *(plain + packed for plain in (".osm", NET_ENDING, DRIVE_ENDING) for packed in ("", ".gz", ".bz2")),
+    *(plain + packed for plain in (".osm", ".osm.xml", NET_ENDING, DRIVE_ENDING) for packed in ("", ".gz", ".bz2")),
     BINARY_ENDING,
 )
+_ENDINGS = {"osm": ".osm", "net": NET_ENDING, "OpenDRIVE": DRIVE_ENDING, "commonRoad": LANELETS_ENDING}
+"""Of the names that files get, by the root elements of their formats."""
+_ROOT = re.compile(r"<(?:[\w.-]{1,99}:)?([A-Za-z_][\w.-]{0,99})")
+_ASIDES = {"<?": "?>", "<!--": "-->"}
+"""Begins and ends of what may stand before the root element: declarations and comments."""
+_HEAD_BYTES = 16_384
+"""That are read to find a document's root element (chosen): it comes after comments, if at all."""
+_OPENERS: dict[bytes, Callable[..., IO[bytes]]] = {b"\x1f\x8b": gzip.GzipFile, b"BZh": bz2.BZ2File}
+"""What unpacks a file, by its first bytes."""
 ForeignFormat = Literal["OpenDRIVE", "CommonRoad", "Lanelet2"]
 _LANELET_VALUE = re.compile(rb"""v\s*=\s*["']lanelet["']""")
 LARGEST_BYTES = 60_000_000
@@ -37,11 +50,12 @@ def unpacked(path: Path, folder: Path, limit_bytes: int = LARGEST_BYTES) -> Path
     Raises:
         UnsafeInput: the content is larger than the limit (a few bytes can hold gigabytes), or the file is broken.
     """
-    ending = path.suffix.lower()
-    if ending not in (".gz", ".bz2"):
+    packed_name = path.suffix.lower() in (".gz", ".bz2")
+    opened = _opener(path)
+    if opened is None and (not packed_name or _root_of(path) is not None):
         return path
-    target, size = folder / path.stem, 0
-    opened = gzip.open if ending == ".gz" else bz2.open
+    target, size = folder / (path.stem if packed_name else path.name), 0
+    opened = opened or gzip.GzipFile
     try:
         with opened(path, "rb") as source, target.open("wb") as sink:
             while chunk := source.read(CHUNK_BYTES):
@@ -56,6 +70,59 @@ def unpacked(path: Path, folder: Path, limit_bytes: int = LARGEST_BYTES) -> Path
     return target
 
 
+def _opener(path: Path) -> Callable[..., IO[bytes]] | None:
+    """What unpacks a file; None for one that is not packed."""
+    with path.open("rb") as stream:
+        head = stream.read(3)
+    return next((opened for magic, opened in _OPENERS.items() if head.startswith(magic)), None)
+
+
+def root_element(path: Path) -> str | None:
+    """The local name of the root element of a file, packed or not, as far as formats of maps have it; else None.
+
+    ``osm``, ``net``, ``OpenDRIVE``, ``commonRoad``.
+    """
+    try:
+        root = _root_of(path)
+    except (EOFError, OSError, zlib.error):
+        return None
+    return root if root in _ENDINGS else None
+
+
+def _root_of(path: Path) -> str | None:
+    opened = _opener(path) or open
+    with opened(path, "rb") as stream:
+        head = stream.read(_HEAD_BYTES)
+    encoding = "utf-16" if head[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    text = head.decode(encoding, errors="replace").removeprefix("\ufeff")
+    match = _ROOT.match(text, _begin_of_root(text))
+    return None if match is None else match[1]
+
+
+def _begin_of_root(text: str) -> int:
+    """Where the root element begins: behind declarations and comments."""
+    at = 0
+    while True:
+        at += len(text[at:]) - len(text[at:].lstrip())
+        closing = next((end for begin, end in _ASIDES.items() if text.startswith(begin, at)), "")
+        end = text.find(closing, at + 2) if closing else -1
+        if end < 0:
+            return at
+        at = end + len(closing)
+
+
+def named_by_content(path: Path, folder: Path) -> Path:
+    """A map that is not packed under a name with the ending of its format: the file itself, or a copy in the folder."""
+    ending = _ENDINGS.get(root_element(path) or "")
+    name = path.name.lower()
+    if ending is None or (name.endswith(ending) and not (ending == LANELETS_ENDING and name.endswith(NET_ENDING))):
+        return path
+    stem = re.sub(r"(\.osm|\.net|\.xodr|\.xml|\.gz|\.bz2)+$", "", path.name, flags=re.IGNORECASE) or "map"
+    target = folder / f"{stem}{ending}"
+    shutil.copyfile(path, target)
+    return target
+
+
 def is_map(path: Path) -> bool:
     """Whether a file is a map by its name."""
     return path.name.lower().endswith(MAP_ENDINGS)
@@ -67,8 +134,18 @@ def is_net(path: Path) -> bool:
 
 
 def is_binary(path: Path) -> bool:
-    """Whether a file is an extract in OpenStreetMap's binary format by its name."""
-    return path.name.lower().endswith(BINARY_ENDING)
+    """Whether a file is an extract in OpenStreetMap's binary format by its name, or by its head if it is just .pbf."""
+    name = path.name.lower()
+    return name.endswith(BINARY_ENDING) or (name.endswith(".pbf") and _is_pbf(path))
+
+
+def _is_pbf(path: Path) -> bool:
+    """Whether a file begins with the header of OpenStreetMap's binary format: a length, and the word for it."""
+    try:
+        with path.open("rb") as stream:
+            return b"OSMHeader" in stream.read(32)
+    except OSError:
+        return False
 
 
 def is_large(path: Path) -> bool:

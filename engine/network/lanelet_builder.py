@@ -11,7 +11,7 @@ from operator import itemgetter
 from pathlib import Path
 
 from .lane_bounds import LaneBounds, draw_lane_bounds
-from .net_parser import Connection, LaneGraph, NetEdge, SignalProgram, SumoNet, connect, read_net
+from .net_parser import Connection, LaneGraph, NetEdge, SignalProgram, SumoNet, connect, lost_connections, read_net
 from .netconvert import remove_connections
 from .road_network import Incoming, Intersection, RoadLanelet, RoadNetwork, SpeedSign, TrafficLight
 
@@ -52,7 +52,9 @@ def build_road_network(net: SumoNet, *, step_s: float, elapsed_s: float) -> Road
     next_id += len(signs)
     lights = _traffic_lights(net, by_lane, next_id, step_s=step_s, elapsed_s=elapsed_s)
     next_id += len(lights)
-    return RoadNetwork(lanelets, signs, lights, _find_intersections(net, ids, next_id), dropped)
+    lost = tuple((link.from_lane, link.to_lane) for link in lost_connections(net, graph))
+    intersections = _find_intersections(net, ids, graph, next_id)
+    return RoadNetwork(lanelets, signs, lights, intersections, dropped, lost_connections=lost)
 
 
 def _lanelet(key: str, bounds: LaneBounds, ids: dict[str, int], graph: LaneGraph, net: SumoNet) -> RoadLanelet:
@@ -167,8 +169,11 @@ def _cycle(program: SignalProgram, link: int, step_s: float) -> tuple[tuple[int,
     return tuple((sum(steps for steps, _ in run), colour) for colour, run in groupby(phases, itemgetter(1)))
 
 
-def _find_intersections(net: SumoNet, ids: dict[str, int], first_id: int) -> tuple[Intersection, ...]:
-    """Junctions with at least two arms in and two out, three on one side; ``ids``: lanelet id by SUMO lane."""
+def _find_intersections(net: SumoNet, ids: dict[str, int], graph: LaneGraph, first_id: int) -> tuple[Intersection, ...]:
+    """Junctions with at least two arms in and two out, three on one side; ``ids``: lanelet id by SUMO lane.
+
+    Where the lane over a junction is too short to be drawn, the lane behind it stands for it.
+    """
     arms: dict[str, dict[str, defaultdict[str, set[int]]]] = {}
     exits: dict[str, set[str]] = {}
     for connection in net.connections:
@@ -176,10 +181,12 @@ def _find_intersections(net: SumoNet, ids: dict[str, int], first_id: int) -> tup
             continue
         junction = net.edges[connection.from_edge].to_junction
         exits.setdefault(junction, set()).add(connection.to_edge)
-        if connection.from_lane in ids and connection.via in ids:
+        following = graph.successors.get(connection.from_lane, ())
+        over = next((lane for lane in (connection.via, connection.to_lane) if lane in following), None)
+        if over is not None:
             arm = arms.setdefault(junction, {}).setdefault(connection.from_edge, defaultdict(set))
             arm["in"].add(ids[connection.from_lane])
-            arm[_SIDES.get(connection.direction, "straight")].add(ids[connection.via])
+            arm[_SIDES.get(connection.direction, "straight")].add(ids[over])
     intersections: list[Intersection] = []
     for junction, by_edge in arms.items():
         ways_in, ways_out = len(by_edge), len(exits[junction])

@@ -4,8 +4,9 @@ Pedestrian crossings, walking areas and connectors are left out. Coordinates are
 whose numbers are none, or beyond what roads have, is refused here.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -268,6 +269,14 @@ class LaneGraph:
                 linked.append(new)
                 linked.sort()
 
+    def contract(self, lane_id: str) -> None:
+        """Take a lane out and let those after it follow those before it."""
+        before, after = list(self.predecessors[lane_id]), list(self.successors[lane_id])
+        self.drop([lane_id])
+        for entry, following in product(before, after):
+            if lane_id not in (entry, following):
+                self.link(entry, following)
+
     def drop(self, lane_ids: Iterable[str]) -> None:
         """Take lanes and their links out."""
         for lane_id in lane_ids:
@@ -279,13 +288,19 @@ class LaneGraph:
 
 
 def connect(net: SumoNet) -> LaneGraph:
-    """The graph of all lanes for road vehicles; internal lanes that lead nowhere are left out."""
-    lanes = {key: lane for key, lane in net.lanes.items() if _usable(lane)}
+    """The graph of all lanes for road vehicles; internal lanes that lead nowhere are left out.
+
+    Lanes too short to be drawn are left out too, and what they connect is linked directly: where two roads meet end to
+    end, the lane inside the junction has no length.
+    """
+    lanes = {key: lane for key, lane in net.lanes.items() if lane.allowed & ROAD_CLASSES}
     graph = LaneGraph(lanes, {key: [] for key in lanes}, {key: [] for key in lanes})
     for connection in net.connections:
         after = connection.to_lane if connection.via is None else connection.via
         if connection.from_lane in lanes and after in lanes:
             graph.link(connection.from_lane, after)
+    for key in [key for key, lane in lanes.items() if not _is_drawable(lane)]:
+        graph.contract(key)
     while loose := [
         key
         for key, lane in graph.lanes.items()
@@ -296,8 +311,44 @@ def connect(net: SumoNet) -> LaneGraph:
     return graph
 
 
-def _usable(lane: NetLane) -> bool:
-    return bool(lane.allowed & ROAD_CLASSES) and len(lane.shape) >= 2 and length_m(lane.shape) > _SHORTEST_LANE_M
+def lost_connections(net: SumoNet, graph: LaneGraph) -> tuple[Connection, ...]:
+    """The connections between lanes of roads that a vehicle may drive in the net, but not in the graph.
+
+    A vehicle that may use the lanes before, over and behind a junction has to find a way over the junction in the graph
+    too; over lanes of roads that are too short to be drawn, the way goes on to the next that is drawn.
+    """
+    via = {link.from_lane: link.via for link in net.connections if link.from_edge.startswith(":")}
+    return tuple(link for link in net.connections if _is_drivable(link, net, via) and not _leads(link, net, graph))
+
+
+def _is_drivable(link: Connection, net: SumoNet, via: Mapping[str, str | None]) -> bool:
+    """Whether a connection leads from road to road and some vehicle may use all of its lanes, each long enough."""
+    ends = [net.lanes.get(key) for key in (link.from_lane, link.to_lane)]
+    if link.from_edge.startswith(":") or not all(lane is not None and _is_drawable(lane) for lane in ends):
+        return False
+    inside, key = [], link.via
+    while key is not None and key not in inside:
+        inside.append(key)
+        key = via.get(key)
+    parts = [*ends, *(net.lanes.get(key) for key in inside)]
+    return bool(ROAD_CLASSES.intersection(*(lane.allowed for lane in parts if lane is not None)))
+
+
+def _leads(link: Connection, net: SumoNet, graph: LaneGraph) -> bool:
+    """Whether the graph leads from a connection's first lane to its last over lanes inside junctions alone."""
+    waiting, seen = [link.from_lane], set[str]()
+    while waiting:
+        for key in graph.successors.get(waiting.pop(), ()):
+            if key == link.to_lane:
+                return True
+            if key not in seen and net.lanes[key].internal:
+                seen.add(key)
+                waiting.append(key)
+    return False
+
+
+def _is_drawable(lane: NetLane) -> bool:
+    return len(lane.shape) >= 2 and length_m(lane.shape) > _SHORTEST_LANE_M
 
 
 def _join_over_tiny_lanes(graph: LaneGraph) -> None:

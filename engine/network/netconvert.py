@@ -55,7 +55,8 @@ roads that fold back at one point are straightened.
 """
 _OSM_OPTIONS = """
 --geometry.remove true --ramps.guess true --roundabouts.guess true --tls.guess-signals true --tls.discard-simple true
---tls.join true --output.street-names true --keep-edges.by-vclass passenger,bus,truck,delivery,motorcycle,taxi
+--tls.join true --output.street-names true --osm.turn-lanes true --osm.lane-access true
+--keep-edges.by-vclass passenger,bus,truck,delivery,motorcycle,taxi
 """
 """What SUMO's guide to importing OpenStreetMap recommends, with street names, for roads of motor vehicles alone."""
 
@@ -72,7 +73,7 @@ def convert_osm(
     """Turn an OSM extract into a SUMO net; netconvert's warnings.
 
     Args:
-        osm: the scanned extract.
+        osm: the scanned extract; types of road that it needs lie beside it, as ``.typ.xml``.
         net: where to write.
         lefthand: whether traffic keeps to the left.
         drivable_service_roads: open service roads (delivery only by SUMO's default) to all vehicles.
@@ -87,7 +88,9 @@ def convert_osm(
 
     types = [Path(sumo.SUMO_HOME) / "data" / "typemap" / "osmNetconvert.typ.xml"]
     if drivable_service_roads:
-        types.append(Path(__file__).parent.parent / "maps" / "service_roads.typ.xml")
+        types.append(Path(__file__).parent.parent / "maps" / "road_tags" / "service_roads.typ.xml")
+    if (own := osm.with_suffix(".typ.xml")).exists():
+        types.append(own)
     options = ["--osm-files", str(osm), "--type-files", ",".join(str(path) for path in types), *_OSM_OPTIONS.split()]
     options += ["--lefthand", str(lefthand).lower(), "--junctions.join", str(join_junctions).lower()]
     if pavements:

@@ -120,6 +120,7 @@ class Walkway:
 class RoadNetwork:
     """All lanelets by id, with signs, lights and intersections; ``dropped_lanes``: those without valid bounds.
 
+    ``lost_connections``: from lane to lane, those of the net that no way over the lanelets stands for.
     ``largest_id``: of all elements of the file that the network was read of; 0 where it was read of none. ``walkways``
     are beside the lanelets, which are those of vehicles.
     """
@@ -131,6 +132,7 @@ class RoadNetwork:
     dropped_lanes: tuple[str, ...]
     largest_id: int = 0
     walkways: tuple[Walkway, ...] = ()
+    lost_connections: tuple[tuple[str, str], ...] = ()
 
     @property
     def next_id(self) -> int:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, get_args
 
 from ...schemas.errors import InvalidRequest, PlannerFailure, UnknownName, closest
-from ...schemas.runs import Prediction
+from ...schemas.runs import DriverModelName, Prediction
 from ...schemas.runs import Traffic as TrafficMode
 from .external.found import Found, found_planners
 
@@ -51,10 +51,13 @@ def _iterative_search() -> "Planner":
     return Fiss()
 
 
-def _reference_driver(model: str) -> "Planner":
-    from .reference_drivers import planner
+def _reference_driver(name: DriverModelName) -> "Callable[[], Planner]":
+    def make() -> "Planner":
+        from .reference_drivers.planner import reference_planner
 
-    return planner.ReferencePlanner(getattr(planner, model))
+        return reference_planner(name)
+
+    return make
 
 
 PLANNERS: dict[str, "Callable[[], Planner]"] = {
@@ -62,11 +65,11 @@ PLANNERS: dict[str, "Callable[[], Planner]"] = {
     "mp_rbfn": _radial_basis_primitives,
     "idm": _intelligent_driver,
     "fiss": _iterative_search,
-    "r157_careful": lambda: _reference_driver("careful_driver"),
-    "fsm": lambda: _reference_driver("fuzzy_driver"),
-    "rss": lambda: _reference_driver("rss_driver"),
-    "full_braking": lambda: _reference_driver("full_braking"),
-    "keep_lane": lambda: _reference_driver("keep_lane"),
+    "r157_careful": _reference_driver("r157_careful"),
+    "fsm": _reference_driver("fsm"),
+    "rss": _reference_driver("rss"),
+    "full_braking": _reference_driver("full_braking"),
+    "keep_lane": _reference_driver("keep_lane"),
 }
 
 

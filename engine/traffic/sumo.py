@@ -39,6 +39,8 @@ _HARD_BRAKING_SPEED_MODE = 27
 """SUMO's speed mode with all checks (gaps, power, right of way, lights) but that of the driver's own deceleration."""
 _NO_LIMIT_SPEED_MODE = 95
 """SUMO's speed mode with all checks (gaps, power, brakes, right of way, lights) but that of the speed limit."""
+_LIGHTS_AND_RIGHT_OF_WAY = 8 | 16
+"""The bits of SUMO's speed modes for the right of way at junctions and for braking at red lights."""
 _DRIVERS_CHOICE = -1
 """SUMO's value for a speed that the driver model chooses."""
 _PASSING_MPS = "100"
@@ -149,6 +151,7 @@ class Sumo:
         self._libsumo = libsumo
         self._simulation, self._vehicle, self._lane = libsumo.simulation, libsumo.vehicle, libsumo.lane
         self._person = libsumo.person
+        self._ignoring_lights: set[str] = set()
 
     # The simulation
 
@@ -293,25 +296,32 @@ class Sumo:
 
     # Orders to vehicles that SUMO drives
 
+    def ignore_lights(self, key: str) -> None:
+        """Have a vehicle mind neither red lights nor the right of way, whatever order it gets."""
+        self._ignoring_lights.add(key)
+
+    def _mode(self, key: str, mode: int) -> int:
+        return mode & ~_LIGHTS_AND_RIGHT_OF_WAY if key in self._ignoring_lights else mode
+
     def let_drive(self, key: str) -> None:
         """SUMO drives the vehicle from now on."""
         self._vehicle.setSpeed(key, _DRIVERS_CHOICE)
-        self._vehicle.setSpeedMode(key, _DRIVEN_SPEED_MODE)
+        self._vehicle.setSpeedMode(key, self._mode(key, _DRIVEN_SPEED_MODE))
         self.allow_lane_changes(key, LaneChanges.DRIVERS_OWN)
 
     def slow_down(self, key: str, speed_mps: float) -> None:
         """Have a vehicle brake to a speed in the next step, however hard that is."""
-        self._vehicle.setSpeedMode(key, _HARD_BRAKING_SPEED_MODE)
+        self._vehicle.setSpeedMode(key, self._mode(key, _HARD_BRAKING_SPEED_MODE))
         self._vehicle.setSpeed(key, speed_mps)
 
     def keep_speed(self, key: str, speed_mps: float) -> None:
         """Have a vehicle keep a speed from the next step on, above the speed limit too."""
-        self._vehicle.setSpeedMode(key, _NO_LIMIT_SPEED_MODE)
+        self._vehicle.setSpeedMode(key, self._mode(key, _NO_LIMIT_SPEED_MODE))
         self._vehicle.setSpeed(key, speed_mps)
 
     def release_speed(self, key: str) -> None:
         """Leave the speed to the driver again."""
-        self._vehicle.setSpeedMode(key, _DRIVEN_SPEED_MODE)
+        self._vehicle.setSpeedMode(key, self._mode(key, _DRIVEN_SPEED_MODE))
         self._vehicle.setSpeed(key, _DRIVERS_CHOICE)
 
     def allow_lane_changes(self, key: str, changes: LaneChanges) -> None:

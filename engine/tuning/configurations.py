@@ -1,11 +1,9 @@
 """Planner configurations: made from a preset or another configuration, named by their content."""
 
-import hashlib
-import json
 from collections.abc import Sequence
 
 from ...schemas.errors import Faults
-from ...schemas.planning import PlannerConfiguration, PlannerSettings, WeightChange
+from ...schemas.planning import PlannerConfiguration, PlannerSettings, WeightChange, configuration_id_of
 from ..planners import PLANNERS, known_planner
 from .settings import apply_assignments, changed_settings, known_settings, setting_values
 from .tunings import tuning_of
@@ -134,20 +132,8 @@ def _configuration(
     settings: PlannerSettings,
     template: str = "",
 ) -> PlannerConfiguration:
-    """The configuration with its id; its name is ``planner:preset``, with what differs from it.
-
-    Default settings and no file are no part of the id: it stays what it was before there were any.
-    """
+    """The configuration with its id; its name is ``planner:preset``, with what differs from it."""
     stated = settings.model_dump(exclude_defaults=True)
-    parts_of_id = [
-        planner,
-        weights,
-        external,
-        *([stated] if stated or template else []),
-        *([template] if template else []),
-    ]
-    content = json.dumps(parts_of_id, separators=(",", ":"))
-    digest = hashlib.sha256(content.encode()).hexdigest()[:12]
     known = () if any(external.values()) else tuning_of(planner).presets.values()
     same = [entry.name for entry in known if entry.weights == weights]
     origin = same[0] if same else preset
@@ -160,7 +146,7 @@ def _configuration(
     more = f" and {len(parts) - _MOST_NAMED} more" if len(parts) > _MOST_NAMED else ""
     name = ", ".join([f"{planner}:{origin}", *parts[:_MOST_NAMED]]) + more
     return PlannerConfiguration(
-        config_id=f"cfg_{digest}",
+        config_id=configuration_id_of(planner, weights, external, settings, template),
         planner=planner,
         name=name,
         preset=origin,

@@ -26,6 +26,7 @@
 ``Disagreement``: Something that records and files of a workspace disagree on.
 ``room_used``: What each part of the workspace takes.
 ``disagreements``: What does not fit together in a workspace.
+``repair``: Takes out artifacts whose record calls cannot read or believe.
 ``make_room``: Removes what belongs to nothing, and above a quota what can be made again.
 ``Quota``: What a workspace may take, asked before something is stored.
 ``export_workspace``: Writes all artifacts with their files into one archive.
@@ -54,6 +55,6 @@ if TYPE_CHECKING:
     from .database import Database, make_private, still_runs
     from .export import REPORT_NAME, Export, plan_exports, refuse_taken, write_export, write_whole
     from .recipe import Recipe, content_digest, versions_of
-    from .upkeep import Disagreement, FolderUse, Quota, disagreements, make_room, room_used
+    from .upkeep import Disagreement, FolderUse, Quota, disagreements, make_room, repair, room_used
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -3,7 +3,8 @@
 The file is a ZIP archive: ``workspace.json`` says who wrote it, ``records.jsonl`` holds one artifact a line in the
 order in which they were made, ``files/`` their files, ``journal/`` the journal where it was asked for, and
 ``SHA256SUMS`` the digests of all these. Caches, jobs and tasks are not in it. What is read is not trusted: nothing is
-stored before all of it was checked.
+stored before all of it was checked, ids have to follow from content, and what is stored is marked as imported, since
+nobody can see whether a run went as its record says.
 """
 
 import hashlib
@@ -30,6 +31,7 @@ from .artifacts import ARTIFACT_KINDS, ORDINARY_ID, ArtifactKind, NewArtifact, W
 from .database import SCHEMA_VERSION, make_private
 from .export import write_whole
 from .recipe import Recipe, content_digest
+from .record_checks import in_one_line, record_fault
 from .upkeep import MAIN_FILES
 
 _HEAD, _RECORDS, _SUMS = "workspace.json", "records.jsonl", "SHA256SUMS"
@@ -44,6 +46,8 @@ _JOURNAL_NAME = re.compile(r"calls\.jsonl(?:\.\d{1,2})?")
 _SUM = re.compile(r"([0-9a-f]{64})  (\S+)")
 _SHOWN = 5
 """Ids that an error names; chosen."""
+_TIMED = {"timing.json", "planner.log"}
+"""Files of a run that say how long it took: the same run on two machines has others."""
 
 OnBytes = Callable[[int, int], None]
 """Is told how many bytes are done, and of how many."""
@@ -408,6 +412,11 @@ def _sorted_out(workspace: Workspace, folder: Path, head: _Head, sums: Mapping[s
             raise _damaged(f"it has two records of {record.kind} {record.artifact_id}")
         if _is_lost(record):
             raise _damaged(f"{record.kind} {record.artifact_id} has no {MAIN_FILES[record.kind]}")
+        if fault := record_fault(record.kind, record.artifact_id, record.recipe, record.record, folder / record.place):
+            raise UnsafeInput(
+                f"{record.kind} {record.artifact_id} in the archive is not what it says: {fault}",
+                next_step="ask who made the archive for one that `workspace export` wrote and nobody changed",
+            )
         seen.add(record.place)
         files |= {f"{record.place}/{file}" for file in record.files}
         if workspace.find(record.kind, record.artifact_id) is None:
@@ -436,8 +445,9 @@ def _is_same(workspace: Workspace, record: _Record, sums: Mapping[str, str]) -> 
     if record.kind != "scenario" and stored.record != record.record:
         return False
     folder = workspace.folder(record.kind, record.artifact_id)
-    there = {file.name: content_digest(file) for file in folder.iterdir()} if folder.is_dir() else {}
-    return there == {file: sums[f"{record.place}/{file}"] for file in record.files}
+    here = {file.name: content_digest(file) for file in folder.iterdir()} if folder.is_dir() else {}
+    there = {file: sums[f"{record.place}/{file}"] for file in record.files}
+    return {name: here[name] for name in here.keys() - _TIMED} == {name: there[name] for name in there.keys() - _TIMED}
 
 
 def _staged(record: _Record, folder: Path) -> NewArtifact:
@@ -445,11 +455,12 @@ def _staged(record: _Record, folder: Path) -> NewArtifact:
         record.kind,
         record.artifact_id,
         record.recipe,
-        _AsWritten(record.record),
+        _AsWritten(in_one_line(record.record)),
         files={},
-        name=record.name,
+        name=one_line(record.name),
         copies=folder / record.place if record.files else None,
         made_at=record.made_at,
+        imported=record.kind != "config",  # its id is made from its content
     )
 
 

@@ -18,10 +18,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
-from pydantic import BaseModel
+from pydantic import BaseModel, Field, ValidationError
 
-from ...schemas.base import Model
+from ...schemas.base import Model, problems_of
 from ...schemas.errors import ResourceFailure, UnknownName, closest
+from ...schemas.text import one_line
 from .database import Database, make_private, still_runs
 from .recipe import Recipe
 
@@ -46,6 +47,7 @@ _MAKERS: dict[ArtifactKind, str] = {
 _OWN_FOLDERS = frozenset(
     {
         *("scratch", "index", "logs", "recordings", "journal", "pictures", "views", "answers", "extracts", "looks"),
+        "taken_out",
         *(f"{kind}s" for kind in get_args(ArtifactKind)),
     }
 )
@@ -59,7 +61,10 @@ ORDINARY_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,119}")
 
 
 class Artifact(Model):
-    """What was made: its id, its recipe, and its record as JSON; the files lie in the workspace."""
+    """What was made: its id, its recipe, and its record as JSON; the files lie in the workspace.
+
+    ``imported``: it came in an archive of a workspace, so its record is what the archive's maker says.
+    """
 
     artifact_id: str
     kind: ArtifactKind
@@ -68,10 +73,22 @@ class Artifact(Model):
     record: dict[str, Any]
     sequence: int
     made_at: str
+    imported: bool = Field(False, exclude_if=lambda imported: not imported)
 
     def read(self, record_type: type[Record]) -> Record:
-        """The record as the model that wrote it."""
-        return record_type.model_validate(self.record)
+        """Return the record as the model that wrote it.
+
+        Raises:
+            ResourceFailure: it is no such record; a defect or somebody else wrote it.
+        """
+        try:
+            return record_type.model_validate(self.record)
+        except ValidationError as error:
+            problem = one_line(problems_of(record_type, error)[0][0])
+            raise ResourceFailure(
+                f"the record of {self.kind} {self.artifact_id} in the workspace cannot be read: {problem}",
+                next_step="`plannerforge workspace verify` lists such records, and `workspace repair` takes them out",
+            ) from error
 
 
 @dataclass(frozen=True)
@@ -79,6 +96,7 @@ class NewArtifact:
     """An artifact that is to be stored; ``files``: name in its folder → file to copy.
 
     ``copies``: the folder with the copies of its files, once they are staged. ``made_at``: when, where that is not now.
+    ``imported``: it comes from an archive; what is made here later under the same id takes its place.
     """
 
     kind: ArtifactKind
@@ -89,6 +107,7 @@ class NewArtifact:
     name: str = ""
     copies: Path | None = None
     made_at: str = ""
+    imported: bool = False
 
 
 class Workspace:
@@ -126,6 +145,8 @@ class Workspace:
     ) -> Artifact:
         """Store an artifact; an id that is there already gives the stored one, untouched.
 
+        One that came from an archive gives way to what is made here.
+
         Args:
             files: name in the artifact's folder → file to move there (same disk: use :meth:`scratch`).
 
@@ -133,7 +154,7 @@ class Workspace:
             ResourceFailure: the disk is full; nothing of the artifact is left then.
         """
         stored = self.find(kind, artifact_id)
-        if stored is not None:
+        if stored is not None and not stored.imported:
             return stored
         new = NewArtifact(kind, artifact_id, recipe, record, files or {}, name)
         if not new.files:
@@ -180,8 +201,11 @@ class Workspace:
 
         with self.database.writing(take_back) as connection:
             for new in artifacts:
-                if self.find(new.kind, new.artifact_id) is not None:  # another server may have stored it meanwhile
+                stored = self.find(new.kind, new.artifact_id)  # another server may have stored it meanwhile
+                if stored is not None and (new.imported or not stored.imported):
                     continue
+                if stored is not None:
+                    _forget(connection, new.kind, new.artifact_id)
                 placed.append(self.folder(new.kind, new.artifact_id))
                 self._place(placed[-1], new.copies)
                 connection.execute(
@@ -197,6 +221,8 @@ class Workspace:
                         new.made_at,
                     ),
                 )
+                if new.imported:
+                    connection.execute("INSERT INTO imported VALUES (?, ?)", (new.kind, new.artifact_id))
                 connection.executemany(
                     "INSERT OR IGNORE INTO parents VALUES (?, ?)",
                     [(new.artifact_id, parent) for parent in new.recipe.parents],
@@ -207,8 +233,32 @@ class Workspace:
         return self._first("artifact_id = ?", kind, artifact_id)
 
     def find_by_recipe(self, kind: ArtifactKind, recipe: Recipe) -> Artifact | None:
-        """The artifact that this recipe made before, or None."""
-        return self._first("digest = ?", kind, recipe.digest)
+        """Return what this recipe made here before, or None: what an archive says that it made is not believed."""
+        return self._first(f"digest = ? AND NOT {_IS_IMPORTED}", kind, recipe.digest)
+
+    def imported_of(self, artifact_ids: Iterable[str]) -> list[str]:
+        """Return those of some ids, in their order, that came in an archive."""
+        marked = {row[0] for row in self.database.connection().execute("SELECT DISTINCT artifact_id FROM imported")}
+        return [artifact_id for artifact_id in artifact_ids if artifact_id in marked]
+
+    def take_out(self, kind: ArtifactKind, artifact_id: str, kept: Path) -> None:
+        """Take an artifact out of the workspace; its files and its row, as JSON, are moved to a new folder.
+
+        Raises:
+            ResourceFailure: the folder or the database cannot be written.
+        """
+        query = "SELECT * FROM artifacts WHERE kind = ? AND artifact_id = ?"
+        with self.database.writing() as connection:
+            row = connection.execute(query, (kind, artifact_id)).fetchone()
+            folder = self.root / f"{kind}s" / artifact_id
+            try:
+                kept.mkdir(parents=True)
+                (kept / "artifact.json").write_text(json.dumps(dict(row), indent=1), encoding="utf-8")
+                if ORDINARY_ID.fullmatch(artifact_id) and folder.is_dir():
+                    folder.rename(kept / "files")
+            except OSError as error:
+                raise disk_failure(kept, error) from error
+            _forget(connection, kind, artifact_id)
 
     def get(self, artifact_id: str, kind: ArtifactKind) -> Artifact:
         """The artifact with this id; ``latest`` is the newest of its kind.
@@ -355,11 +405,29 @@ class Workspace:
             raise disk_failure(target, error) from error
 
 
-_COLUMNS = "sequence, artifact_id, kind, name, recipe, record, made_at"
+_IS_IMPORTED = (
+    "EXISTS (SELECT 1 FROM imported WHERE imported.kind = artifacts.kind"
+    " AND imported.artifact_id = artifacts.artifact_id)"
+)
+_COLUMNS = f"sequence, artifact_id, kind, name, recipe, record, made_at, {_IS_IMPORTED}"
+
+
+def _forget(connection: sqlite3.Connection, kind: str, artifact_id: str) -> None:
+    """Remove an artifact from the tables; what names it as a parent keeps doing so."""
+    for table in ("artifacts", "imported"):
+        connection.execute(f"DELETE FROM {table} WHERE kind = ? AND artifact_id = ?", (kind, artifact_id))  # noqa: S608 - fixed words only
+    connection.execute("DELETE FROM parents WHERE artifact_id = ?", (artifact_id,))
 
 
 def _artifact(
-    sequence: int, artifact_id: str, kind: ArtifactKind, name: str, recipe: str, record: str, made_at: str
+    sequence: int,
+    artifact_id: str,
+    kind: ArtifactKind,
+    name: str,
+    recipe: str,
+    record: str,
+    made_at: str,
+    imported: int,
 ) -> Artifact:
     """What a row of the database holds."""
     return Artifact(
@@ -370,6 +438,7 @@ def _artifact(
         record=json.loads(record),
         sequence=sequence,
         made_at=made_at,
+        imported=bool(imported),
     )
 
 

@@ -52,6 +52,11 @@ CREATE TABLE IF NOT EXISTS parents (
     PRIMARY KEY (artifact_id, parent_id)
 ) WITHOUT ROWID;
 CREATE INDEX IF NOT EXISTS parents_by_parent ON parents (parent_id);
+CREATE TABLE IF NOT EXISTS imported (
+    kind TEXT NOT NULL,
+    artifact_id TEXT NOT NULL,
+    PRIMARY KEY (kind, artifact_id)
+) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS jobs (
     sequence INTEGER PRIMARY KEY AUTOINCREMENT,
     job_id TEXT NOT NULL UNIQUE,

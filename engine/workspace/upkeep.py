@@ -4,15 +4,20 @@ What can be made again (*caches*: pictures, recordings, the text index, answers 
 files that belong to no record) may go; what was made, its records and the journal never do.
 """
 
+import hashlib
+import json
 import shutil
 import threading
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 from ...schemas.errors import ResourceFailure
-from .artifacts import ABANDONED_S, ARTIFACT_KINDS, Workspace, disk_failure
+from .artifacts import ABANDONED_S, ARTIFACT_KINDS, ORDINARY_ID, ArtifactKind, Workspace, disk_failure
+from .recipe import Recipe
+from .record_checks import record_fault
 
 _CACHES = ("recordings", "pictures", "views", "index", "answers", "scratch")
 """Folders whose files are made anew when they are missing, those first that are made again most quickly."""
@@ -35,11 +40,16 @@ class FolderUse:
 
 @dataclass(frozen=True)
 class Disagreement:
-    """Something that records and files disagree on; ``is_lost``: what was made cannot be used any more."""
+    """Something that records and files disagree on.
+
+    ``is_lost``: what was made cannot be used any more. ``broken``: kind and id of an artifact whose record is not what
+    calls can read or believe; :func:`repair` takes it out.
+    """
 
     where: str
     what: str
     is_lost: bool
+    broken: tuple[str, str] | None = None
 
 
 def room_used(workspace: Workspace) -> list[FolderUse]:
@@ -61,10 +71,13 @@ def disagreements(workspace: Workspace) -> Iterator[Disagreement]:
     if damage:
         yield Disagreement("database", damage, is_lost=True)
         return
-    rows = workspace.database.connection().execute("SELECT kind, artifact_id FROM artifacts ORDER BY sequence")
+    query = "SELECT kind, artifact_id, recipe, record FROM artifacts ORDER BY sequence"
     known: dict[str, set[str]] = {kind: set() for kind in ARTIFACT_KINDS}
-    for kind, artifact_id in rows:
-        known[kind].add(artifact_id)
+    for kind, artifact_id, recipe, record in workspace.database.connection().execute(query):
+        known.setdefault(kind, set()).add(artifact_id)
+        if fault := _fault_of(workspace, kind, artifact_id, recipe, record):
+            yield Disagreement(f"{kind} {artifact_id}", fault, is_lost=True, broken=(kind, artifact_id))
+            continue
         main = MAIN_FILES.get(kind)
         if main is None:
             continue
@@ -75,6 +88,46 @@ def disagreements(workspace: Workspace) -> Iterator[Disagreement]:
             yield Disagreement(f"{kind} {artifact_id}", f"its file {main} is empty", is_lost=True)
     for folder in _without_record(workspace, known):
         yield Disagreement(str(folder.relative_to(workspace.root)), "belongs to no record", is_lost=False)
+
+
+def _fault_of(workspace: Workspace, kind: str, artifact_id: str, recipe: str, record: str) -> str:
+    """Return why calls cannot read or believe a row, by reading it as they do; empty if they can."""
+    if kind not in ARTIFACT_KINDS or not ORDINARY_ID.fullmatch(artifact_id):
+        return "its kind or its id is one that no call gives"
+    try:
+        made_by, content = Recipe.model_validate_json(recipe), json.loads(record)
+    except (ValueError, RecursionError):
+        return "its recipe or its record is no JSON of its form"
+    if not isinstance(content, dict):
+        return "its record is no JSON object"
+    folder = workspace.root / f"{kind}s" / artifact_id
+    return record_fault(cast("ArtifactKind", kind), artifact_id, made_by, content, folder)
+
+
+def repair(workspace: Workspace) -> list[tuple[Disagreement, Path]]:
+    """Take out every artifact whose record calls cannot read or believe; everything else stays.
+
+    Returns:
+        What was wrong with each, and the folder below ``taken_out`` to which its row and its files were moved.
+
+    Raises:
+        ResourceFailure: the database is damaged, or something cannot be moved.
+    """
+    done: list[tuple[Disagreement, Path]] = []
+    found = list(disagreements(workspace))
+    if any(each.where == "database" for each in found):
+        raise ResourceFailure(
+            "the database itself is damaged, and its records cannot be told apart",
+            next_step="restore workspace.sqlite from a backup, or import an archive of the workspace into a new one",
+        )
+    for each in found:
+        if each.broken is not None:
+            kind, artifact_id = each.broken
+            name = f"{kind}_{hashlib.sha256(artifact_id.encode()).hexdigest()[:12]}_{time.time_ns()}"
+            kept = workspace.root / "taken_out" / name
+            workspace.take_out(cast("ArtifactKind", kind), artifact_id, kept)
+            done.append((each, kept))
+    return done
 
 
 def make_room(workspace: Workspace, *, quota_bytes: int | None = None) -> list[tuple[str, int]]:

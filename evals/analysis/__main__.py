@@ -1,6 +1,6 @@
 """``make bench-analysis``: whether what an analysis says of runs is so.
 
-Each part is a module of this package with a function ``measure(bench: AnalysisBench) -> Figures``, which explains its
+Each part is a module of this package with a function ``measure(bench: SeededBench) -> Figures``, which explains its
 keys and judges by code apart from the product. The keys that count:
 
 ``causes``: ``class_right`` (share of made collisions whose kind is told as it is), ``fault_right`` (told to be
@@ -22,15 +22,11 @@ too). CriMe runs in an environment of its own, which the part makes where it is 
 1. ``--json`` prints the last line alone.
 """
 
-import argparse
 import sys
-import tempfile
-from pathlib import Path
 
-from ..harness import Parts, add_part_options, existing, print_parts, shared_folder
-from .bench import AnalysisBench
+from ..harness import Parts, SeededBench
 
-PARTS: Parts[AnalysisBench] = Parts(
+PARTS: Parts[SeededBench] = Parts(
     package=__package__ or "",
     keys={
         "causes": ("class_right", "fault_right", "recorded_class_right", "recorded_fault_right"),
@@ -48,23 +44,5 @@ PARTS: Parts[AnalysisBench] = Parts(
 """The parts in the order in which they are measured, and the keys that each owes."""
 
 
-def _main() -> int:
-    """Read the command line, measure, print; the status."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_part_options(parser)
-    parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder with data/xml")
-    parser.add_argument("--seed", type=int, default=20, help="of all that is drawn (default: 20)")
-    parser.add_argument("--limit", type=int, default=None, help="only so many cases of each part: a sample")
-    given = parser.parse_args()
-    try:
-        parts = PARTS.chosen(given.only)
-    except ValueError as error:
-        parser.error(str(error))
-    with tempfile.TemporaryDirectory() as scratch:
-        bench = AnalysisBench(existing(given.shared), Path(scratch), given.seed, given.limit)
-        figures, faults = PARTS.measured(parts, bench)
-    return print_parts("Analysis", figures, faults, as_json=given.json)
-
-
 if __name__ == "__main__":
-    sys.exit(_main())
+    sys.exit(PARTS.run("Analysis", SeededBench.options(__doc__), SeededBench.of))

@@ -20,8 +20,7 @@ import anyio
 from mcp import Client
 
 from ...engine.workspace import Workspace
-from ..harness import Figures, ask, ask_to_the_end, attempted_runs, finished_batch, share
-from .bench import AnalysisBench
+from ..harness import Figures, SeededBench, ask, ask_to_the_end, attempted_runs, finished_batch, share
 from .public_runs import DEFAULT, PREDICTION, import_public, public_folder, public_server
 
 ENOUGH = 30
@@ -101,12 +100,12 @@ def sides(scenarios: Iterable[str], choice: random.Random) -> tuple[list[str], l
     return shared_out
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; with a limit, of so many spoiled configurations."""
     return anyio.run(_measured, bench)
 
 
-async def _measured(bench: AnalysisBench) -> Figures:
+async def _measured(bench: SeededBench) -> Figures:
     found: list[_Advice] = []
     tried = 0
     choice = random.Random(bench.seed)  # noqa: S311 - no secret
@@ -126,7 +125,7 @@ async def _measured(bench: AnalysisBench) -> Figures:
     }
 
 
-def _scenarios(bench: AnalysisBench) -> list[str]:
+def _scenarios(bench: SeededBench) -> list[str]:
     workspace = Workspace(public_folder(bench))
     names = [artifact.artifact_id for artifact in workspace.newest(kind="scenario", limit=1000)]
     workspace.close()
@@ -134,7 +133,7 @@ def _scenarios(bench: AnalysisBench) -> list[str]:
 
 
 async def _round(
-    bench: AnalysisBench, client: Client, spoiled: str, sides: tuple[list[str], list[str]]
+    bench: SeededBench, client: Client, spoiled: str, sides: tuple[list[str], list[str]]
 ) -> tuple[int, list[_Advice]]:
     """How many changes were tried for a spoiled configuration, and those told to help with what they do elsewhere."""
     seen, unseen = sides
@@ -176,7 +175,7 @@ def _told(tried: Mapping[str, Any]) -> bool:
     return bool(tried["gained"] > tried["lost"] and tried["p"] <= 1 / 16)
 
 
-def _goals(bench: AnalysisBench, batch_id: str, configs: Sequence[str]) -> dict[str, dict[str, bool]]:
+def _goals(bench: SeededBench, batch_id: str, configs: Sequence[str]) -> dict[str, dict[str, bool]]:
     """By configuration: scenario → whether it reached its goal; runs that could not be attempted are left out."""
     records = attempted_runs(public_folder(bench), batch_id)
     return {

@@ -2,15 +2,19 @@
 
 The collisions are drawn at random (a seed, 12 of each kind): a recorded follower, a standing ego, a slower or standing
 leader, a leader that brakes, one that cuts in, one that crosses, one that comes the other way. The truth is that of
-this module, which shares nothing with the product: the kind follows from how the encounter was made, and whether full
-braking prevents it is found by trying every moment with steps of 5 ms and overlaps of rectangles by separating axes.
+this module, which shares nothing with the product: the kind follows from how the encounter was made and which sides
+met, and whether full braking prevents it is found by trying every moment with steps of 5 ms and overlaps of rectangles
+by separating axes, until 30 s after the contact. What the other drivers prevent is judged by ``evals.loop.verdicts``.
 
 Keys: ``class_right``: share of the collisions whose kind is told as it is; ``fault_right``: of those where braking
 decides clearly, the share that is told to be preventable or not as the truth has it; ``braking_until_error_s``: the
 largest difference of the latest moment; ``causes_collisions``: how many there were; ``unclear``: those left out of
 ``fault_right``, because 2 % more speed or 0.1 m more width would turn the truth. ``recorded_class_right``,
-``recorded_fault_right``: the same of the collisions that Frenetix' and IDM's runs on the public scenarios end in, with
-the truth of ``recorded``; ``recorded_collisions``, ``recorded_unclear``: how many there were, and were left out.
+``recorded_fault_right``: the same of the collisions that Frenetix' and IDM's runs on the public scenarios end in, the
+latter of each verdict on full braking, the careful and the fuzzy driver and RSS from the moment before the contact, by
+the truth of ``recorded`` and ``recorded_drivers``; ``recorded_collisions``, ``recorded_verdicts``,
+``recorded_unclear``: how many collisions and verdicts there were, and how many verdicts were left out. What drivers do
+from the start is judged by ``evals.loop.verdicts``.
 """
 
 import math
@@ -22,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import anyio
+import numpy as np
 
 from ...engine.analysis import review_runs
 from ...engine.execution import silent
@@ -36,14 +41,14 @@ from ...schemas.runs import (
     RunSource,
     RunSteps,
 )
-from ..harness import Figures, share
-from .bench import AnalysisBench
-from .recorded import Hit, is_preventable, kind_of, public_hits
+from ..harness import Figures, SeededBench, share
+from .recorded import Array, Hit, corners, kind_of, public_hits, side_of
+from .recorded_drivers import DRIVERS, prevented_by
 
 STEP_S, FINE_S = 0.1, 0.005
 LENGTH_M, WIDTH_M = 4.508, 1.61
 FULL_MPS2, JERK_MPS3 = 0.774 * 9.81, 12.65
-HORIZON_S, AFTER_S = 12.0, 3.0
+HORIZON_S, AFTER_S = 12.0, 30.0
 Pose = tuple[float, float, float]
 """x, y in m and heading in rad."""
 
@@ -140,12 +145,21 @@ def first_touch_s(made: Made, step_s: float = STEP_S) -> float | None:
 def kind_at(made: Made, touch_s: float) -> ContactKind:
     """What an encounter has come to one step before its touch: a leader may stand, one that cuts in be beside."""
     before = touch_s - STEP_S
-    x, _, _ = made.other.pose(before)
+    x, y, heading = made.other.pose(before)
     if made.kind == "rear_end_by_ego" and made.other.speed(before) < 0.1:
         return "into_standing"
-    if made.kind == "cut_in" and abs(x - made.ego_mps * before) < LENGTH_M:
-        return "side"
+    if made.kind == "cut_in":
+        return _kind_of_cut_in(np.array([made.ego_mps * before, 0.0, 0.0]), np.array([x, y, heading]))
     return made.kind
+
+
+def _kind_of_cut_in(own: Array, other: Array) -> ContactKind:
+    """Return what a car that comes in from the side runs into, or what runs into it, by the sides that met."""
+    size = np.array([LENGTH_M, WIDTH_M])
+    ours, theirs = side_of(own, size, corners(other, size)), side_of(other, size, corners(own, size))
+    if ours == "front":
+        return "cut_in"
+    return "rear_end_by_other" if ours == "rear" or theirs == "front" else "side"
 
 
 def braked_m(speed: float, begins: float) -> list[float]:
@@ -162,11 +176,12 @@ def braked_m(speed: float, begins: float) -> list[float]:
 
 def latest_braking_s(made: Made, touch_s: float, more_m: float = 0.0) -> float | None:
     """The latest moment, in steps of a run, from which full braking keeps the ego clear until after the touch."""
-    last = round((touch_s + AFTER_S) / FINE_S)
+    others = {i: made.other.pose(i * FINE_S) for i in range(0, round((touch_s + AFTER_S) / FINE_S), 4)}
+    near = {i: pose for i, pose in others.items() if abs(pose[1]) < 2 * LENGTH_M}
     for step in range(round(touch_s / STEP_S), -1, -1):
         stations = braked_m(made.ego_mps, step * STEP_S)
-        others = (made.other.pose(index * FINE_S) for index in range(last))
-        if not any(overlap((stations[i], 0.0, 0.0), other, more_m) for i, other in enumerate(others) if i % 4 == 0):
+        meets = ((stations[i], pose) for i, pose in near.items() if abs(stations[i] - pose[0]) < 2 * LENGTH_M)
+        if not any(overlap((station, 0.0, 0.0), pose, more_m) for station, pose in meets):
             return round(step * STEP_S, 9)
     return None
 
@@ -236,7 +251,7 @@ def _record(touch_s: float, speed: float) -> RunRecord:
     )
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; 12 made collisions of each kind, or the bench's limit, and all recorded ones."""
     figures = dict(compared(bench.seed, bench.limit or 12, bench.folder("causes")))
     hits, contacts = anyio.run(public_hits, bench)
@@ -245,28 +260,30 @@ def measure(bench: AnalysisBench) -> Figures:
 
 def _of_recorded(hits: Sequence[Hit], contacts: Mapping[str, Mapping[str, Any] | None]) -> dict[str, float]:
     """The figures of collisions on public scenarios."""
-    classes, faults = list[bool](), list[bool]()
+    classes, faults, unclear = list[bool](), list[bool](), 0
     for hit in hits:
         contact, kind = contacts[hit.record.run_id], kind_of(hit)
         classes.append(contact is not None and contact["kind"] == kind)
         if not classes[-1]:
             sys.stderr.write(f"{hit.record.run_id} {hit.record.scenario_id}: truth {kind}, told {contact}\n")
-        truth = is_preventable(hit)
-        if truth != is_preventable(hit, 0.1):
-            continue
         prevention = None if contact is None else contact["prevention"]
-        drivers = ("by_careful_driver", "by_rss", "by_fuzzy_driver")
-        faults.append(
-            prevention is not None
-            and truth == (prevention["by_braking_until_s"] is not None or any(prevention[name] for name in drivers))
-        )
-        if not faults[-1]:
-            sys.stderr.write(f"{hit.record.run_id} {hit.record.scenario_id}: preventable {truth}, told {prevention}\n")
+        verdicts = [] if prevention is None else prevention["drivers"]
+        told = {one["driver"]: one for one in verdicts if one["start"] == "before_contact"}
+        for driver in DRIVERS:
+            truth = prevented_by(hit, driver)
+            if truth is None:
+                unclear += 1
+                continue
+            faults.append(driver in told and told[driver]["prevents"] == truth)
+            if not faults[-1]:
+                where = f"{hit.record.run_id} {hit.record.scenario_id} ({kind})"
+                sys.stderr.write(f"{where}: {driver} prevents it: {truth}, told {told.get(driver)}\n")
     return {
         "recorded_class_right": share(classes),
         "recorded_fault_right": share(faults),
         "recorded_collisions": len(classes),
-        "recorded_unclear": len(classes) - len(faults),
+        "recorded_verdicts": len(faults),
+        "recorded_unclear": unclear,
     }
 
 

@@ -43,8 +43,7 @@ from ...engine.execution import silent
 from ...schemas.measures import MeasuredValue
 from ...schemas.results import AnalyseRequest
 from ...schemas.runs import CollisionRecord, DrivenObstacle, RunMetrics, RunRecord, RunSource, RunSteps
-from ..harness import Figures, drawn, made_environment, scenario_files
-from .bench import AnalysisBench
+from ..harness import Figures, SeededBench, drawn, made_environment, scenario_files
 
 STEP_S, FINE_S = 0.1, 0.005
 LENGTH_M, WIDTH_M = 4.508, 1.61
@@ -104,7 +103,7 @@ class Tally:
         sys.stderr.writelines(f"{title}, not compared: {count} × {why}\n" for why, count in self.left_out.most_common())
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above, over 40 encounters of each kind and all files, or the bench's limit of both.
 
     Raises:
@@ -516,7 +515,7 @@ def _jolting(choice: random.Random) -> Made:
 # ---- CriMe
 
 
-def against_crime(bench: AnalysisBench) -> tuple[Tally, int]:
+def against_crime(bench: SeededBench) -> tuple[Tally, int]:
     """What the product tells of recorded vehicles, and what CriMe measures there; over how many files.
 
     Raises:

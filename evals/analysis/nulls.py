@@ -24,8 +24,7 @@ from ...engine.execution import silent
 from ...schemas.analysis.comparison import CompareRequest, CompareResultsResult, Side
 from ...schemas.results import AnalyseRequest, Rate
 from ...schemas.runs import Outcome, Prediction, RunMetrics, RunRecord, RunSource, ScenarioSource
-from ..harness import Figures, share
-from .bench import AnalysisBench
+from ..harness import Figures, SeededBench, share
 
 BATCHES, PLANTED = 1000, 300
 _LOGIT, _SCENARIO, _PREDICTION, _GAIN = 1.0, 1.7, 0.6, 1.4
@@ -155,7 +154,7 @@ def _naive_covers(rate: Rate, truth: float) -> bool:
     return abs(rate.count / rate.of - truth) <= 1.96 * math.sqrt(truth * (1 - truth) / rate.of)
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; 1,000 null and 300 planted batches, or the bench's limit of each."""
     stated: dict[float, list[bool]] = {0.0: [], _GAIN: []}
     naive_stated: list[bool] = []

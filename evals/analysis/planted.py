@@ -34,8 +34,7 @@ from ...schemas.runs import (
     RunSteps,
     ScenarioSource,
 )
-from ..harness import Figures, share
-from .bench import AnalysisBench
+from ..harness import Figures, SeededBench, share
 
 EACH, SCENARIOS = 6, 24
 _STEP_S, _LENGTH_M, _WIDTH_M = 0.1, 4.508, 1.61
@@ -100,7 +99,7 @@ def _into_a_slower_one(run: _Run, choice: random.Random) -> None:
     """The ego drives on into one ahead that it sees all the time."""
     slow, touch = run.speed_mps * choice.uniform(0.2, 0.4), choice.uniform(3.0, 5.0)
     ahead = (run.speed_mps - slow) * touch + _LENGTH_M
-    run.outcome, run.touch_s = "collision", touch
+    run.outcome, run.touch_s = "collision", _next_step_s(touch)
     run.other = lambda t: (ahead + slow * t, 0.0, 0.0, slow)
 
 
@@ -115,7 +114,12 @@ def _hit_by_one_that_turns(run: _Run, choice: random.Random) -> None:
         heading = -math.atan2(across, speed * 0.7) if since > 0 else 0.0
         return ahead, aside - across * since, heading, speed * 0.7
 
-    run.outcome, run.touch_s, run.other = "collision", touch, other
+    run.outcome, run.touch_s, run.other = "collision", _next_step_s(touch), other
+
+
+def _next_step_s(time_s: float) -> float:
+    """Return the time of the first step from a time on: runs end at a step at which the two overlap."""
+    return math.ceil(time_s / _STEP_S) * _STEP_S
 
 
 def _steps_of(run: _Run, weights: Mapping[str, float], choice: random.Random) -> RunSteps:
@@ -266,7 +270,7 @@ _NAMED = frozenset(_NAMES.values())
 _CAUSES = ("weight prediction", "weight velocity_offset", "blind", "class truck", "slower", "late")
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; six batches of each cause, or the bench's limit."""
     choice = random.Random(bench.seed)  # noqa: S311 - reproducible, not secret
     each = bench.limit or EACH

@@ -11,8 +11,7 @@ from ...engine.workspace import Workspace
 from ...schemas.runs import BatchRecord, RunRecord, RunSteps
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ...server.assembly import create_server
-from ..harness import finished_batch, import_scenarios, read_run_file, scenario_files, settings_for
-from .bench import AnalysisBench
+from ..harness import SeededBench, finished_batch, import_scenarios, read_run_file, scenario_files, settings_for
 
 DEFAULT, SAFETY = "frenetix:Default", "frenetix:Safety-Conservative"
 PREDICTION = "constant_velocity"
@@ -21,18 +20,18 @@ COMPARED = 40
 _FOLDER, _DONE = "public", "imported"
 
 
-def public_folder(bench: AnalysisBench) -> Path:
+def public_folder(bench: SeededBench) -> Path:
     """The workspace of the runs, which all parts share."""
     return bench.scratch / _FOLDER
 
 
-def public_server(bench: AnalysisBench) -> Client:
+def public_server(bench: SeededBench) -> Client:
     """A client of a server with one worker, which may write into the scratch; all parts have the same workspace."""
     settings = settings_for(public_folder(bench), bench.shared, 1)
     return Client(create_server(settings.model_copy(update={"roots": (bench.shared, bench.scratch)})))
 
 
-async def import_public(bench: AnalysisBench, client: Client, limit: int | None = None) -> None:
+async def import_public(bench: SeededBench, client: Client, limit: int | None = None) -> None:
     """Import every public scenario, or as many as a limit; what was imported by another part is there."""
     marker = public_folder(bench) / f"{_DONE}-{limit or 'all'}"
     if not marker.exists():
@@ -40,13 +39,13 @@ async def import_public(bench: AnalysisBench, client: Client, limit: int | None 
         marker.touch()
 
 
-async def public_batch(bench: AnalysisBench, client: Client) -> str:
+async def public_batch(bench: SeededBench, client: Client) -> str:
     """The batch of Frenetix' default on every public scenario, or on as many as the bench's limit."""
     await import_public(bench, client, bench.limit)
     return await finished_batch(client, scenarios=["preset:500"], configs=[DEFAULT], prediction=PREDICTION)
 
 
-async def compared_batch(bench: AnalysisBench, client: Client, batch_id: str) -> str:
+async def compared_batch(bench: SeededBench, client: Client, batch_id: str) -> str:
     """Two configurations on forty of the scenarios of a batch, drawn by the bench's seed."""
     names = raw_runs(bench, batch_id).batch.scenarios
     chosen = random.Random(bench.seed).sample(sorted(names), min(COMPARED, len(names)))  # noqa: S311 - no secret
@@ -69,7 +68,7 @@ class RawRuns:
         return tuple(record for record in self.records if record.outcome != "invalid")
 
 
-def raw_runs(bench: AnalysisBench, batch_id: str) -> RawRuns:
+def raw_runs(bench: SeededBench, batch_id: str) -> RawRuns:
     """Read the runs of a batch from the workspace."""
     workspace = Workspace(public_folder(bench))
     batch = workspace.get(batch_id, "batch").read(BatchRecord)

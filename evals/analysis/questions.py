@@ -20,8 +20,7 @@ from typing import Any
 import anyio
 
 from ...schemas.runs import RunRecord
-from ..harness import Figures
-from .bench import AnalysisBench
+from ..harness import Figures, SeededBench
 from .public_runs import RawRuns, compared_batch, public_batch, public_server, raw_runs
 from .recomputed import Costs, Pairs, correlation, goal, metric
 from .sentences import N, agrees
@@ -104,7 +103,7 @@ def _compared(text: str) -> tuple[str, ...]:
     return ("success", *(what for word, what in _COMPARE_WORDS.items() if word in low))
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above, over forty public scenarios or the bench's limit."""
     asked, faults = anyio.run(_measured, bench)
     for fault in faults:
@@ -113,7 +112,7 @@ def measure(bench: AnalysisBench) -> Figures:
     return {"questions_answered": round(1 - len(unanswered) / asked, 4), "questions": asked}
 
 
-async def _measured(bench: AnalysisBench) -> tuple[int, list[str]]:
+async def _measured(bench: SeededBench) -> tuple[int, list[str]]:
     """How many questions there are, and of those not answered: the line, what was asked, and the answer's beginning."""
     asked = questions(bench.shared / "corpora" / "dev")
     faults = []

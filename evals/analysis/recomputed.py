@@ -37,6 +37,8 @@ METRICS = {
 }
 """By the words of the answers: the field, what is equal, and over which pairs it is compared."""
 Z = float(norm.ppf(0.975))
+CAR_MPS2, CAR_TOP_MPS = 11.5, 50.8
+"""The largest acceleration and speed of vehicle 2 of CommonRoad's vehicle models (3.0.2), the ego of public runs."""
 Trial = tuple[str, float]
 """A scenario, and what came out."""
 
@@ -319,9 +321,10 @@ _LATE_BY: Mapping[str, tuple[str, ...]] = {
 def late_because(raw: RawRuns, record: RunRecord, pace: Sequence[Mapping[str, Any]]) -> str:
     """Why a run came late: no ego is at the goal in time, or what took most of the drive; empty if that is neither.
 
-    Out of reach is a place farther than an ego comes straight on that accelerates by 4 m/s² to 1.1 times the limit;
-    most of the drive is the largest sum of the stretches of one group, if it is 40 % of it. The stretches are those
-    that the answer on the run alone has; ``evals.loop.standing`` judges these.
+    A place is out of reach if it is farther away than a car comes on a straight line that accelerates as hard as
+    CommonRoad's vehicle 2 can, up to the highest posted limit or the vehicle's own; most of the drive is the largest
+    sum of the stretches of one group, if it is 40 % of it. The stretches are those that the answer on the run alone
+    has; ``evals.loop.standing`` judges these.
     """
     if record.scenario_id not in raw.files:
         return ""
@@ -343,10 +346,10 @@ def _too_far(raw: RawRuns, record: RunRecord, start: Any, state: Any) -> bool:
     if place is None:
         return False
     speed = float(start.velocity)
-    limit = max(1.1 * max(limits) / 3.6 if limits else 130 / 3.6, speed)
+    limit = max(min(max(limits) / 3.6, CAR_TOP_MPS) if limits else CAR_TOP_MPS, speed)
     time = (float(getattr(state.time_step, "end", state.time_step)) - start.time_step) * record.step_s
     fine = np.arange(0.0, time, 0.001)
-    reach = 0.001 * float(np.minimum(speed + 4.0 * fine, limit).sum())
+    reach = 0.001 * float(np.minimum(speed + CAR_MPS2 * fine, limit).sum())
     shapes = getattr(place, "shapes", [place])
     away = min(shape.shapely_object.distance(Point(start.position)) for shape in shapes)
     return bool(away - record.ego_length_m > reach)

@@ -1,8 +1,7 @@
-"""Collisions of runs on public scenarios: who hit whom, and whether braking prevents it, apart from the product.
+"""Collisions of runs on public scenarios: who hit whom, apart from the product.
 
 The others are commonroad-io's own obstacles, the ego is what was driven. Kinds are told by the rules of
-``docs/runs.md``, written once more; whether full braking prevents a collision is found by trying every moment in steps
-of 5 ms, with overlaps of rectangles by separating axes.
+``docs/runs.md``, written once more.
 """
 
 import math
@@ -19,11 +18,9 @@ from numpy.typing import NDArray
 from shapely import LineString, Point
 
 from ...schemas.runs import RunRecord, RunSteps
-from ..harness import ask, finished_batch
-from .bench import AnalysisBench
+from ..harness import SeededBench, ask, finished_batch
 from .public_runs import PREDICTION, RawRuns, public_batch, public_server, raw_runs
 
-FULL_MPS2, JERK_MPS3, FINE_S, AFTER_S = 0.774 * 9.81, 12.65, 0.005, 3.0
 SECOND_PLANNER = "idm:Default"
 """Keeps its lane and gives way, so that it collides where Frenetix does not."""
 Array = NDArray[np.float64]
@@ -37,6 +34,7 @@ class Hit:
     steps: RunSteps
     obstacle: Any
     step: int
+    others: tuple[Any, ...] = ()
 
     @property
     def at(self) -> int:
@@ -50,12 +48,7 @@ class Hit:
 
     def other(self, index: int) -> Array | None:
         """The same of the other at a driven state, or at one after the run; None where it is not there."""
-        state = self.obstacle.state_at_time(self.steps.first_step + index)
-        if state is None:
-            return None
-        return np.array(
-            [*np.asarray(state.position)[:2], float(state.orientation), float(getattr(state, "velocity", 0.0))]
-        )
+        return pose_of(self.obstacle, self.steps.first_step + index)
 
     @property
     def own_size(self) -> Array:
@@ -65,9 +58,23 @@ class Hit:
     @cached_property
     def size(self) -> Array:
         """Length and width of the other."""
-        shape = self.obstacle.obstacle_shape
-        radius = getattr(shape, "radius", None)
-        return np.array([2 * radius, 2 * radius]) if radius is not None else np.array([shape.length, shape.width])
+        return size_of(self.obstacle)
+
+
+def pose_of(obstacle: Any, step: int) -> Array | None:
+    """Return x, y, heading and speed of an obstacle at a step, or None if it is not there."""
+    state = obstacle.state_at_time(step)
+    if state is None:
+        return None
+    speed = float(getattr(state, "velocity", 0.0) or 0.0)
+    return np.array([*np.asarray(state.position)[:2], float(state.orientation), speed])
+
+
+def size_of(obstacle: Any) -> Array:
+    """Return length and width of an obstacle; circles are squares."""
+    shape = obstacle.obstacle_shape
+    radius = getattr(shape, "radius", None)
+    return np.array([2 * radius, 2 * radius]) if radius is not None else np.array([shape.length, shape.width])
 
 
 def corners(pose: Array, size: Array, more_m: float = 0.0) -> Array:
@@ -149,59 +156,7 @@ def _across(poses: list[Array]) -> float:
     return float(math.cos(first[2]) * moved[1] - math.sin(first[2]) * moved[0])
 
 
-def is_preventable(hit: Hit, more_m: float = 0.0) -> bool:
-    """Whether full braking from some moment of the run keeps the ego clear of the other until 3 s after the contact.
-
-    ``more_m``: by how much the other is larger on every side.
-    """
-    step_s = hit.record.step_s
-    poses = [hit.other(i) for i in range(hit.at + round(AFTER_S / step_s) + 1)]
-    shown = [i for i, pose in enumerate(poses) if pose is not None]
-    theirs = {i: corners(pose, hit.size, more_m) for i in shown if (pose := poses[i]) is not None}
-    path = np.array([hit.own(i)[:2] for i in range(hit.at + 1)])
-    driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
-    headings = np.unwrap([hit.own(i)[2] for i in range(hit.at + 1)])
-    for begins in range(hit.at, -1, -1):
-        stations = _braked(driven, hit.own(begins)[3], begins, len(poses), step_s)
-        if not any(
-            overlap(
-                _box(hit, path, driven, headings, stations[i]),
-                theirs[i],
-                (_heading(driven, headings, stations[i]), pose[2]),
-            )
-            for i in shown
-            if (pose := poses[i]) is not None
-        ):
-            return True
-    return False
-
-
-def _braked(driven: Array, speed: float, begins: int, count: int, step_s: float) -> list[float]:
-    """How far an ego has come at each state that drives as it did and brakes fully from one of them on."""
-    stations = [float(value) for value in driven[: begins + 1]]
-    way, force, fine = stations[-1], 0.0, round(step_s / FINE_S)
-    while len(stations) < count:
-        for _ in range(fine):
-            force = min(force + JERK_MPS3 * FINE_S, FULL_MPS2)
-            way += speed * FINE_S
-            speed = max(speed - force * FINE_S, 0.0)
-        stations.append(way)
-    return stations[:count]
-
-
-def _heading(driven: Array, headings: Array, station: float) -> float:
-    return float(np.interp(station, driven, headings))
-
-
-def _box(hit: Hit, path: Array, driven: Array, headings: Array, station: float) -> Array:
-    """The ego's rectangle at a station of its way, straight on behind its end."""
-    heading, beyond = _heading(driven, headings, station), max(station - driven[-1], 0.0)
-    x, y = (float(np.interp(station, driven, path[:, axis])) for axis in (0, 1))
-    pose = np.array([x + beyond * math.cos(heading), y + beyond * math.sin(heading), heading, 0.0])
-    return corners(pose, hit.own_size)
-
-
-async def public_hits(bench: AnalysisBench) -> tuple[list[Hit], Mapping[str, Any]]:
+async def public_hits(bench: SeededBench) -> tuple[list[Hit], Mapping[str, Any]]:
     """The collisions of two planners on the public scenarios, and what the product tells of each, by run id."""
     async with public_server(bench) as client:
         first = await public_batch(bench, client)
@@ -212,7 +167,7 @@ async def public_hits(bench: AnalysisBench) -> tuple[list[Hit], Mapping[str, Any
         return hits, {hit.record.run_id: await _contact(client, hit.record.run_id) for hit in hits}
 
 
-def raw_scenarios(bench: AnalysisBench, batch_id: str) -> list[str]:
+def raw_scenarios(bench: SeededBench, batch_id: str) -> list[str]:
     """The scenarios of a batch."""
     return list(raw_runs(bench, batch_id).batch.scenarios)
 
@@ -230,5 +185,8 @@ def _hits(raw: RawRuns) -> list[Hit]:
         scenario, _ = CommonRoadFileReader(str(Path(raw.files[record.scenario_id]))).open()
         obstacle = scenario.obstacle_by_id(record.collision.obstacle_id)
         if obstacle is not None and hasattr(obstacle, "state_at_time"):
-            found.append(Hit(record, raw.steps[record.run_id], obstacle, record.collision.step))
+            others = tuple(
+                other for other in scenario.obstacles if other is not obstacle and hasattr(other, "state_at_time")
+            )
+            found.append(Hit(record, raw.steps[record.run_id], obstacle, record.collision.step, others))
     return found

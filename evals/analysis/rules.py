@@ -31,8 +31,7 @@ from commonroad.scenario.traffic_sign import TrafficSign, TrafficSignElement, Tr
 
 from ...engine.analysis import RuledDrive, judged_by_rules
 from ...engine.commonroad import Track
-from ..harness import Figures, share
-from .bench import AnalysisBench
+from ..harness import Figures, SeededBench, share
 
 STEP_S, LENGTH_M, WIDTH_M, LANE_M = 0.1, 4.5, 1.8, 3.5
 ALIKE = 0.02
@@ -405,6 +404,6 @@ def compared(seed: int, each: int) -> Figures:
     }
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; 12 drives of each kind, or the bench's limit."""
     return compared(bench.seed, bench.limit or 12)

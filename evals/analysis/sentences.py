@@ -192,6 +192,17 @@ class Judge:
         return self.unprevented | {key for key in behind if self.contacts[key].get("laid_to") != "ego"}
 
     @cached_property
+    def hard(self) -> tuple[int, dict[str, list[RunRecord]], int]:
+        """How many scenarios several configurations tried, which all failed, and how many more others made fail."""
+        runs_of: dict[str, list[RunRecord]] = {}
+        for one in self.raw.valid:
+            runs_of.setdefault(one.scenario_id, []).append(one)
+        tried = {key: runs for key, runs in runs_of.items() if len({one.config_id for one in runs}) > 1}
+        failed = {key: runs for key, runs in tried.items() if not any(map(goal, runs))}
+        fair = {key: runs for key, runs in failed.items() if any(one.run_id not in self.the_others for one in runs)}
+        return len(tried), fair, len(failed) - len(fair)
+
+    @cached_property
     def trivial(self) -> dict[str, str]:
         """Goals that asked for no driving, by the judge of ``trivial``."""
         reached = [one for one in self.raw.valid if goal(one)]
@@ -325,6 +336,10 @@ class Judge:
             if name in _COUNTED:
                 stated = re.search(r"(\d+) of", text)
                 return [float(stated[1]) - 2 if stated else None]
+            if name == "hard_scenarios":
+                return [sum(map(len, self.hard[1].values())) - 2]
+            if text.startswith("- runs: ") and self.pairs is not None:
+                return [2 * len(self.pairs.pairs) - len(re.findall(r"run_\w+", text))]
             if name == "rejecting_constraint":
                 return [sum(one.outcome == "infeasible" for one in self.raw.valid) - 2]
             return [None]
@@ -550,14 +565,8 @@ class Judge:
             return [*values, len(failed), len(own)]
 
         def hard(match: re.Match[str]) -> list[float | None]:
-            goals_of: dict[str, list[RunRecord]] = {}
-            for one in valid:
-                goals_of.setdefault(one.scenario_id, []).append(one)
-            tried = [runs for runs in goals_of.values() if len({one.config_id for one in runs}) > 1]
-            failed = [runs for runs in tried if not any(map(goal, runs))]
-            theirs = [runs for runs in failed if all(one.run_id in self.the_others for one in runs)]
-            fair = len(failed) - len(theirs)
-            return [fair, len(tried), *([len(theirs)] if match[3] else []), fair - 4]
+            tried, fair, theirs = self.hard
+            return [len(fair), tried, *([theirs] if match[3] else []), len(fair) - 4]
 
         return [
             (
@@ -731,6 +740,17 @@ class Judge:
             (rf"(braking since|standing since|in the way since) {N} s", since),
             (rf"full braking until {N} s", until),
             (
+                (
+                    rf"laid to the ego, which (?P<did>stood|braked)[a-z ]*?(?: by up to {N} m/s²)? from {N} s to {N} s"
+                    rf"(?:, {N} m before its line)?(?:, much harder than \w+ {N} asked)?"
+                ),
+                self._own_stretch,
+            ),
+            (
+                rf"laid to the ego, which (?:cut in|slowed|was|passed|did)[a-z ]* at {N} s",
+                lambda match: [self._contact(match.string)["fault"]["time_s"]],
+            ),
+            (
                 rf"steering aside until {N} s",
                 lambda match: [self._contact(match.string)["prevention"]["by_steering_until_s"]],
             ),
@@ -810,6 +830,17 @@ class Judge:
         """The failed run that a line is on: the only one that it names, or of a flip the one that failed."""
         named = [one for one in self.raw.records if one.run_id in line]
         return next((one for one in named if not goal(one)), named[0])
+
+    def _own_stretch(self, match: re.Match[str]) -> list[float | None]:
+        """The stretch that a collision is laid to; how hard it was, from the driven states."""
+        one = self._run(match.string)
+        moment = self._contact(match.string)["fault"]["moment"]
+        since, until = (round(moment[key] / one.step_s) for key in ("since_s", "until_s"))
+        felt = [-value for value in self.raw.steps[one.run_id].acceleration_mps2[since : until + 1]]
+        hardest = [max(felt)] if match["did"] == "braked" else []
+        before = [moment["distance_m"]] if "before its line" in match[0] else []
+        harder = [moment["obstacle_id"]] if "much harder than" in match[0] else []
+        return [*hardest, moment["since_s"], moment["until_s"], *before, *harder]
 
     def _contact(self, line: str) -> Mapping[str, Any]:
         contact: Mapping[str, Any] = self.reviews[self._run(line).run_id]["contact"]

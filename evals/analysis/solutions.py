@@ -37,8 +37,7 @@ from mcp import Client
 
 from ...engine.workspace import Workspace
 from ...schemas.runs import RunRecord
-from ..harness import Figures, ask, finished_batch, import_scenarios, scenario_files, share
-from .bench import AnalysisBench
+from ..harness import Figures, SeededBench, ask, finished_batch, import_scenarios, scenario_files, share
 from .public_runs import PREDICTION, public_folder, public_server, raw_runs
 
 SCENARIOS = 62
@@ -66,7 +65,7 @@ class Judged:
         return any(excess.name == "steering rate" for excess in self.record.beyond_vehicle or ())
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; with a limit, of so many scenarios."""
     judged = anyio.run(_judged, bench)
     drivable = [one for one in judged if not one.is_told]
@@ -87,7 +86,7 @@ def measure(bench: AnalysisBench) -> Figures:
     }
 
 
-async def _judged(bench: AnalysisBench) -> list[Judged]:
+async def _judged(bench: SeededBench) -> list[Judged]:
     folder = bench.folder("solutions")
     async with public_server(bench) as client:
         files = scenario_files(bench.shared / "data" / "commonroad", bench.limit or SCENARIOS)
@@ -104,7 +103,7 @@ async def _judged(bench: AnalysisBench) -> list[Judged]:
     ]
 
 
-def _known(bench: AnalysisBench) -> set[str]:
+def _known(bench: SeededBench) -> set[str]:
     """The scenarios that were not refused."""
     workspace = Workspace(public_folder(bench))
     names = {artifact.artifact_id for artifact in workspace.newest(kind="scenario", limit=1000)}

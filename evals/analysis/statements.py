@@ -25,8 +25,7 @@ from mcp import Client
 from ...engine.rendering import MEASURED_CAPTION
 from ...engine.workspace import Workspace
 from ...schemas.planning import PlannerConfiguration
-from ..harness import Figures, ask, built_in
-from .bench import AnalysisBench
+from ..harness import Figures, SeededBench, ask, built_in
 from .public_runs import DEFAULT, RawRuns, compared_batch, public_batch, public_server, raw_runs
 from .recomputed import goal
 from .sentences import Judge, Tally, is_close
@@ -43,7 +42,7 @@ class Told:
     rules: Mapping[str, Mapping[str, Any]]
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above, over all public scenarios or the bench's limit."""
     tally = judged(anyio.run(collected, bench))
     for fault in (*tally.wrong, *tally.unknown):
@@ -66,7 +65,7 @@ def judged(told: Sequence[Told]) -> Tally:
     return tally
 
 
-async def collected(bench: AnalysisBench) -> list[Told]:
+async def collected(bench: SeededBench) -> list[Told]:
     """The runs, and what the server says of them."""
     async with public_server(bench) as client:
         everything = await public_batch(bench, client)
@@ -92,7 +91,7 @@ async def _text(client: Client, tool: str, batch_id: str, **arguments: str) -> s
     return "\n".join(getattr(part, "text", "") for part in answer.content)
 
 
-async def _report(bench: AnalysisBench, client: Client, batch_id: str) -> str:
+async def _report(bench: SeededBench, client: Client, batch_id: str) -> str:
     folder = bench.folder("report")
     await ask(client, "export_artifacts", ids=[batch_id], formats=["html"], folder=str(folder))
     return page_text(next(folder.glob("*.html")).read_text(encoding="utf-8"))
@@ -101,7 +100,7 @@ async def _report(bench: AnalysisBench, client: Client, batch_id: str) -> str:
 _DETAILS = ("summary", "findings", "costs", "rows")
 
 
-def _weights(bench: AnalysisBench, raw: RawRuns) -> dict[str, dict[str, float]]:
+def _weights(bench: SeededBench, raw: RawRuns) -> dict[str, dict[str, float]]:
     """The weights of the configurations of a batch by id, and those of Frenetix' first preset as ``default``."""
     found = {"default": built_in(DEFAULT).weights}
     workspace = Workspace(bench.scratch / "public")

@@ -23,8 +23,7 @@ from commonroad.planning.planning_problem import PlanningProblem
 from commonroad.scenario.state import CustomState
 
 from ...schemas.runs import RunRecord, RunSteps
-from ..harness import Figures, ask, share
-from .bench import AnalysisBench
+from ..harness import Figures, SeededBench, ask, share
 from .public_runs import public_batch, public_server, raw_runs
 
 STANDING_MPS, STOOD_M = 0.5, 0.5
@@ -73,12 +72,12 @@ def problem_of(file: Path, record: RunRecord) -> PlanningProblem:
     return problems.planning_problem_dict[record.problem_id]
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above, over all public scenarios or the bench's limit."""
     return anyio.run(_measured, bench)
 
 
-async def _measured(bench: AnalysisBench) -> Figures:
+async def _measured(bench: SeededBench) -> Figures:
     async with public_server(bench) as client:
         batch_id = await public_batch(bench, client)
         raw = raw_runs(bench, batch_id)

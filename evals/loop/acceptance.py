@@ -19,8 +19,7 @@ from ...engine.commonroad import read_scenario
 from ...engine.planners import DrivenStates, refusal
 from ...engine.vehicles import vehicle_of
 from ...schemas.runs import RunSteps
-from ..harness import Figures
-from .bench import LoopBench
+from ..harness import Figures, SeededBench
 from .official import JudgedRun, official_verdict, runs
 
 _PLANNERS = ("frenetix:Default", "idm:Default")
@@ -29,7 +28,7 @@ _CHANGED = 5
 Column = NDArray[np.float64]
 
 
-def measure(bench: LoopBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """Ask both of every motion."""
     generator = np.random.default_rng(bench.seed)
     agreed = asked = 0

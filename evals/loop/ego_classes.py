@@ -44,8 +44,7 @@ from numpy.typing import NDArray
 from ...engine.workspace import Workspace
 from ...schemas.runs import RunRecord
 from ...server.assembly import create_server
-from ..harness import Figures, settings_for, share
-from .bench import LoopBench
+from ..harness import Figures, SeededBench, settings_for, share
 
 Array = NDArray[np.float64]
 
@@ -111,13 +110,13 @@ _PLACES = ("Musterstadt", "Fahrhausen", "Quadratstadt")
 """Built-in maps with junctions."""
 
 
-def measure(bench: LoopBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """Return the figures of the keys above."""
     verdicts = anyio.run(_measured, bench)
     return {"ego_classes_right": share(verdicts), "ego_requests": len(verdicts)}
 
 
-async def _measured(bench: LoopBench) -> list[bool]:
+async def _measured(bench: SeededBench) -> list[bool]:
     folder, choice = bench.folder("ego_files"), random.Random(bench.seed)  # noqa: S311 - reproducible, not secret
     settings = settings_for(bench.scratch / "ego_classes", folder, 1)
     async with Client(create_server(settings)) as client:

@@ -18,8 +18,7 @@ from dataclasses import replace
 from ...engine.commonroad import read_recorded
 from ...engine.execution import silent
 from ...engine.planners import Observation, Plan, Planner, PlanningTask, make_planner, simulate
-from ..harness import Figures, built_in, scenario_files
-from .bench import LoopBench
+from ..harness import Figures, SeededBench, built_in, scenario_files
 
 SCENARIOS = 24
 """Some 700 planning steps (chosen)."""
@@ -50,7 +49,7 @@ class _Both:
         return chosen
 
 
-def measure(bench: LoopBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """Return the figures of the keys above; with a limit, on so many scenarios."""
     both = _Both()
     planner: Planner = both

@@ -38,8 +38,7 @@ from ...schemas.runs import BatchRecord, Outcome, RunMetrics, RunRecord
 from ...server.assembly import create_server
 from ..analysis.public_runs import RawRuns
 from ..analysis.recomputed import METRICS, Pairs, goal, holm
-from ..harness import Figures, ask, ask_to_the_end, import_scenarios, scenario_files, settings_for, share
-from .bench import LoopBench
+from ..harness import Figures, SeededBench, ask, ask_to_the_end, import_scenarios, scenario_files, settings_for, share
 
 SCENARIOS, SEARCHED = 40, 8
 """Public scenarios on which runs are made, and on which a search drives (chosen)."""
@@ -194,7 +193,7 @@ class _Maker:
         yield _Case("left out, several", sides, (), ((1, 2),), is_left_out=True)
 
 
-def measure(bench: LoopBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """Return the figures of the keys above, over all cases or up to the bench's limit of each sort."""
     right = anyio.run(_compared, bench)
     right += [_sensitivity_right(bench.seed + number) for number in range(bench.limit or 12)]
@@ -202,7 +201,7 @@ def measure(bench: LoopBench) -> Figures:
     return {"headlines_right": share(right), "headlines": len(right)}
 
 
-async def _compared(bench: LoopBench) -> list[bool]:
+async def _compared(bench: SeededBench) -> list[bool]:
     cases = list(_Maker(bench.seed).cases())[: bench.limit]
     folder = bench.scratch / "headlines"
     right = []
@@ -475,7 +474,7 @@ def _study(effects: tuple[Effect, ...], scenarios: int) -> OptimizePlannerResult
     return OptimizePlannerResult(state="done", study=study, next_step="")
 
 
-async def _searched(bench: LoopBench) -> list[bool]:
+async def _searched(bench: SeededBench) -> list[bool]:
     """Return for searches with IDM whether each kept its limit and reports what its held-out runs show."""
     files = _of_several_places(scenario_files(bench.shared / "data" / "commonroad", None))
     right = []

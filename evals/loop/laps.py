@@ -29,8 +29,7 @@ from commonroad.scenario.state import CustomState, InitialState
 from ...engine.execution import silent
 from ...engine.planners import Observation, Plan, PlannedTrajectory, PlanningTask, progress_to_goal, simulate
 from ...engine.vehicles import BMW_320I
-from ..harness import Figures, built_in
-from .bench import LoopBench
+from ..harness import Figures, SeededBench, built_in
 
 CASES = 60
 _STEP_S, _WIDTH_M, _SPACING_M = 0.1, 4.0, 0.5
@@ -227,7 +226,7 @@ def errors_m(case: Case) -> tuple[float, float]:
     )
 
 
-def measure(bench: LoopBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """Compare the product's places with those of the closed form."""
     found = [(case, errors_m(case)) for case in cases(bench.seed, bench.limit or CASES)]
     figures: dict[str, float] = {"lap_error_m_max": round(max(max(errors) for _, errors in found), 3)}

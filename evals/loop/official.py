@@ -38,8 +38,7 @@ from ...engine.planners import run_planner, write_solution
 from ...schemas.artifacts import SolutionRequest
 from ...schemas.planning import PlannerConfiguration, RunRequest, RunResponse
 from ...schemas.runs import Prediction
-from ..harness import Figures, built_in
-from .bench import LoopBench
+from ..harness import Figures, SeededBench, built_in
 
 _JUDGED = "frenetix:Default"
 _OTHERS = ("mp_rbfn:Default", "idm:Default", "fiss:Default")
@@ -52,7 +51,7 @@ _MOVING_MPS = 0.1
 """In slower steps the turn says nothing about the steering angle."""
 
 
-def measure(bench: LoopBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """Drive, export and judge."""
     driven, beyond, figures = 0, 0, dict[str, float]()
     for key, prediction in _PREDICTIONS.items():
@@ -82,7 +81,7 @@ def measure(bench: LoopBench) -> Figures:
     return {**figures, "beyond_limits": beyond / max(driven, 1)}
 
 
-def scenario_files(bench: LoopBench) -> list[Path]:
+def scenario_files(bench: SeededBench) -> list[Path]:
     """Return the public scenarios, or evenly many of them for a sample."""
     files = sorted((bench.shared / "data" / "commonroad").glob("*.xml"))
     if bench.limit is None or bench.limit >= len(files):
@@ -90,7 +89,7 @@ def scenario_files(bench: LoopBench) -> list[Path]:
     return [files[round(place)] for place in np.linspace(0, len(files) - 1, bench.limit)]
 
 
-def runs(bench: LoopBench, name: str, prediction: Prediction) -> "Iterator[JudgedRun]":
+def runs(bench: SeededBench, name: str, prediction: Prediction) -> "Iterator[JudgedRun]":
     """Yield a run on each scenario, but for invalid problems."""
     configuration = built_in(name)
     for path in scenario_files(bench):

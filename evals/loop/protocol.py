@@ -46,8 +46,7 @@ from ...engine.planners import (
 )
 from ...schemas.errors import PlannerFailure
 from ...schemas.planning import CommandPlanner, PlannerConfiguration, PlannerDeclaration, RunRequest
-from ..harness import Figures, share
-from .bench import LoopBench
+from ..harness import Figures, SeededBench, share
 from .stepwise_reader import smallest_distance_m, straight_on
 
 EXPECTED = {
@@ -112,7 +111,7 @@ _ROUNDS = 20
 """How often the drive is planned: with 37 planning steps, 740 differences."""
 
 
-def measure(bench: LoopBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """Measure the keys above."""
     folder = bench.folder("protocol")
     empty, full = folder / "empty.xml", folder / "full.xml"

@@ -18,10 +18,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..harness import Figures, scenario_files
+from ..harness import Figures, SeededBench, scenario_files
 from ..planners.outcomes import CHECKOUT, Row, cells, measured
 from ..symmetries.fresh_data import fresh_scenarios
-from .bench import LoopBench
 
 FRESH = 240
 _CONFIGURATION = "idm:Default"
@@ -37,7 +36,7 @@ def rows_of(files: Sequence[Path]) -> list[Row]:
     return found
 
 
-def fresh_files(bench: LoopBench, known: Sequence[Path]) -> tuple[str, list[Path]]:
+def fresh_files(bench: SeededBench, known: Sequence[Path]) -> tuple[str, list[Path]]:
     """Return where fresh scenarios come from, in a word, and their files."""
     count = bench.limit or FRESH
     database = os.environ.get("PLANNERFORGE_DATABASE")
@@ -49,7 +48,7 @@ def fresh_files(bench: LoopBench, known: Sequence[Path]) -> tuple[str, list[Path
     return "database", others[:count]
 
 
-def measure(bench: LoopBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """Drive all scenarios in reactive traffic."""
     public = scenario_files(bench.shared / "data" / "commonroad", None)
     source, fresh = fresh_files(bench, public)

@@ -43,8 +43,7 @@ from commonroad.scenario.trajectory import Trajectory
 from ...engine.execution import silent
 from ...engine.planners import make_planner, simulate
 from ...engine.tuning import named_configuration
-from ..harness import Figures, share
-from .bench import LoopBench
+from ..harness import Figures, SeededBench, share
 
 CASES = 30
 PLANNERS = ("frenetix", "fiss", "idm", "mp_rbfn")
@@ -202,7 +201,7 @@ def drives_on(case: Case, planner: str) -> tuple[bool, bool]:
     return stood, drives
 
 
-def measure(bench: LoopBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """Drive all cases with all planners."""
     drawn = cases(bench.seed, bench.limit or CASES)
     found = [(planner, case.kind, *drives_on(case, planner)) for planner in PLANNERS for case in drawn]

@@ -57,8 +57,7 @@ from ...schemas.runs import (
     RunSteps,
     ScenarioSource,
 )
-from ..harness import Figures, share
-from .bench import LoopBench
+from ..harness import Figures, SeededBench, share
 
 EACH = 8
 """Runs of each kind."""
@@ -562,7 +561,7 @@ def is_right(made: Made, answer: Answer, *, is_braking: bool) -> bool:
     return not made.late or named == ([made.finding] if made.finding else [])
 
 
-def measure(bench: LoopBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """Return the figures of the keys above, over eight runs of each kind or the bench's limit."""
     folder = bench.folder("standing")
     figures: dict[str, float | int | str] = {}

@@ -31,8 +31,7 @@ import numpy as np
 
 from ...engine.analysis import Surroundings, prevention_of
 from ...engine.commonroad import Track
-from ..harness import Figures, share
-from .bench import LoopBench
+from ..harness import Figures, SeededBench, share
 
 STEP_S, FINE_S, SHOWN_S, LONGEST_S = 0.1, 0.01, 30.0, 30.0
 G = 9.81
@@ -554,7 +553,7 @@ def _brakes_in_time(made: Made, start: str, variant: Variant, touch: float) -> b
     return any(prevents(made, "full_braking", start, variant, touch, begin) for begin in begins)
 
 
-def measure(bench: LoopBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """Draw 16 collisions of each of the 9 kinds, or the bench's limit, and compare all verdicts with the truth."""
     choice, each = random.Random(bench.seed), bench.limit or 16  # noqa: S311 - reproducible, not secret
     right, edges, window = list[bool](), 0, 0

@@ -29,8 +29,7 @@ from mcp import Client
 
 from ...schemas.planning import CommandPlanner
 from ...server.assembly import create_server
-from ..harness import Figures, finished_batch, import_scenarios, scenario_files, settings_for, share
-from .bench import LoopBench
+from ..harness import Figures, SeededBench, finished_batch, import_scenarios, scenario_files, settings_for, share
 
 SCENARIOS, VERSIONS = 3, 5
 """Scenarios of a batch, and versions of each planner (chosen: four planners give 40 comparisons)."""
@@ -120,13 +119,13 @@ class _Version:
     batch_id: str
 
 
-def measure(bench: LoopBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """Return the figures of the keys above, over all pairs of versions or the bench's limit."""
     told = anyio.run(_told, bench)
     return {"versions_told": share(told), "version_comparisons": len(told)}
 
 
-async def _told(bench: LoopBench) -> list[bool]:
+async def _told(bench: SeededBench) -> list[bool]:
     authors = [_Author(name, bench.folder(name)) for name in ("declaring", "tracked", "plain")]
     if shutil.which("git") is None:
         sys.stderr.write("git is not installed: the planner in a checkout is left out\n")

@@ -19,10 +19,9 @@ them), ``coverage_2way`` (share of the pairs that the maps allow).
 
 import argparse
 import sys
-import tempfile
 from pathlib import Path
 
-from ..harness import Parts, add_part_options, existing, print_parts, shared_folder
+from ..harness import Parts, existing, part_options, shared_folder
 from .bench import MapsBench
 
 PARTS: Parts[MapsBench] = Parts(
@@ -40,26 +39,19 @@ PARTS: Parts[MapsBench] = Parts(
 """The parts in the order in which they are measured, and the keys that each owes."""
 
 
+def _bench(given: argparse.Namespace, scratch: Path) -> MapsBench:
+    return MapsBench(existing(given.shared), scratch, given.workers, given.scenarios, given.minutes, given.limit)
+
+
 def _main() -> int:
     """Read the command line, measure, print; the status."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_part_options(parser)
+    parser = part_options(__doc__)
     parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder with data/osm and corpora/dev")
     parser.add_argument("--workers", type=int, default=2, help="worker processes (default: 2)")
     parser.add_argument("--scenarios", type=int, default=2000, help="of the plan (default: 2000)")
     parser.add_argument("--minutes", type=float, default=None, help="of the plan at most; what was made then counts")
     parser.add_argument("--limit", type=int, default=None, help="only so many requests, maps, tracks: a sample")
-    given = parser.parse_args()
-    try:
-        parts = PARTS.chosen(given.only)
-    except ValueError as error:
-        parser.error(str(error))
-    with tempfile.TemporaryDirectory() as scratch:
-        bench = MapsBench(
-            existing(given.shared), Path(scratch), given.workers, given.scenarios, given.minutes, given.limit
-        )
-        figures, faults = PARTS.measured(parts, bench)
-    return print_parts("Maps", figures, faults, as_json=given.json)
+    return PARTS.run("Maps", parser, _bench)
 
 
 if __name__ == "__main__":

@@ -27,10 +27,9 @@ minutes. ``--json`` prints the last line alone.
 
 import argparse
 import sys
-import tempfile
 from pathlib import Path
 
-from ..harness import Figures, Parts, add_part_options, print_parts
+from ..harness import Figures, Parts, part_options
 from .bench import ServeBench
 
 PARTS: Parts[ServeBench] = Parts(
@@ -61,10 +60,24 @@ def broken(figures: Figures) -> list[str]:
     return [f"{key} is {figures[key]}" for key in _NONE if figures.get(key)]
 
 
+def _bench(given: argparse.Namespace, scratch: Path) -> ServeBench:
+    return ServeBench(
+        scratch,
+        given.limit,
+        given.clients,
+        given.inputs,
+        given.kills,
+        given.node,
+        tuple(given.host),
+        given.hosts_folder,
+        given.page,
+        given.pictures,
+    )
+
+
 def _main() -> int:
     """Read the command line, measure, print; the status."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_part_options(parser)
+    parser = part_options(__doc__)
     parser.add_argument("--limit", type=float, default=_MINUTES, help="minutes of load (default: 10)")
     parser.add_argument("--clients", type=int, default=8, help="clients that load the server at once (default: 8)")
     parser.add_argument("--inputs", type=int, default=20_000, help="hostile inputs (default: 20000)")
@@ -76,27 +89,7 @@ def _main() -> int:
     )
     parser.add_argument("--page", type=Path, help="the page that their table is written into")
     parser.add_argument("--pictures", type=Path, help="a folder for a picture of each page in the bridge")
-    given = parser.parse_args()
-    try:
-        parts = PARTS.chosen(given.only)
-    except ValueError as error:
-        parser.error(str(error))
-    with tempfile.TemporaryDirectory() as scratch:
-        bench = ServeBench(
-            Path(scratch),
-            given.limit,
-            given.clients,
-            given.inputs,
-            given.kills,
-            given.node,
-            tuple(given.host),
-            given.hosts_folder,
-            given.page,
-            given.pictures,
-        )
-        figures, faults = PARTS.measured(parts, bench)
-        faults += broken(figures)
-    return print_parts("Serve", figures, faults, as_json=given.json)
+    return PARTS.run("Serve", parser, _bench, broken)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """``make bench-tuning``: planners, their tuning, and runs on more than one machine.
 
-Each part is a module of this package with a function ``measure(bench: AnalysisBench) -> Figures``, which explains its
+Each part is a module of this package with a function ``measure(bench: SeededBench) -> Figures``, which explains its
 keys and judges by code apart from the product. The keys that count:
 
 ``cluster``: ``dask_same_rows`` (share of runs that two Dask workers, killed or not, make as one process does),
@@ -28,10 +28,9 @@ of MP-RBFN are worth, and how it fares where the future is known).
 
 import argparse
 import sys
-import tempfile
 from pathlib import Path
 
-from ..harness import Parts, add_part_options, existing, print_parts, shared_folder
+from ..harness import Parts, existing
 from .reference import TuningBench
 
 PARTS: Parts[TuningBench] = Parts(
@@ -55,26 +54,18 @@ PARTS: Parts[TuningBench] = Parts(
 """The parts in the order in which they are measured, and the keys that each owes."""
 
 
+def _bench(given: argparse.Namespace, scratch: Path) -> TuningBench:
+    return TuningBench(
+        existing(given.shared), scratch, given.seed, given.limit, given.reference, given.reference_python
+    )
+
+
 def _main() -> int:
     """Read the command line, measure, print; the status."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_part_options(parser)
-    parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder with data and corpora")
-    parser.add_argument("--seed", type=int, default=20, help="of all that is drawn (default: 20)")
-    parser.add_argument("--limit", type=int, default=None, help="only so many cases of each part: a sample")
+    parser = TuningBench.options(__doc__)
     parser.add_argument("--reference", type=Path, help="checkout of Frenetix-Motion-Planner (docs/planners.md)")
     parser.add_argument("--reference-python", type=Path, help="the Python of its environment")
-    given = parser.parse_args()
-    try:
-        parts = PARTS.chosen(given.only)
-    except ValueError as error:
-        parser.error(str(error))
-    with tempfile.TemporaryDirectory() as scratch:
-        bench = TuningBench(
-            existing(given.shared), Path(scratch), given.seed, given.limit, given.reference, given.reference_python
-        )
-        figures, faults = PARTS.measured(parts, bench)
-    return print_parts("Tuning", figures, faults, as_json=given.json)
+    return PARTS.run("Tuning", parser, _bench)
 
 
 if __name__ == "__main__":

@@ -28,9 +28,8 @@ from mcp import Client
 from ...engine.workspace import Workspace
 from ...schemas.runs import BatchRecord, RunRecord
 from ...server.assembly import create_server
-from ..analysis.bench import AnalysisBench
 from ..analysis.public_runs import DEFAULT, PREDICTION
-from ..harness import Figures, finished_batch, import_scenarios, scenario_files, settings_for, share
+from ..harness import Figures, SeededBench, finished_batch, import_scenarios, scenario_files, settings_for, share
 
 RUNS = 120
 """Runs of a batch (chosen: about a minute on one process)."""
@@ -83,7 +82,7 @@ def _cluster(folder: Path, workers: int) -> Iterator[_Cluster]:
             process.wait()
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; with a limit, of so many runs."""
     count = bench.limit or RUNS
     truth, alone_s = anyio.run(_batch, bench, "alone", count, "")
@@ -105,7 +104,7 @@ def measure(bench: AnalysisBench) -> Figures:
 
 
 async def _batch(
-    bench: AnalysisBench, name: str, count: int, address: str, victim: "subprocess.Popen[bytes] | None" = None
+    bench: SeededBench, name: str, count: int, address: str, victim: "subprocess.Popen[bytes] | None" = None
 ) -> tuple[Rows, float]:
     """The rows of a batch in a workspace of that name, and the seconds it took."""
     folder = bench.scratch / name

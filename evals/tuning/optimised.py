@@ -28,9 +28,9 @@ from ...engine.workspace import Workspace
 from ...schemas.runs import BatchRecord
 from ...server.assembly import create_server
 from ..analysis.advice import road_of
-from ..analysis.bench import AnalysisBench
 from ..harness import (
     Figures,
+    SeededBench,
     ask,
     ask_to_the_end,
     attempted_runs,
@@ -56,12 +56,12 @@ _Ends = Mapping[str, tuple[bool, bool]]
 """By scenario: whether it reached the goal, whether it collided."""
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; with a limit, on so many scenarios."""
     return anyio.run(_measured, bench)
 
 
-async def _measured(bench: AnalysisBench) -> Figures:
+async def _measured(bench: SeededBench) -> Figures:
     folder = bench.scratch / "optimised"
     shares: dict[str, list[tuple[float, ...]]] = {}
     told = found = 0

@@ -18,8 +18,7 @@ from typing import Any
 
 import psutil
 
-from ..analysis.bench import AnalysisBench
-from ..harness import Figures, scenario_files, share
+from ..harness import Figures, SeededBench, scenario_files, share
 
 FAULTS: Mapping[str, str] = {
     "hangs": "no answer within 4 s",
@@ -36,7 +35,7 @@ _PROGRAM = Path(__file__).with_name("faulty_program.py")
 _LIMITS = {"time_s": 4, "output_mb": 1, "folder_mb": 8}
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above."""
     folder = bench.folder("own planners")
     settings = folder / "settings" / "plannerforge"

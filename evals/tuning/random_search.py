@@ -31,8 +31,16 @@ from ...engine.tuning import preset_configuration
 from ...schemas.runs import RunRecord
 from ...server.assembly import create_server
 from ..analysis.advice import sides
-from ..analysis.bench import AnalysisBench
-from ..harness import Figures, ask, attempted_runs, finished_batch, import_scenarios, scenario_files, settings_for
+from ..harness import (
+    Figures,
+    SeededBench,
+    ask,
+    attempted_runs,
+    finished_batch,
+    import_scenarios,
+    scenario_files,
+    settings_for,
+)
 from .optimised import DEFAULT, SCENARIOS, SPLITS, place_interval
 
 CONFIGURATIONS = 200
@@ -96,7 +104,7 @@ class Search:
 class _Loop:
     """Runs of the product, and how they ended."""
 
-    def __init__(self, bench: AnalysisBench, client: Client) -> None:
+    def __init__(self, bench: SeededBench, client: Client) -> None:
         self._bench, self._client = bench, client
 
     async def runs(self, configs: Sequence[str], scenarios: Sequence[str]) -> list[RunRecord]:
@@ -128,12 +136,12 @@ class _Loop:
         }
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; with a limit, of so many random configurations."""
     return anyio.run(_measured, bench)
 
 
-async def _measured(bench: AnalysisBench) -> Figures:
+async def _measured(bench: SeededBench) -> Figures:
     choice = random.Random(bench.seed)  # noqa: S311 - no secret
     folder = bench.scratch / "random"
     public = bench.shared / "data" / "commonroad"

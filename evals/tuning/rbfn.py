@@ -46,10 +46,10 @@ from ...engine.planners import (
     simulate,
 )
 from ...server.assembly import create_server
-from ..analysis.bench import AnalysisBench
 from ..harness import (
     Figures,
     LeftOut,
+    SeededBench,
     attempted_runs,
     built_in,
     drawn,
@@ -79,7 +79,7 @@ _DRAWS = 4000
 """Of the bootstrap (chosen)."""
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; with a limit, of so many primitives and scenarios.
 
     Raises:
@@ -266,7 +266,7 @@ def _quintics(speed_mps: float, curvature: float, ends: PrimitiveEnds, times_s: 
     return {"x_m": x, "y_m": y, "heading_rad": np.arctan2(y_1, x_1), "speed_mps": speed, "curvature_per_m": bend}
 
 
-async def _planners(bench: AnalysisBench) -> dict[str, float]:
+async def _planners(bench: SeededBench) -> dict[str, float]:
     """How both planners fare where the future is known."""
     folder = bench.scratch / "rbfn"
     async with Client(create_server(settings_for(folder, bench.shared, 2))) as client:

@@ -55,8 +55,18 @@ from ...engine.planners import (
 from ...engine.vehicles import vehicle_of
 from ...schemas.planning import RunRequest
 from ...schemas.runs import CollisionRecord, Outcome, Prediction, RunSteps
-from ..analysis.bench import AnalysisBench
-from ..harness import Figures, LeftOut, LineProcess, NoAnswer, Spent, built_in, process_pool, scenario_files, share
+from ..harness import (
+    Figures,
+    LeftOut,
+    LineProcess,
+    NoAnswer,
+    SeededBench,
+    Spent,
+    built_in,
+    process_pool,
+    scenario_files,
+    share,
+)
 from ..planners.failure_causes import is_wrap
 from ..tracks import ahead_and_left_m
 from .optimised import DEFAULT
@@ -99,7 +109,7 @@ _HORIZON_STEPS = 30
 
 
 @dataclass(frozen=True)
-class TuningBench(AnalysisBench):
+class TuningBench(SeededBench):
     """What the parts of ``make bench-tuning`` are given.
 
     ``reference``: a checkout of Frenetix-Motion-Planner; ``reference_python``: the interpreter of its environment.

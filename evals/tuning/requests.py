@@ -31,9 +31,9 @@ from ...server.assembly import create_server
 from ..agents.attempts import EvalRequest
 from ..agents.corpora import read_corpus
 from ..agents.oracle import calls_of
-from ..analysis.bench import AnalysisBench
 from ..harness import (
     Figures,
+    SeededBench,
     ask,
     attempted_runs,
     finished_batch,
@@ -50,12 +50,12 @@ _FACTOR = {"up": "+0.3", "down": "*0.5"}
 Weights = Mapping[str, float]
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; with a limit, of so many lines."""
     return anyio.run(_measured, bench)
 
 
-async def _measured(bench: AnalysisBench) -> Figures:
+async def _measured(bench: SeededBench) -> Figures:
     folder = bench.scratch / "requests"
     lines = read_corpus(bench.shared / "corpora" / "dev" / "tuning.jsonl")[: bench.limit]
     exact: dict[str, bool] = {}
@@ -157,7 +157,7 @@ def _moved_to(wanted: Mapping[str, Any], before: Weights, after: Weights) -> boo
     return any(sign * (after[name] - before[name]) > 0 for name in wanted["any_of"])
 
 
-async def _driven(client: Client, bench: AnalysisBench, configs: list[str]) -> float:
+async def _driven(client: Client, bench: SeededBench, configs: list[str]) -> float:
     """The share of configurations whose run of one public scenario was driven by MP-RBFN."""
     if not configs:
         return 0.0

@@ -24,8 +24,17 @@ from mcp import Client
 from ...engine.workspace import Workspace
 from ...schemas.runs import BatchRecord, Prediction, RunRecord, RunSteps
 from ...server.assembly import create_server
-from ..analysis.bench import AnalysisBench
-from ..harness import Figures, ask, finished_batch, import_scenarios, read_run_file, scenario_files, settings_for, share
+from ..harness import (
+    Figures,
+    SeededBench,
+    ask,
+    finished_batch,
+    import_scenarios,
+    read_run_file,
+    scenario_files,
+    settings_for,
+    share,
+)
 from .optimised import DEFAULT, SAFETY, SCENARIOS
 
 HEAVY = ("prediction*10", "distance_to_obstacles*10", "responsibility*10")
@@ -41,12 +50,12 @@ _Runs = Mapping[str, tuple[RunRecord, RunSteps]]
 """By scenario: the run and its steps."""
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; with a limit, on so many scenarios."""
     return anyio.run(_measured, bench)
 
 
-async def _measured(bench: AnalysisBench) -> Figures:
+async def _measured(bench: SeededBench) -> Figures:
     async with Client(create_server(settings_for(bench.scratch / "safety", bench.shared, 1))) as client:
         files = scenario_files(bench.shared / "data" / "commonroad", bench.limit or SCENARIOS)
         await import_scenarios(client, files)
@@ -88,7 +97,7 @@ async def _measured(bench: AnalysisBench) -> Figures:
     return figures | {key: _term_share(safety, term) for key, term in _TERMS.items()}
 
 
-async def _runs(bench: AnalysisBench, client: Client, config: str, prediction: Prediction) -> _Runs:
+async def _runs(bench: SeededBench, client: Client, config: str, prediction: Prediction) -> _Runs:
     batch_id = await finished_batch(client, scenarios=["preset:500"], configs=[config], prediction=prediction)
     workspace = Workspace(bench.scratch / "safety")
     batch = workspace.get(batch_id, "batch").read(BatchRecord)

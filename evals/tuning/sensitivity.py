@@ -20,15 +20,14 @@ from ...engine.execution import silent
 from ...engine.tuning import dimensions, sensitivity_design, sensitivity_effects, values_at
 from ...schemas.analysis.optimization import DesignRequest, EffectsRequest
 from ...server.assembly import create_server
-from ..analysis.bench import AnalysisBench
-from ..harness import Figures, ask, ask_to_the_end, import_scenarios, scenario_files, settings_for, share
+from ..harness import Figures, SeededBench, ask, ask_to_the_end, import_scenarios, scenario_files, settings_for, share
 
 CASES, REAL_CASES, MADE_SCENARIOS, REAL_SCENARIOS = 10, 3, 40, 24
 """Seeds of made and of real cases, and scenarios of either (chosen: a real case takes minutes)."""
 _NAMES = ("prediction", "velocity_offset", "distance_to_obstacles", "jerk", "responsibility", "path_length")
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; with a limit, of so many seeds."""
     seeds = range(bench.seed, bench.seed + (bench.limit or CASES))
     made = [_made(seed) for seed in seeds]
@@ -68,7 +67,7 @@ def _made(seed: int) -> bool:
     return (effects[0].name, verdicts[matters], verdicts[idle]) == (matters, "matters", "none")
 
 
-async def _real(bench: AnalysisBench, seeds: list[int]) -> list[bool]:
+async def _real(bench: SeededBench, seeds: list[int]) -> list[bool]:
     found = []
     async with Client(create_server(settings_for(bench.scratch / "idm", bench.shared, 1))) as client:
         await import_scenarios(client, scenario_files(bench.shared / "data" / "commonroad", REAL_SCENARIOS))

@@ -36,10 +36,10 @@ from ...engine.workspace import Workspace
 from ...schemas.planning import RunRequest
 from ...schemas.runs import BatchRecord, RunTiming
 from ...server.assembly import create_server
-from ..analysis.bench import AnalysisBench
 from ..analysis.public_runs import DEFAULT, PREDICTION
 from ..harness import (
     Figures,
+    SeededBench,
     ask,
     built_in,
     drawn,
@@ -70,7 +70,7 @@ STAGES = {
 """The stages of a run, and the functions of the product that make them up; none calls another one of them."""
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; with a limit, of so many runs."""
     files = scenario_files(bench.shared / "data" / "commonroad", bench.limit or RUNS)
     one, two = (anyio.run(_batch, bench, files, workers) for workers in (1, 2))
@@ -90,7 +90,7 @@ def _presets() -> list[str]:
     return [f"frenetix:{name}" for name in tuning_of("frenetix").presets if name != "Default"]
 
 
-async def _batch(bench: AnalysisBench, files: Sequence[Path], workers: int) -> dict[str, float]:
+async def _batch(bench: SeededBench, files: Sequence[Path], workers: int) -> dict[str, float]:
     """Times of a batch on so many workers, and of the first run of another one."""
     folder = bench.scratch / f"speed {workers}"
     async with Client(create_server(settings_for(folder, bench.shared, workers))) as client:

@@ -20,8 +20,16 @@ from scipy.stats import binomtest
 
 from ...schemas.runs import Prediction, RunRecord
 from ...server.assembly import create_server
-from ..analysis.bench import AnalysisBench
-from ..harness import Figures, ask, attempted_runs, finished_batch, import_scenarios, scenario_files, settings_for
+from ..harness import (
+    Figures,
+    SeededBench,
+    ask,
+    attempted_runs,
+    finished_batch,
+    import_scenarios,
+    scenario_files,
+    settings_for,
+)
 
 PRESETS = (50, 100, 500)
 """Of the scenarios that are there, the first so many of the product's own order (500: all)."""
@@ -31,12 +39,12 @@ _HEAD = "| planner | N | reached the goal | collided | points to the first |\n| 
 PREDICTIONS: tuple[Prediction, ...] = ("constant_velocity", "ground_truth")
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; with a limit, on so many scenarios."""
     return anyio.run(_measured, bench)
 
 
-async def _measured(bench: AnalysisBench) -> Figures:
+async def _measured(bench: SeededBench) -> Figures:
     folder, runs = bench.scratch / "tables", 0
     figures: dict[str, float | int | str] = {}
     async with Client(create_server(settings_for(folder, bench.shared, 2))) as client:

@@ -15,8 +15,7 @@ from mcp import Client
 
 from ...engine.tuning import preset_configuration
 from ...server.assembly import create_server
-from ..analysis.bench import AnalysisBench
-from ..harness import Figures, ask, settings_for, share
+from ..harness import Figures, SeededBench, ask, settings_for, share
 
 FILES = 60
 """Made files (chosen)."""
@@ -24,12 +23,12 @@ _COMMENTS = ("", "", "  # keep", "   # was 0.3: too jerky", " # ü: \u2192")
 _NUMBERS = ("0", "0.0", "0.20", "1", "5.0", "1e-1", ".5", "2.50", "+3.0")
 
 
-def measure(bench: AnalysisBench) -> Figures:
+def measure(bench: SeededBench) -> Figures:
     """The keys above; with a limit, of so many files."""
     return anyio.run(_measured, bench)
 
 
-async def _measured(bench: AnalysisBench) -> Figures:
+async def _measured(bench: SeededBench) -> Figures:
     choice = random.Random(bench.seed)  # noqa: S311 - no secret
     folder = bench.folder("weights")
     verdicts = []

@@ -51,6 +51,18 @@ def verify(workspace: WorkspaceFlag = None) -> None:
 
 
 @workspace.command()
+def repair(workspace: WorkspaceFlag = None) -> None:
+    """Take out records that calls cannot read or believe, with their reasons; everything else stays."""
+    from ...engine.workspace import repair as take_out_broken
+
+    with _opened(workspace) as opened:
+        done = take_out_broken(opened)
+    for each, kept in done:
+        typer.echo(f"taken out: {each.where}: {each.what}; its row and its files are in {kept}")
+    typer.echo(f"{len(done)} taken out")
+
+
+@workspace.command()
 def gc(
     quota_mb: Annotated[
         int | None, typer.Option(help="Remove what can be made again until the workspace takes no more than this.")

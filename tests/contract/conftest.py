@@ -2,8 +2,15 @@
 
 import pytest
 from support.contract import Prepared, prepare
+from support.server import ERA_NAMES, ERAS
 
 
 @pytest.fixture(scope="session")
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
     return prepare(tmp_path_factory.mktemp("prepared"))
+
+
+@pytest.fixture(params=ERAS, ids=ERA_NAMES)
+def era(request: pytest.FixtureRequest) -> str:
+    """Both protocol eras: the contract is the same in each."""
+    return str(request.param)

@@ -9,7 +9,7 @@ from plannerforge.server.settings import Settings
 from plannerforge.server.tool_schema import described_tool
 from plannerforge.tools.registry import TOOLS, ToolSpec
 
-MOST_TOKENS_ALL, MOST_TOKENS_ESSENTIAL, MOST_TOKENS_A_TOOL, MOST_TOKENS_MODIFY = 4000, 2800, 500, 750
+MOST_TOKENS_ALL, MOST_TOKENS_ESSENTIAL, MOST_TOKENS_A_TOOL, MOST_TOKENS_MODIFY = 5200, 3000, 500, 950
 MOST_WORDS_OF_INSTRUCTIONS = 150
 
 

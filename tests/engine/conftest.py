@@ -1,5 +1,6 @@
 """Applying edits to scenarios made by hand."""
 
+import hashlib
 from pathlib import Path
 from typing import Any
 
@@ -8,12 +9,21 @@ from support.builders import ScenarioBuilder, town_road
 from support.edits import Applied, Apply, apply_to
 
 
+@pytest.fixture(scope="session")
+def bases(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the scenarios that tests edit, each written once: what is read of one is kept, as in a worker."""
+    return tmp_path_factory.mktemp("bases")
+
+
 @pytest.fixture
-def apply(tmp_path: Path) -> Apply:
-    """Applies edits (as dictionaries) to a scenario and gives outcome, files and scenes."""
+def apply(tmp_path: Path, bases: Path) -> Apply:
+    """Applies edits (as dictionaries) to a scenario and gives outcome, files and scenes; the output is ``out``."""
 
     def run(*edits: dict[str, Any], builder: ScenarioBuilder | None = None, **request: Any) -> Applied:
-        base = (builder or town_road()).write(tmp_path / "base.xml")
+        written = (builder or town_road()).write(tmp_path / "base.xml")
+        base = bases / f"{hashlib.sha256(written.read_bytes()).hexdigest()}.xml"
+        if not base.exists():
+            written.rename(base)
         return apply_to(base, tmp_path / "out", *edits, **request)
 
     return run

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from plannerforge.engine.analysis.statistics import PairedShares
-from plannerforge.evals.analysis.bench import AnalysisBench
 from plannerforge.evals.analysis.nulls import drawn, measure
+from plannerforge.evals.harness import SeededBench
 
 
 def success(records: tuple[object, ...]) -> float:
@@ -30,7 +30,7 @@ def test_the_same_seed_draws_the_same_batches() -> None:
 def test_a_comparison_that_sees_differences_everywhere_is_found_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    bench = AnalysisBench(tmp_path, tmp_path, seed=3, limit=4)
+    bench = SeededBench(tmp_path, tmp_path, seed=3, limit=4)
     honest = measure(bench)
     assert honest["null_batches"] == 4
     assert float(honest["false_findings_rate"]) <= 0.25

@@ -25,3 +25,9 @@ def test_a_weight_is_named_by_its_name(tmp_path: Path) -> None:
 def test_findings_that_name_nothing_are_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(findings, "FINDINGS", ())
     assert not names("class truck", findings_of("class truck", random.Random(3), tmp_path))
+
+
+def test_a_leader_that_keeps_its_speed_is_no_unforeseen_one(tmp_path: Path) -> None:
+    found = findings_of("weight prediction", random.Random(6), tmp_path)
+    assert names("weight prediction", found)
+    assert "unforeseen" not in {one.name for one in found}

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
+from plannerforge.evals.harness import SeededBench
 from plannerforge.evals.loop import protocol
-from plannerforge.evals.loop.bench import LoopBench
 
 
 def test_a_fault_is_named_and_a_step_has_its_cost(tmp_path: Path) -> None:
-    figures = protocol.measure(LoopBench(tmp_path, tmp_path, limit=1))
+    figures = protocol.measure(SeededBench(tmp_path, tmp_path, limit=1))
     assert (figures["protocol_named"], figures["protocol_kinds"], figures["protocol_left"]) == (1.0, 1, 0)
     assert isinstance(figures["protocol_class_ms"], float)
     assert isinstance(figures["protocol_program_ms"], float)

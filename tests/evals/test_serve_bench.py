@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 from mcp import Client
+from support.server import both_eras
 from support.tree import CHECKOUT
 
 from plannerforge.engine.workspace import Recipe, Workspace
@@ -77,6 +78,7 @@ def test_what_clients_were_told_of_and_is_gone_is_lost(tmp_path: Path) -> None:
 
 
 @pytest.mark.anyio
+@both_eras
 @pytest.mark.usefixtures("warm_workers")
 async def test_fixtures_of_the_suite_stand_beside_the_server_s_own(
     settings: Settings, era: str, tmp_path: Path

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from support.runs import DEFAULT, SAFE, metrics, record, source
 from plannerforge.engine.analysis import analyse, compare
 from plannerforge.engine.execution import silent
 from plannerforge.evals.analysis.public_runs import RawRuns
+from plannerforge.evals.analysis.recomputed import late_because
 from plannerforge.evals.analysis.sentences import Judge, Tally, agrees
 from plannerforge.evals.analysis.trivial import truth
 from plannerforge.schemas.analysis.comparison import CompareRequest, Side
@@ -193,3 +196,30 @@ def test_what_collisions_are_laid_to_is_counted_apart_from_how_many_there_are(tm
     assert (right.agreeing, right.wrong, right.unknown) == (7, [], [])
     wrong.read("Collisions: crossing 2; laid to recording 2, prediction 1; no reference driver", rules)
     assert len(wrong.wrong) == 1
+
+
+@pytest.mark.parametrize(
+    ("away_m", "limit_kmh", "out_of_reach"), [(64.2, 50.0, False), (64.7, 50.0, True), (84.0, None, False)]
+)
+def test_goals_out_of_reach_are_those_that_the_hardest_acceleration_to_the_limit_misses(
+    away_m: float, limit_kmh: float | None, out_of_reach: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From 10 m/s an ego comes 54.9 m in 4 s if it accelerates by 11.5 m/s² to 50 km/h; the goal begins 5 m nearer."""
+    asked = problem(speed=10.0, place=away_m)
+    late = record(outcome="timeout")
+    problems = SimpleNamespace(planning_problem_dict={late.problem_id: asked})
+    monkeypatch.setattr(
+        "plannerforge.evals.analysis.recomputed.CommonRoadFileReader",
+        lambda _: SimpleNamespace(open=lambda: (None, problems)),
+    )
+    limits = () if limit_kmh is None else (limit_kmh,)
+    facts: Any = SimpleNamespace(roads=SimpleNamespace(limits_ego_kmh=limits))
+    batch: Any = None
+    raw = RawRuns(
+        batch=batch,
+        records=(late,),
+        steps={late.run_id: driven(10.0)},
+        facts={late.scenario_id: facts},
+        files={late.scenario_id: tmp_path},
+    )
+    assert (late_because(raw, late, ()) == "goal_out_of_reach") is out_of_reach

@@ -53,7 +53,6 @@ async def _edit(client: Client, scenario_id: str, edits: list[dict[str, Any]]) -
     return str((result.structured_content or {})["scenario_id"])
 
 
-@pytest.mark.parametrize("era", ["auto"], indirect=True)
 @pytest.mark.parametrize(
     "edits",
     [[REROUTE, BEHAVIOUR, ADD, GOAL], [SHIFT, SWAP, LANE, WALKER], [AHEAD, BRAKE, CLEAR, EVERYBODY]],
@@ -67,7 +66,6 @@ async def test_one_call_equals_one_call_for_each_edit(
     assert together == one_by_one
 
 
-@pytest.mark.parametrize("era", ["auto"], indirect=True)
 async def test_what_a_call_names_as_new_is_what_that_call_adds(
     connect: Connect, settings: Settings, base: Path
 ) -> None:

@@ -10,11 +10,7 @@ import pytest
 from mcp import Client
 from support.server import Connect
 
-pytestmark = [
-    pytest.mark.anyio,
-    pytest.mark.usefixtures("starter_ready"),
-    pytest.mark.parametrize("era", ["auto"], indirect=True),
-]
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 PAGE = (CHECKOUT / "docs" / "criticality.md").read_text(encoding="utf-8")
@@ -41,27 +37,25 @@ async def test_every_recipe_does_what_the_page_says(connect: Connect) -> None:
             assert found["ego_after"]["risk_score"] < found["ego_before"]["risk_score"], title
 
 
-@pytest.mark.parametrize(
-    ("edit", "score"),
-    [
-        ({"op": "set_speed", "vehicles": ["lead"], "speed": "15m/s", "time_s": 2}, 0),
-        ({"op": "shift_time", "vehicles": ["follow"], "time_s": -1.7}, 0),
-        ({"op": "set_behaviour", "vehicles": ["follow"], "preset": "aggressive"}, 4),
-        ({"op": "set_behaviour", "vehicles": ["all"], "preset": "cautious"}, 0),
-        ({"op": "change_lane", "vehicles": ["50"], "lane": "left"}, 0),
-        ({"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "offset_m": 20, "speed": "26m/s"}, 0),
-    ],
-    ids=[
-        "harder braking",
-        "a shift alone",
-        "aggressive alone",
-        "cautious drivers",
-        "a recorded car cuts in",
-        "a usual driver ahead",
-    ],
-)
-async def test_what_the_page_says_of_other_values_holds(connect: Connect, edit: dict[str, Any], score: int) -> None:
+OTHER_VALUES: dict[str, tuple[dict[str, Any], int]] = {
+    "harder braking": ({"op": "set_speed", "vehicles": ["lead"], "speed": "15m/s", "time_s": 2}, 0),
+    "a shift alone": ({"op": "shift_time", "vehicles": ["follow"], "time_s": -1.7}, 0),
+    "aggressive alone": ({"op": "set_behaviour", "vehicles": ["follow"], "preset": "aggressive"}, 4),
+    "cautious drivers": ({"op": "set_behaviour", "vehicles": ["all"], "preset": "cautious"}, 0),
+    "a recorded car cuts in": ({"op": "change_lane", "vehicles": ["50"], "lane": "left"}, 0),
+    "a usual driver ahead": (
+        {"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "offset_m": 20, "speed": "26m/s"},
+        0,
+    ),
+}
+"""What the page says of values beside its recipes: the edit, and the risk score that it leads to."""
+
+
+async def test_what_the_page_says_of_other_values_holds(connect: Connect) -> None:
+    scores = {}
     async with connect() as client:
-        asked = {"scenario_id": SCENARIO, "edits": [edit], "dry_run": True}
-        _, found = await answer(client, "modify_scenario", asked)
-    assert found["ego_after"]["risk_score"] == score
+        for name, (edit, _) in OTHER_VALUES.items():
+            asked = {"scenario_id": SCENARIO, "edits": [edit], "dry_run": True}
+            _, found = await answer(client, "modify_scenario", asked)
+            scores[name] = found["ego_after"]["risk_score"]
+    assert scores == {name: score for name, (_, score) in OTHER_VALUES.items()}

@@ -22,10 +22,11 @@ ELSEWHERE = {
 """Pages whose calls are made by other tests, or by none, and why."""
 FEWER = {
     r"preset:\d+": "preset:2",
-    r'"max_trials": \d+': '"max_trials": 9',
-    r'"method": "morris"': '"method": "morris", "vary": ["jerk"]',
+    r'"max_trials": \d+': '"max_trials": 4',
+    r'"density": "medium"': '"density": "medium", "duration_s": 6',
+    r'"method": "morris", "max_trials": 4': '"method": "morris", "vary": ["jerk"], "max_trials": 9',
 }
-"""What is done on fewer scenarios, tries and weights than a page says: it would take minutes."""
+"""What is done on fewer and shorter scenarios, tries and weights than a page says: it would take minutes."""
 HERE = [name for name in dict.fromkeys(page for page, _, _ in shown_calls()) if name not in ELSEWHERE]
 
 
@@ -39,7 +40,6 @@ async def answered(client: Client, tool: str, arguments: dict[str, Any]) -> None
 
 @pytest.mark.anyio
 @pytest.mark.usefixtures("starter_ready")
-@pytest.mark.parametrize("era", ["auto"], indirect=True)
 @pytest.mark.parametrize("page", HERE)
 async def test_every_call_of_a_page_is_answered(page: str, connect: Connect, tmp_path: Path) -> None:
     async with connect() as client:

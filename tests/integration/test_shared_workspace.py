@@ -20,7 +20,7 @@ def write_scenarios(folder: Path, *benchmark_ids: str, steps: int = 4) -> Path:
 
 @pytest.fixture
 def servers(tmp_path: Path) -> Iterator[list[StdioServer]]:
-    started = [StdioServer(tmp_path) for _ in range(2)]
+    started = [StdioServer(tmp_path, ("--workers", "1")) for _ in range(2)]
     yield started
     for server in started:
         server.kill()

@@ -118,7 +118,6 @@ def test_demonstrations_show_calls_and_a_refusal(task: str) -> None:
 
 @pytest.mark.anyio
 @pytest.mark.usefixtures("starter_ready")
-@pytest.mark.parametrize("era", ["auto"], indirect=True)
 @pytest.mark.parametrize("task", TASKS)
 async def test_demonstrations_come_out_as_they_say(connect: Any, task: str) -> None:
     async with connect() as client:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import pytest
 from pydantic import Field
 from support.http_serving import Serve, Served, served
+from support.server import ERA_NAMES, ERAS
 
 from plannerforge.resources.templates import picture_link
 from plannerforge.schemas.base import Answer, Arguments, Model, Result
@@ -149,6 +150,12 @@ PROBES: tuple[ToolSpec, ...] = tuple(
     ProbeSpec(function.__name__, "Probe", "", read_only=True, call=function)
     for function in (echo, refuse, break_down, draw, say_much, draw_much, tell_progress, start_job)
 ) + tuple(ProbeSpec(function.__name__, "Probe", "", call=function) for function in (make_long, ask_late))
+
+
+@pytest.fixture(params=ERAS, ids=ERA_NAMES)
+def era(request: pytest.FixtureRequest) -> str:
+    """Both protocol eras: the server speaks each."""
+    return str(request.param)
 
 
 @pytest.fixture

@@ -75,3 +75,35 @@ def lanelet2_of(scenario: Path, target: Path) -> Path:
     root.extend(relations)
     target.write_bytes(etree.tostring(root))
     return target
+
+
+def drive_file(view: str, *, length: float, key: int = 1, link: str = "", rule: str = "") -> str:
+    """An OpenDRIVE file of one road with a lane in each direction, along a plan view."""
+    lanes = [
+        f'<{side}><lane id="{lane}" type="driving" level="false">'
+        '<width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>'
+        f"</{side}>"
+        for side, lane in (("left", 1), ("right", -1))
+    ]
+    center = '<center><lane id="0" type="none" level="false"/></center>'
+    side = f' rule="{rule}"' if rule else ""
+    return (
+        '<OpenDRIVE><header revMajor="1" revMinor="4"></header>'
+        f'<road name="" length="{length}" id="{key}" junction="-1"{side}><link>{link}</link><planView>{view}</planView>'
+        f'<lanes><laneSection s="0">{lanes[0]}{center}{lanes[1]}</laneSection></lanes></road></OpenDRIVE>'
+    )
+
+
+def two_roads(*, rule: str = "") -> str:
+    """Two straight roads in OpenDRIVE, 200 m each, that meet end to end."""
+    view = '<geometry s="0" x="{}" y="5340000" hdg="0" length="200"><line/></geometry>'
+    joint = '<{} elementType="road" elementId="{}" contactPoint="{}"/>'
+    first, second = (
+        drive_file(view.format(x), length=200, key=key, rule=rule, link=joint.format(*link))
+        for x, key, link in ((691000, 1, ("successor", 2, "start")), (691200, 2, ("predecessor", 1, "end")))
+    )
+    for lane in ("1", "-1"):
+        start = f'<lane id="{lane}" type="driving" level="false">'
+        first = first.replace(start, f'{start}<link><successor id="{lane}"/></link>')
+        second = second.replace(start, f'{start}<link><predecessor id="{lane}"/></link>')
+    return first.replace("</OpenDRIVE>", "") + second[second.index("<road") :]

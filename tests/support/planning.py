@@ -21,8 +21,15 @@ from plannerforge.engine.planners import safety
 from plannerforge.engine.planners.driving.following import FollowedPlan
 from plannerforge.engine.planners.frenetix import planner as frenetix_planner
 from plannerforge.engine.planners.frenetix.planner import Frenetix
+from plannerforge.engine.planners.interface import EgoState, Observation, Plan, PlanningTask
+from plannerforge.engine.planners.lanes import build_road
+from plannerforge.engine.planners.prediction import constant_velocity, observe
+from plannerforge.engine.planners.reference_path import build_reference_path
 from plannerforge.engine.planners.simulation import DrivenRun, simulate
+from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
+from plannerforge.engine.scene.routing import find_route
 from plannerforge.engine.tuning.configurations import changed_configuration, named_configuration
+from plannerforge.engine.vehicles.models import BMW_320I
 from plannerforge.schemas.planning import PlannerConfiguration
 from plannerforge.schemas.runs import Prediction
 
@@ -149,6 +156,38 @@ def drive(
     planner: Any = None,
 ) -> DrivenRun:
     return simulate(scenario, problem, config or configuration(), planner or Frenetix(), prediction, lambda *_: None)
+
+
+FAR = goal_state((90, 100), rectangle_at(100.0, 0.0))
+"""A goal on the rightmost lane, as far as an ego at 10 m/s comes in its time."""
+
+
+def task_on_road(
+    config: PlannerConfiguration, speed_mps: float, *obstacles: Any, goal: CustomState = FAR, lanes: int = 2
+) -> tuple[PlanningTask, Observation]:
+    """A task on a straight road, and what an ego at the origin observes at its start."""
+    scenario = scenario_on(straight_road(300.0, lanes=lanes), *obstacles)
+    problem, network, origin = problem_for(goal, speed_mps=speed_mps), scenario.lanelet_network, np.zeros(2)
+    route = find_route(network, problem.goal, origin, 0.0, ahead_m=120.0)
+    reference = build_reference_path(network, route, origin, speed_mps)
+    task = PlanningTask(network, problem, config, reference, build_road(network, reference), BMW_320I, 0.1)
+    ego = EgoState(0, origin, 0.0, speed_mps)
+    return task, Observation(ego, observe(RecordedTraffic(scenario), ego, constant_velocity, 30, 0.1))
+
+
+def drive_on_road(
+    planner: Any, config: PlannerConfiguration, *obstacles: Any, goal: CustomState = FAR, lanes: int = 1, **problem: Any
+) -> DrivenRun:
+    """Drive a planner on a straight road among obstacles."""
+    scenario = scenario_on(straight_road(300.0, lanes=lanes), *obstacles)
+    return drive(scenario, problem_for(goal, **problem), config, planner=planner)
+
+
+def first_plan(planner: Any, task: PlanningTask, observation: Observation) -> Plan:
+    """What a planner plans at the start of a task."""
+    planner.reset(task)
+    plan: Plan = planner.plan(observation)
+    return plan
 
 
 def _initial(position: Any, heading_rad: float, speed_mps: float) -> InitialState:

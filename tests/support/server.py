@@ -11,11 +11,17 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import psutil
+import pytest
 from mcp import Client
 
 from plannerforge.engine.execution import Limits, WorkerPool
 from plannerforge.server.settings import Settings
 
+ERAS = ("auto", "legacy")
+ERA_NAMES = ("2026-07-28", "initialize")
+"""Both protocol eras: the stateless revision and those that begin with ``initialize``."""
+both_eras = pytest.mark.parametrize("era", ERAS, ids=ERA_NAMES)
+"""For tests of what the protocol has a part in. What a tool does with its arguments is the same in both eras."""
 GUARD_S = 120.0
 """A server that does not answer for so long hangs: it is killed, and the test fails instead of hanging as well."""
 

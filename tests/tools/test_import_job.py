@@ -10,7 +10,7 @@ import anyio
 import pytest
 from mcp import Client
 from support.builders import town_road
-from support.server import Connect
+from support.server import Connect, both_eras
 
 from plannerforge.server.assembly import create_server
 from plannerforge.server.commands.one_call import make_call
@@ -57,6 +57,7 @@ async def test_a_job_that_ends_in_time_answers_like_any_import(connect: Connect,
         assert "find_scenarios" in text
 
 
+@both_eras
 async def test_a_long_import_answers_early_and_goes_on(
     connect: Connect, bare: Settings, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

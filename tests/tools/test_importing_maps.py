@@ -38,3 +38,18 @@ async def test_a_country_is_refused_where_there_is_no_map(connect: Connect, tmp_
         answer = await client.call_tool("import_files", {"path": "some.yaml", "country": "DEU"})
         assert answer.is_error
         assert "country is for maps" in str(answer.content)
+
+
+async def test_a_map_is_taken_by_its_content_whatever_its_name(connect: Connect, tmp_path: Path) -> None:
+    folder = tmp_path / "maps"
+    folder.mkdir()
+    town = (LIBRARY / "fahrhausen.osm").read_bytes()
+    for name in ("web.osm.xml", "other.xml", "packed.osm.xml.gz"):
+        (folder / name).write_bytes(gzip.compress(town) if name.endswith(".gz") else town)
+    async with connect() as client:
+        for kind in ("auto", "map"):
+            answer = await client.call_tool("import_files", {"path": str(folder / "web.osm.xml"), "kind": kind})
+            assert (answer.structured_content or {})["refused"] == 0
+        answer = await client.call_tool("import_files", {"path": str(folder)})
+        assert (answer.structured_content or {})["refused"] == 0
+        assert {item["kind"] for item in (answer.structured_content or {})["items"]} == {"map"}

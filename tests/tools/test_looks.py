@@ -12,7 +12,7 @@ from plannerforge.schemas.runs import BatchRecord, RunLook
 from plannerforge.schemas.scenarios import ScenarioRecord
 from plannerforge.server.settings import Settings
 
-pytestmark = [pytest.mark.anyio, pytest.mark.parametrize("era", ["auto"])]
+pytestmark = pytest.mark.anyio
 ONE = "ZAM_Landmoor-32_1_T-1"
 
 

@@ -71,7 +71,6 @@ def stored(settings: Settings, kind: str) -> list[Any]:
         workspace.close()
 
 
-@pytest.mark.parametrize("era", ["auto"], indirect=True)
 async def test_a_place_is_fetched_kept_and_made_again_without_a_net(
     connect: Connect, online: Settings, servers: MapServers, tmp_path: Path
 ) -> None:
@@ -99,7 +98,6 @@ async def test_a_place_is_fetched_kept_and_made_again_without_a_net(
     assert (online.workspace / file).read_bytes() == (other.workspace / file).read_bytes()
 
 
-@pytest.mark.parametrize("era", ["auto"], indirect=True)
 async def test_maps_at_hand_win_unless_the_net_is_asked_for(
     connect: Connect, online: Settings, servers: MapServers
 ) -> None:
@@ -115,7 +113,6 @@ async def test_maps_at_hand_win_unless_the_net_is_asked_for(
         assert len(servers.requests) == 1
 
 
-@pytest.mark.parametrize("era", ["auto"], indirect=True)
 async def test_the_setting_says_whether_the_net_is_asked(
     connect: Connect, online: Settings, servers: MapServers
 ) -> None:
@@ -132,7 +129,6 @@ async def test_the_setting_says_whether_the_net_is_asked(
     assert servers.requests == []
 
 
-@pytest.mark.parametrize("era", ["auto"], indirect=True)
 async def test_what_can_never_be_met_is_refused_before_a_service_is_asked(
     connect: Connect, online: Settings, servers: MapServers
 ) -> None:
@@ -149,7 +145,6 @@ async def test_what_can_never_be_met_is_refused_before_a_service_is_asked(
     assert servers.requests == []
 
 
-@pytest.mark.parametrize("era", ["auto"], indirect=True)
 async def test_services_that_fail_leave_nothing_behind(connect: Connect, online: Settings, servers: MapServers) -> None:
     async with connect(online) as client:
         servers.fail("one", Fault("cut", 2))
@@ -165,6 +160,20 @@ async def test_services_that_fail_leave_nothing_behind(connect: Connect, online:
         servers.fail("nominatim", Fault("403", 2))
         text, _ = await generate(client, place="Ringstadt, Bavaria", scenario_type="urban")
         assert "Nominatim cannot be used" in text
+
+
+async def test_an_invented_place_is_no_failure_of_the_service(
+    connect: Connect, online: Settings, servers: MapServers
+) -> None:
+    async with connect(online) as client:
+        servers.fail("nominatim", Fault("403", 9))
+        invented, _ = await generate(client, place="Xyldrun am Quelm")
+        assert invented.startswith("[unknown_name]")
+        assert "GeoNames" in invented
+        real, _ = await generate(client, place="Ouagadougou")
+        assert real.startswith("[service_failure]")
+        misspelled, _ = await generate(client, place="Kraiselheim")
+        assert "place='Kreiselheim'" in misspelled
 
 
 async def test_which_of_two_towns_is_asked_where_the_client_can_ask(
@@ -201,7 +210,6 @@ async def test_which_of_two_towns_is_told_where_no_choice_is_made(
     assert stored(online, "map") == []
 
 
-@pytest.mark.parametrize("era", ["auto"], indirect=True)
 async def test_a_map_of_a_like_name_is_no_map_of_the_place(connect: Connect, settings: Settings) -> None:
     first, second = drawn_town("kreiselheim.osm"), drawn_town("quadratstadt.osm", (50.0, 9.0), 1000)
     places = [*town_places("Faultville 3", first), *town_places("Faultville 30", second)]

@@ -9,12 +9,12 @@ import pytest
 from mcp import Client
 from mcp.types import ElicitRequestParams, ElicitResult
 from support.builders import town_road
-from support.server import Connect
+from support.server import Connect, both_eras
 
 from plannerforge.server.settings import Settings
 from plannerforge.tools import runs
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, both_eras]
 ONE = "ZAM_Builder-1_1_T-1"
 SLOWER = {"op": "set_speed", "vehicles": ["one:car"], "speed": "5m/s"}
 Opened = Callable[[str | None], AbstractAsyncContextManager[tuple[Client, list[str]]]]

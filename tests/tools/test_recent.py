@@ -10,6 +10,7 @@ from mcp import Client
 from pydantic import SecretStr
 from support.builders import town_road
 from support.http_serving import READER, WRITER, served
+from support.server import both_eras
 
 from plannerforge.engine.workspace import Workspace
 from plannerforge.server.assembly import create_server
@@ -104,6 +105,7 @@ async def test_runs_and_batches_that_were_made_before_are_the_latest_when_asked_
     assert any(key.startswith("cfg_") for key in owners)
 
 
+@both_eras
 async def test_clients_of_one_server_by_http_have_a_latest_and_a_current_each(
     settings: Settings, warm_workers: None, tmp_path: Path, era: str
 ) -> None:

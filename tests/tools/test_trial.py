@@ -6,7 +6,7 @@ from support.server import Connect
 from plannerforge.schemas.results import TriedChange
 from plannerforge.server.settings import Settings
 
-pytestmark = [pytest.mark.anyio, pytest.mark.parametrize("era", ["auto"])]
+pytestmark = pytest.mark.anyio
 LATE = ["ZAM_Landmoor-32_1_T-1", "ZAM_Fahrhausen-4_1_T-1"]
 """Starter scenarios that an ego which does not mind being slow ends late."""
 IN_TIME = ["ZAM_Musterstadt-3_1_T-1"]

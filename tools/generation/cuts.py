@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...engine.maps import NOT_SHOWN, MapEntry, country_code, fold, place_parts, stored_name
+from ...engine.maps import NOT_SHOWN, Closeness, MapEntry, country_code, file_stem, fold, place_parts, stored_name
 from ...engine.workspace import Recipe, content_digest
 from ...schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, ResourceFailure, UnknownName
 from ...schemas.generation import CutExtractRequest, CutOfExtract, GenerateScenariosArguments, MapFacts
@@ -91,7 +91,7 @@ def _named_cut(arguments: GenerateScenariosArguments, call: ToolCall) -> MapEntr
 
 def _is_named(facts: MapFacts, place: str | None) -> bool:
     """Whether a part of the words is an extract's id, its place or its file's name."""
-    names = (facts.map_id, facts.place, facts.file_name, facts.file_name.partition(".")[0])
+    names = (facts.map_id, facts.place, facts.file_name, file_stem(facts.file_name))
     own = {fold(name) for name in names}
     return any(fold(part) in own for part in place_parts(place or ""))
 
@@ -103,7 +103,8 @@ def _fitting(
     if not extracts or (arguments.place, arguments.country, arguments.bbox) == (None, None, None):
         return []
     try:
-        plan_maps(arguments, [one for one in whole if one.facts.source is None or one.facts.source.beside])
+        usable = [one for one in whole if one.facts.source is None or one.facts.source.beside]
+        plan_maps(arguments, usable, Closeness.HEARD)
     except (UnknownName, NotPossible) as refusal:
         if refusal.reason != NOT_SHOWN:
             return []

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ...engine.maps import (
     NOT_SHOWN,
+    Closeness,
     MapEntry,
     country_code,
     country_name,
@@ -17,6 +18,7 @@ from ...engine.maps import (
     match_fetched,
     place_parts,
     resolve_road_classes,
+    settlements_called,
     stored_name,
 )
 from ...engine.workspace import Recipe, content_digest
@@ -55,7 +57,7 @@ async def maps_for(
         if online.mode == "offline" or arguments.source == "local":
             return plan_maps(arguments, entries)
         try:
-            return plan_maps(arguments, beside)
+            return plan_maps(arguments, beside, Closeness.HEARD)
         except UnknownName as refusal:
             if refusal.reason != NOT_SHOWN or not _names_somewhere(arguments):
                 raise
@@ -67,7 +69,7 @@ async def maps_for(
         )
     if not _names_somewhere(arguments):
         raise InvalidRequest("source=online needs a place, a country or a bbox", next_step="name one")
-    return await _fetched(arguments, call)
+    return await _fetched(arguments, call, await _located(arguments, call))
 
 
 def _names_somewhere(arguments: GenerateScenariosArguments) -> bool:
@@ -82,21 +84,39 @@ async def _fetched_or_at_hand(
 ) -> GenerationPlan:
     """A fetched map; where the net cannot be asked, one that was fetched for another request and shows the place.
 
+    Where the net does not know the words, or cannot be asked, they may be a part of what a map at hand shows.
     ``refusal``: why no map at hand is used.
     """
+    is_located = False
     try:
-        return await _fetched(arguments, call)
+        place = await _located(arguments, call)
+        is_located = True
+        return await _fetched(arguments, call, place)
     except UnknownName as unknown:
-        raise _with_names_at_hand(unknown, refusal) from unknown
+        half_typed = _half_typed(arguments, entries)
+        if half_typed is None:
+            raise _with_names_at_hand(unknown, refusal) from unknown
+        return half_typed
     except (ServiceFailure, NotPossible) as failure:
         if isinstance(failure, NotPossible) and failure.reason != "not_asked":
             raise
         try:
             plan = plan_maps(arguments, [entry for entry in entries if _is_called_so(entry.facts, arguments.place)])
         except InvalidRequest:
-            raise _told_with(failure, refusal) from failure
+            half_typed = _half_typed(arguments, entries)
+            if half_typed is None:
+                raise _told_with(failure, refusal, None if is_located else arguments.place) from failure
+            return half_typed
         note = f"{failure.message.rstrip('.')}; a map that was fetched for another request is used"
         return GenerationPlan(plan.matches, (*plan.notes, note))
+
+
+def _half_typed(arguments: GenerateScenariosArguments, entries: Sequence[MapEntry]) -> GenerationPlan | None:
+    """A plan for the maps that the user added and that the words are a part of; None if there are none."""
+    try:
+        return plan_maps(arguments, [entry for entry in entries if entry.facts.source is None])
+    except (UnknownName, NotPossible):
+        return None
 
 
 def _is_called_so(facts: MapFacts, place: str | None) -> bool:
@@ -109,27 +129,44 @@ def _is_called_so(facts: MapFacts, place: str | None) -> bool:
 
 def _with_names_at_hand(unknown: UnknownName, refusal: UnknownName) -> UnknownName:
     """What the net does not know either: with the names at hand that are like it."""
-    return UnknownName(
-        unknown.message, valid=unknown.valid or refusal.valid, next_step=unknown.next_step, reason=unknown.reason
-    )
+    valid, next_step = (unknown.valid, unknown.next_step) if unknown.valid else (refusal.valid, refusal.next_step)
+    return UnknownName(unknown.message, valid=valid, next_step=next_step, reason=unknown.reason)
 
 
-def _told_with(failure: PlannerForgeError, refusal: UnknownName) -> PlannerForgeError:
-    """The failure of the net behind what is at hand; where the net must not be asked, the refusal is what counts."""
+def _told_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: str | None) -> PlannerForgeError:
+    """The failure of the net behind what is at hand; ``unlocated``: the words that could not be looked up.
+
+    Where the net must not be asked, the refusal is what counts; likewise where GeoNames does not know the place that
+    could not be looked up, because asking again later would hardly find it.
+    """
     if isinstance(failure, NotPossible):
         message = f"{refusal.message.rstrip('.')}; {failure.message}"
         return UnknownName(message, valid=refusal.valid, next_step=failure.next_step, reason=refusal.reason)
+    if unlocated is not None and not any(settlements_called(part) for part in place_parts(unlocated)):
+        message = (
+            f"{refusal.message.rstrip('.')}, GeoNames knows no settlement of 5,000 inhabitants of that name, "
+            f"and a smaller one could not be looked up: {failure.message}"
+        )
+        return UnknownName(message, valid=refusal.valid, next_step=refusal.next_step, reason=refusal.reason)
     message = f"{refusal.message.rstrip('.')}, and {failure.message}"
     return ServiceFailure(message, valid=refusal.valid, reason=failure.reason)
 
 
-async def _fetched(arguments: GenerateScenariosArguments, call: ToolCall) -> GenerationPlan:
-    """A plan for the map that is fetched for the request."""
+async def _located(arguments: GenerateScenariosArguments, call: ToolCall) -> NamedPlace | None:
+    """The place that a request means, looked up on the net; None where its box says all."""
     check_demands(arguments)
-    box = box_of(arguments.bbox)
-    country = None if arguments.country is None else country_code(arguments.country) or arguments.country.upper()
-    words = arguments.place or (country_name(country) if country is not None and box is None else None)
-    place = None if words is None else await find_place(call, words, country)
+    country = _code_of(arguments)
+    words = arguments.place or (country_name(country) if country is not None and arguments.bbox is None else None)
+    return None if words is None else await find_place(call, words, country)
+
+
+def _code_of(arguments: GenerateScenariosArguments) -> str | None:
+    return None if arguments.country is None else country_code(arguments.country) or arguments.country.upper()
+
+
+async def _fetched(arguments: GenerateScenariosArguments, call: ToolCall, place: NamedPlace | None) -> GenerationPlan:
+    """A plan for the map that is fetched for the request."""
+    box, country = box_of(arguments.bbox), _code_of(arguments)
     if box is not None and place is not None and not _overlap(place, box):
         raise UnknownName(
             f"{place.label} does not lie in the box {list(box)}", next_step="leave place or bbox out", reason=NOT_SHOWN

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ...engine.maps import MapEntry, MapMatch, country_code, find_maps, resolve_road_classes
+from ...engine.maps import Closeness, MapEntry, MapMatch, country_code, find_maps, resolve_road_classes
 from ...engine.vehicles import PEDESTRIAN, vehicle_classes
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 from ...schemas.generation import (
@@ -64,7 +64,9 @@ class SiteAssignment:
     spare: tuple[MapMatch, ...]
 
 
-def plan_maps(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -> GenerationPlan:
+def plan_maps(
+    arguments: GenerateScenariosArguments, maps: Sequence[MapEntry], closeness: Closeness = Closeness.PART
+) -> GenerationPlan:
     """The maps for a call; those that lack the asked type are left out unless none holds it.
 
     The seed rotates them, so that another seed is another map where several fit.
@@ -82,6 +84,7 @@ def plan_maps(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -
             country=arguments.country,
             bbox=box_of(arguments.bbox),
             scenario_type=arguments.scenario_type,
+            closeness=closeness,
         ),
     )
 

@@ -17,11 +17,13 @@ from ....schemas.generation import CutExtractRequest, CutOfExtract, PlaceArea, R
 from ....schemas.maps import Box
 from ....schemas.text import LONGEST_TEXT
 from ...execution import ProgressReporter
-from ..facts import facts_of, keys_of_road
-from ..index import place_parts, without_frame
+from ..facts import facts_of
+from ..index import file_stem, place_parts, without_frame
+from ..naming.gazetteer import names_elsewhere
+from ..naming.places import fold, place_keys
+from ..naming.spellings import MOST_KEPT, road_keys, whole_road_keys
+from ..naming.tags import keys_of_road
 from ..osm import OsmMap, append_node, append_object, ground_distance_m
-from ..places import fold, place_keys
-from ..spellings import MOST_KEPT, road_keys, whole_road_keys
 from .tiles import TileStore, box_of_tile, index_failures, tiles_in
 
 SIDES_M = (5_000.0, 3_500.0, 2_500.0, 1_800.0)
@@ -86,7 +88,7 @@ def _meant(request: CutExtractRequest, store: TileStore) -> _Meant | None:
     """What the words or the box mean in the extract; None where it shows nothing such."""
     parts = place_parts((request.place or "")[:LONGEST_TEXT])
     facts = request.facts
-    own = {facts.map_id, facts.place, facts.file_name, facts.file_name.partition(".")[0], facts.country or ""}
+    own = {facts.map_id, facts.place, facts.file_name, file_stem(facts.file_name), facts.country or ""}
     others = [part for part in parts if fold(part) not in {fold(name) for name in own}]
     if not others:
         return _anywhere(request, store)
@@ -105,6 +107,7 @@ def _meant(request: CutExtractRequest, store: TileStore) -> _Meant | None:
 def _place_called(part: str, others: Sequence[PlaceArea], store: TileStore) -> PlaceArea | None:
     """The largest place of a name, or the one nearest to a place that was named with it."""
     bodies = store.places_called(place_keys(part) | place_keys(without_frame(part)))
+    bodies = bodies or store.places_called(names_elsewhere(without_frame(part)))
     places = [PlaceArea.model_validate_json(body) for body in bodies]
     if others:
         middle = others[0].latitude, others[0].longitude

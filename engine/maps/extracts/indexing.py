@@ -32,7 +32,10 @@ from ....schemas.generation import (
 )
 from ....schemas.text import one_line
 from ...execution import ProgressReporter
-from ..facts import LEAST_RADIUS_M, PLACE_KINDS, USUAL_RADIUS_M, countries_near, keys_of_road, names_of
+from ..facts import countries_near
+from ..naming.places import fold, place_keys
+from ..naming.shown import LEAST_RADIUS_M, USUAL_RADIUS_M
+from ..naming.tags import PLACE_KINDS, keys_of_road, names_of
 from ..osm import (
     EARTH_RADIUS_M,
     KEPT_KEYS,
@@ -45,7 +48,6 @@ from ..osm import (
     OsmWay,
     tag_text,
 )
-from ..places import fold, place_keys
 from ..road_classes import ALL_ROADS
 from ..site_search.finder import SiteFinder
 from .tiles import TileStore, box_of_tile, index_failures, tile_of

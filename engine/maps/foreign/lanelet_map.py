@@ -6,6 +6,7 @@ planning problems are left out, of a file of format 2018b signs stand for its sp
 
 import math
 import tempfile
+from collections import Counter
 from collections.abc import Set
 from copy import deepcopy
 from dataclasses import dataclass
@@ -15,8 +16,15 @@ import numpy as np
 from lxml import etree
 
 from ....schemas.errors import NotPossible, UnsafeInput
-from ....schemas.text import one_line
-from ...commonroad import LoadedScenario, ScenarioDocument, parse_benchmark_id, read_scenario, speed_limit_number
+from ....schemas.text import counted, one_line
+from ...commonroad import (
+    LoadedScenario,
+    ScenarioDocument,
+    parse_benchmark_id,
+    read_scenario,
+    schema_faults,
+    speed_limit_number,
+)
 from ...network import GeoReference, RoadNetwork, net_over_lanelets
 from ..osm import OSM_ATTRIBUTION
 from .net_map import PROJECTION, NetMap, read_net_map
@@ -109,10 +117,17 @@ def write_network(source: Path, target: Path) -> tuple[str, ...]:
         steps.text = str(max(round(int(steps.text or 0) * step_s / STEP_S), 1))
     for steps in copy.iterfind("trafficLight/cycle/timeOffset"):
         steps.text = str(round(int(steps.text or 0) * step_s / STEP_S))
+    heights = list(copy.iter("z"))
+    for height in heights:
+        _remove(height)
+    left_out += ["heights"] if heights else []
     if (count := _without_torn(copy)) > 0:
         left_out.append(
             f"{count} elements that CommonRoad's schema refuses (empty intersections and signs, lost references)"
         )
+    if refused := _without_refused(copy):
+        kinds = ", ".join(f"{name} {count}" for name, count in Counter(refused).most_common(_REFUSED_SHOWN))
+        left_out.append(f"{counted(len(refused), 'more element')} that CommonRoad's schema refuses: {kinds}")
     target.write_bytes(etree.tostring(copy, encoding="UTF-8", xml_declaration=True) + b"\n")
     return tuple(left_out)
 
@@ -135,10 +150,45 @@ def _without_torn(root: etree._Element) -> int:
     )
     lost = [one for tag in words for one in root.iter(tag) if one.get("ref") not in known]
     for element in lost:
-        parent = element.getparent()
-        if parent is not None:
-            parent.remove(element)
+        _remove(element)
     return len(torn) + len(lost)
+
+
+_REFUSED_SHOWN = 4
+"""Kinds of refused elements that are named (chosen)."""
+_MOST_ROUNDS = 20
+"""Of looking for refused elements (chosen): taking one out may show another, or leave its parent incomplete."""
+
+
+def _without_refused(root: etree._Element) -> list[str]:
+    """Take out of a network what the schema refuses, each time the smallest element; the names of what it was.
+
+    Lanelets stay, whatever is wrong with them: traffic needs them, and the rules for networks name their faults.
+    """
+    names = []
+    for _ in range(_MOST_ROUNDS):
+        refused: list[etree._Element] = []
+        tree = etree.ElementTree(root)
+        for fault in schema_faults(tree):
+            found = tree.xpath(fault.path) if fault.path else []
+            element = found[0] if isinstance(found, list) and found else None
+            if isinstance(element, etree._Element) and element not in (root, *refused) and element.tag not in _KEPT:
+                refused.append(element)
+        for element in refused:
+            names.append(str(element.tag))
+            _remove(element)
+        if not refused:
+            break
+    return names
+
+
+_KEPT = ("lanelet", "leftBound", "rightBound", "location", "scenarioTags")
+
+
+def _remove(element: etree._Element) -> None:
+    parent = element.getparent()
+    if parent is not None:
+        parent.remove(element)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from ....schemas.text import counted, quoted
 from ...commonroad import XmlLimits, scan_xml
 from ...network import run_netconvert
 from ..unpacking import LARGEST_BYTES
+from .drive_repair import LEFT, mirror, repair, traffic_rule, without_namespaces, y_range
 from .lanelet_map import NOWHERE
 from .net_map import PROJECTION
 
@@ -36,6 +37,12 @@ def convert_opendrive(source: Path, target: Path, scratch: Path) -> tuple[str, .
         UnsafeInput: the file is hostile, broken, no OpenDRIVE, without roads or too large, or netconvert refuses it.
     """
     root = _checked(source)
+    lost = _lost(root)
+    axis_m = None
+    if traffic_rule(source.name, root) == LEFT:
+        axis_m = min(y_range(root))
+        mirror(root, axis_m)
+    repair(source.name, root)
     reference = root.find("header/geoReference")
     said = "" if reference is None else " ".join(_VERTICAL.sub("", reference.text or "").split())
     located = PROJECTION.fullmatch(said) is not None and "+proj=" in said
@@ -52,7 +59,8 @@ def convert_opendrive(source: Path, target: Path, scratch: Path) -> tuple[str, .
         warnings = run_netconvert(options, target)
     except NotPossible as refusal:
         raise UnsafeInput(f"{source.name}: {refusal.message}", next_step="mend the file, or take another") from refusal
-    lost = _lost(root)
+    if axis_m is not None:
+        _mirror_back(target, axis_m)
     if warnings:
         lost.append(f"netconvert warned {counted(len(warnings), 'time')}, first: {warnings[0]}")
     if not _has_place(target):
@@ -72,6 +80,7 @@ def _checked(path: Path) -> etree._Element:
         root = etree.parse(path, etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
     except etree.LxmlError as error:
         raise UnsafeInput(f"{path.name} is not readable as OpenDRIVE: {error}") from error
+    without_namespaces(root)
     roads = list(root.iterfind("road"))
     if not roads:
         raise UnsafeInput(f"{path.name} holds no road", next_step="use a file with roads in it")
@@ -91,10 +100,29 @@ def _checked(path: Path) -> etree._Element:
         for key in ("x", "y", "hdg"):
             _number(path, piece, key, FARTHEST_M)
         _number(path, piece, "length", LONGEST_M)
-    for element in root.iter("width", "laneOffset"):
-        for key in ("a", "b", "c", "d"):
+    for element in root.iter(*_MEASURED):
+        for key in _MEASURED[str(element.tag)]:
             _number(path, element, key, FARTHEST_M)
+    for element in root.iter("lane", "laneLink"):
+        for key in ("id",) if element.tag == "lane" else ("from", "to"):
+            _whole(path, element, key)
+    for element in root.iterfind("road/lanes/laneSection/*/lane/link/*"):
+        _whole(path, element, "id")
     return root
+
+
+_MEASURED = {
+    **dict.fromkeys(("laneOffset", "poly3", "superelevation"), ("a", "b", "c", "d")),
+    **dict.fromkeys(("width", "border"), ("sOffset", "a", "b", "c", "d")),
+    "paramPoly3": ("aU", "bU", "cU", "dU", "aV", "bV", "cV", "dV"),
+    "arc": ("curvature",),
+    "spiral": ("curvStart", "curvEnd"),
+    "laneSection": ("s",),
+    "road": ("length",),
+    "signal": ("t",),
+    "object": ("t",),
+}
+"""Numbers by the element that holds them, which are computed with here."""
 
 
 def _beside(section: etree._Element) -> int:
@@ -109,6 +137,15 @@ def _number(path: Path, element: etree._Element, key: str, most: float) -> None:
         value = math.nan
     if not abs(value) <= most:
         raise UnsafeInput(f"{path.name}: {key} of a {element.tag} is {quoted(text)}", valid=[f"numbers up to {most:g}"])
+
+
+def _whole(path: Path, element: etree._Element, key: str) -> None:
+    text = element.get(key, "0")
+    if _WHOLE.fullmatch(text) is None:
+        raise UnsafeInput(f"{path.name}: {key} of a {element.tag} is {quoted(text)}", valid=["whole numbers"])
+
+
+_WHOLE = re.compile(r"[+-]?[0-9]{1,6}")
 
 
 def _lost(root: etree._Element) -> list[str]:
@@ -126,6 +163,32 @@ def _lost(root: etree._Element) -> list[str]:
     lost += ["heights"] if heights else []
     lost += [f"lanes that cars do not use, as what they are: {', '.join(others[:5])}"] if others else []
     return lost
+
+
+_OTHER_TURN = {"l": "r", "r": "l", "L": "R", "R": "L"}
+"""SUMO's letters for the direction of a connection, seen in a mirror."""
+
+
+def _mirror_back(net: Path, axis_m: float) -> None:
+    """Mirror a network at the line y = ``axis_m`` of its file: what drove on the right drives on the left."""
+    tree = etree.parse(net)
+    root = tree.getroot()
+    root.set("lefthand", "true")
+    location = root.find("location")
+    offset_y = 0.0 if location is None else float(location.get("netOffset", "0,0").split(",")[1])
+    twice = 2 * (axis_m + offset_y)
+    for element in root.iter("edge", "lane", "junction"):
+        if (shape := element.get("shape")) is not None:
+            points = [point.split(",") for point in shape.split()]
+            element.set("shape", " ".join(",".join([x, f"{twice - float(y):.3f}", *z]) for x, y, *z in points))
+        if (y := element.get("y")) is not None:
+            element.set("y", f"{twice - float(y):.3f}")
+    for link in root.iterfind("connection"):
+        link.set("dir", _OTHER_TURN.get(link.get("dir", ""), link.get("dir", "")))
+    if location is not None:
+        west, south, east, north = (float(part) for part in location.get("convBoundary", "0,0,0,0").split(","))
+        location.set("convBoundary", f"{west:.2f},{twice - north:.2f},{east:.2f},{twice - south:.2f}")
+    tree.write(net, encoding="UTF-8", xml_declaration=True)
 
 
 def _has_place(net: Path) -> bool:

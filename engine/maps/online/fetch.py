@@ -20,11 +20,13 @@ from ....schemas.generation import (
 from ....schemas.maps import Box, NamedPlace
 from ....schemas.text import one_line
 from ...execution import ProgressReporter, silent
-from ..facts import MOST_PLACES, PLACE_KINDS, read_map
+from ..facts import read_map
 from ..index import NOT_SHOWN, roads_called
 from ..map_file import read_map_file
+from ..naming.places import latin
+from ..naming.shown import MOST_PLACES
+from ..naming.tags import PLACE_KINDS
 from ..osm import ground_distance_m
-from ..places import latin
 from ..site_search.finder import SiteFinder
 from .services import Answered, ServiceClient, settings_of_query
 

@@ -14,10 +14,10 @@ from ....schemas.errors import UnknownName
 from ....schemas.maps import Box, LocatedPlace, LocateRequest, NamedPlace
 from ....schemas.text import one_line
 from ...execution import ProgressReporter
-from ..facts import NAME_KEYS
 from ..index import NOT_SHOWN, crossing_parts, listed_parts
+from ..naming.places import fold
+from ..naming.tags import NAME_KEYS
 from ..osm import ground_distance_m
-from ..places import fold
 from .services import ServiceClient
 
 SAME_PLACE_M = 20_000.0

@@ -14,6 +14,7 @@ from itertools import islice, pairwise
 from ....schemas.generation import SiteType
 from ..osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, ground_distance_m, length_m
 from ..road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, THROUGH_ROADS
+from .built_up import TOWN_JUNCTIONS_PER_KM, BuiltUp
 from .nearness import Gathering, Surroundings
 from .rings import RING_TAGS, Rings, direction_of
 
@@ -27,8 +28,6 @@ MERGE_M = 60.0
 """Sites of one type that lie closer together are one (chosen)."""
 RURAL_CLEAR_M, TOWN_CLEAR_M = 120.0, 400.0
 """From a rural road to the next house; on the map of a town, at whose edge houses may just not be drawn (chosen)."""
-TOWN_JUNCTIONS_PER_KM = 5.0
-"""More junctions on a kilometre of road make the map of a town (chosen)."""
 MOST_BEHIND = 30
 """Roads behind the links of a ramp that are followed for their names, at most (chosen)."""
 MOST_NAMED = 50
@@ -47,8 +46,6 @@ TOWN_LIMIT_KMH = 60
 """A lower limit tells of a town (chosen; 50 km/h and 30 mph are usual there)."""
 EXPRESSWAY_KMH = 80
 """A one-way trunk road with this limit or a higher one drives like a motorway (chosen)."""
-BUILT_UP_ROADS = frozenset({"residential", "living_street"})
-BUILT_UP_LANDUSE = frozenset({"residential", "commercial", "retail", "industrial"})
 MARKED_BY_NODES: frozenset[SiteType] = frozenset({"intersection", "signalised_intersection", "ramp", "urban"})
 
 
@@ -164,6 +161,11 @@ class SiteFinder:
         kind: SiteType = "rural" if self._far_from_houses(middle) else "urban"
         spot = self._spot(kind, middle, [way], middle.node_id if kind == "urban" else way.way_id)
         return _merged([spot])[0]
+
+    @cached_property
+    def built_up(self) -> BuiltUp:
+        """What of the map is built up."""
+        return BuiltUp(self.osm)
 
     @cached_property
     def _roads(self) -> list[OsmWay]:
@@ -356,35 +358,10 @@ class SiteFinder:
         return self._motorway_lines.any_within(self._metres(node), AT_MOTORWAY_M)
 
     def _far_from_houses(self, node: OsmNode, clear_m: float = RURAL_CLEAR_M) -> bool:
-        return not self._built_up.any_within(self._metres(node), clear_m)
-
-    @cached_property
-    def _built_up(self) -> Surroundings:
-        """Houses, residential streets and areas."""
-        houses = [node for node in self.osm.nodes.values() if "addr:housenumber" in node.tags or "shop" in node.tags]
-        lines = [[self._metres(node)] for node in houses]
-        areas: list[list[tuple[float, float]]] = []
-        for way in self.osm.ways:
-            if way.tags.get("landuse") in BUILT_UP_LANDUSE and len(way.node_ids) > 3:
-                areas.append(self._line_of(way))
-            elif way.road_class in BUILT_UP_ROADS or "building" in way.tags:
-                lines.append(self._line_of(way))
-        return Surroundings(lines, areas)
+        return not self.built_up.within(node, clear_m)
 
     def _metres(self, node: OsmNode) -> tuple[float, float]:
-        """Eastwards and northwards of a corner of the map; a map round the world is measured from its first road."""
-        south, west = self._origin
-        north = ground_distance_m((south, west), (node.latitude, west))
-        east = ground_distance_m((node.latitude, west), (node.latitude, node.longitude))
-        eastwards = math.remainder(node.longitude - west, 2 * HALF_TURN_DEG)
-        return math.copysign(east, eastwards), math.copysign(north, node.latitude - south)
-
-    @cached_property
-    def _origin(self) -> tuple[float, float]:
-        south, west, _, east = self.osm.bounds
-        if east - west <= HALF_TURN_DEG or not self._roads:
-            return south, west
-        return south, self.osm.nodes[self._roads[0].node_ids[0]].longitude
+        return self.built_up.metres(node)
 
 
 _SPOTS: Mapping[SiteType, Callable[[SiteFinder], list[_Spot]]] = {

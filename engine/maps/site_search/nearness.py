@@ -75,6 +75,11 @@ class Surroundings:
         shapes += [Polygon(outline) for outline in areas]
         self._tree = STRtree(shapes)
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing at all."""
+        return len(self._tree) == 0
+
     def any_within(self, point: tuple[float, float], distance_m: float) -> bool:
         """Whether anything lies no farther from a point than a distance."""
         from shapely import Point

@@ -9,6 +9,7 @@ from heapq import heappop, heappush
 from itertools import islice, pairwise
 
 from ..osm import OsmMap, OsmWay, ground_distance_m
+from ..road_tags.lanes import oneway_of
 
 LONGEST_RING_M = 1_000.0
 """Around a ring (chosen): what is cut out around a site holds no longer one."""
@@ -76,11 +77,6 @@ class Rings:
 def direction_of(way: OsmWay) -> int:
     """1 for a way that is driven from its first node on, -1 for one driven to it, 0 for one in both directions.
 
-    As netconvert reads it: what a ring or a motorway implies holds only where ``oneway`` says nothing at all, so that a
-    value that nobody knows opens both directions.
+    As its cut is written for netconvert.
     """
-    oneway = way.tags.get("oneway", "")
-    if oneway in ("-1", "reverse"):
-        return -1
-    implied = way.tags.get("junction") in RING_TAGS or way.road_class == "motorway"
-    return int(oneway in ("yes", "true", "1") or (implied and not oneway))
+    return oneway_of(way.tags)

@@ -399,13 +399,20 @@ class _Signalling:
                 _add(logic, "phase", duration=f"{seconds:g}", state=states)
 
 
-def signals_of(network: "LaneletNetwork", step_s: float) -> tuple[Signal, ...]:
-    """The working lights of a lanelet network that stand at a lanelet and have a cycle, by ascending id."""
+def signals_of(network: "LaneletNetwork", step_s: float, first_step: int = 0) -> tuple[Signal, ...]:
+    """The working lights of a lanelet network that stand at a lanelet and have a cycle, by ascending id.
+
+    ``first_step``: the time step at which their phases begin, as a simulation from that step on needs them.
+    """
     places: dict[int, set[int]] = {}
     for lanelet in network.lanelets:
         for key in lanelet.traffic_lights or ():
             places.setdefault(int(key), set()).add(int(lanelet.lanelet_id))
-    working = [(light, _phases(light, step_s)) for light in network.traffic_lights if light.traffic_light_id in places]
+    working = [
+        (light, _phases(light, step_s, first_step))
+        for light in network.traffic_lights
+        if light.traffic_light_id in places
+    ]
     return tuple(
         Signal(
             int(light.traffic_light_id),
@@ -418,14 +425,14 @@ def signals_of(network: "LaneletNetwork", step_s: float) -> tuple[Signal, ...]:
     )
 
 
-def _phases(light: "TrafficLight", step_s: float) -> tuple[tuple[float, str], ...]:
-    """The cycle begun at time step 0, which may lie inside one of its elements."""
+def _phases(light: "TrafficLight", step_s: float, first_step: int) -> tuple[tuple[float, str], ...]:
+    """The cycle begun at a time step, which may lie inside one of its elements."""
     cycle = light.traffic_light_cycle
     elements = [phase for phase in (cycle.cycle_elements or ()) if phase.duration > 0] if cycle and light.active else []
     if not elements:
         return ()
     phases = [(int(phase.duration), _LETTERS[str(phase.state.value)]) for phase in elements]
-    passed = -int(cycle.time_offset) % sum(steps for steps, _ in phases)
+    passed = (first_step - int(cycle.time_offset)) % sum(steps for steps, _ in phases)
     while passed >= phases[0][0]:
         passed -= phases[0][0]
         phases.append(phases.pop(0))

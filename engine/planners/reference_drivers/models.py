@@ -23,6 +23,7 @@ Distances are in m, speeds in m/s, accelerations in m/s², times in s.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
@@ -281,7 +282,28 @@ class _Alertness:
 
 
 @dataclass(frozen=True)
-class FuzzyDriver:
+class _RespondingDriver(ABC):
+    """A driver that brakes as hard as the most unsafe road user asks it to, once ``response_s`` has passed."""
+
+    response_s: float = 0.75
+
+    def begin(self) -> _Alertness:
+        """Return the memory of a calm driver."""
+        return _Alertness()
+
+    def react(self, memory: _Alertness, moment: Moment) -> tuple[_Alertness, float | None]:
+        """Brake by how unsafe it is, once the response time has passed."""
+        wanted = max((self.wanted_mps2(seen, moment) for seen in moment.visible), default=0.0)
+        memory = memory.after(wanted > 0, moment.time_s, self.response_s)
+        return memory, wanted if wanted > 0 and memory.responds(moment.time_s, self.response_s) else None
+
+    @abstractmethod
+    def wanted_mps2(self, seen: Seen, moment: Moment) -> float:
+        """Return how hard one road user asks the driver to brake; 0 if it is safe."""
+
+
+@dataclass(frozen=True)
+class FuzzyDriver(_RespondingDriver):
     """The driver of the fuzzy safety model: it begins early and gently, and brakes as hard as the situation is unsafe.
 
     ``gentle_mps2``, ``hard_mps2``: its own comfortable and hardest braking; ``front_mps2``: that of the one ahead;
@@ -289,7 +311,6 @@ class FuzzyDriver:
     much later than the driver is past it another may come into the way.
     """
 
-    response_s: float = 0.75
     gentle_mps2: float = 4.0
     hard_mps2: float = 6.0
     front_mps2: float = 7.0
@@ -301,16 +322,6 @@ class FuzzyDriver:
     def name(self) -> ReferenceDriverName:
         """The name of this driver."""
         return "fsm"
-
-    def begin(self) -> _Alertness:
-        """Return the memory of a calm driver."""
-        return _Alertness()
-
-    def react(self, memory: _Alertness, moment: Moment) -> tuple[_Alertness, float | None]:
-        """Brake by how unsafe it is, once the response time has passed."""
-        wanted = max((self.wanted_mps2(seen, moment) for seen in moment.visible), default=0.0)
-        memory = memory.after(wanted > 0, moment.time_s, self.response_s)
-        return memory, wanted if wanted > 0 and memory.responds(moment.time_s, self.response_s) else None
 
     def wanted_mps2(self, seen: Seen, moment: Moment) -> float:
         """Return how hard one road user asks the driver to brake; 0 if it is safe."""
@@ -352,7 +363,7 @@ def _share_between(value: float, none: float, all_: float) -> float:
 
 
 @dataclass(frozen=True)
-class RssDriver:
+class RssDriver(_RespondingDriver):
     """The driver of Responsibility-Sensitive Safety: it brakes fully while both distances to another are unsafe.
 
     The longitudinal distance is definition 1 for one that moves the driver's way, without acceleration during the
@@ -362,7 +373,6 @@ class RssDriver:
     ``across_mps2`` and ``fluctuation_m`` are those of the Joint Research Centre's comparison of the driver models.
     """
 
-    response_s: float = 0.75
     own_mps2: float = 4.0
     front_mps2: float = 8.0
     across_mps2: float = 1.0
@@ -373,15 +383,9 @@ class RssDriver:
         """The name of this driver."""
         return "rss"
 
-    def begin(self) -> _Alertness:
-        """Return the memory of a calm driver."""
-        return _Alertness()
-
-    def react(self, memory: _Alertness, moment: Moment) -> tuple[_Alertness, float | None]:
-        """Brake fully while the distance to anyone is unsafe, once the response time has passed."""
-        is_unsafe = any(self.is_unsafe(seen, moment.own_mps) for seen in moment.visible)
-        memory = memory.after(is_unsafe, moment.time_s, self.response_s)
-        return memory, math.inf if is_unsafe and memory.responds(moment.time_s, self.response_s) else None
+    def wanted_mps2(self, seen: Seen, moment: Moment) -> float:
+        """Return full braking if the distances to a road user are unsafe; 0 if they are safe."""
+        return math.inf if self.is_unsafe(seen, moment.own_mps) else 0.0
 
     def is_unsafe(self, seen: Seen, own_mps: float) -> bool:
         """Return whether both distances to another are below the safe ones."""

@@ -10,10 +10,12 @@ bends are those of the Intelligent Driver Model.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from inspect import signature
 from typing import Any
 
 import numpy as np
 
+from ....schemas.runs import DriverModelName
 from ...geometry import Values, arc_length, project_all, wrap_angles
 from ...vehicles import vehicle_classes
 from ..idm import IntelligentDriver
@@ -228,31 +230,22 @@ class _Ahead:
         return with_hidden(found, WANDERING_M)
 
 
-def careful_driver(weights: Mapping[str, float]) -> ReferenceDriver:
-    """Return UN R157's careful driver with the parameters that weights name."""
-    names = ("wandering_m", "perception_s", "delay_s", "critical_ttc_s", "critical_thw_s", "hard_mps2")
-    return CarefulDriver(**{name: weights[name] for name in names})
+DRIVERS: Mapping[DriverModelName, Callable[..., ReferenceDriver]] = {
+    "r157_careful": CarefulDriver,
+    "fsm": FuzzyDriver,
+    "rss": RssDriver,
+    "full_braking": FullBraking,
+    "keep_lane": KeepLane,
+}
+"""The model of each driver by its name."""
 
 
-def fuzzy_driver(weights: Mapping[str, float]) -> ReferenceDriver:
-    """Return the driver of the fuzzy safety model with the parameters that weights name."""
-    names = ("response_s", "gentle_mps2", "hard_mps2", "front_mps2", "standstill_m", "margin_m")
-    return FuzzyDriver(**{name: weights[name] for name in names})
+def reference_planner(name: DriverModelName) -> ReferencePlanner:
+    """Return the planner of a reference driver, whose parameters are those that the weights of a run name."""
+    model = DRIVERS[name]
+    parameters = signature(model).parameters
 
+    def make(weights: Mapping[str, float]) -> ReferenceDriver:
+        return model(**{parameter: weights[parameter] for parameter in parameters if parameter in weights})
 
-def rss_driver(weights: Mapping[str, float]) -> ReferenceDriver:
-    """Return the driver of RSS with the parameters that weights name."""
-    names = ("response_s", "own_mps2", "front_mps2", "across_mps2", "fluctuation_m")
-    return RssDriver(**{name: weights[name] for name in names})
-
-
-def full_braking(weights: Mapping[str, float]) -> ReferenceDriver:
-    """Return the driver that brakes fully at once."""
-    del weights
-    return FullBraking()
-
-
-def keep_lane(weights: Mapping[str, float]) -> ReferenceDriver:
-    """Return the driver that keeps its lane and speed."""
-    del weights
-    return KeepLane()
+    return ReferencePlanner(make)

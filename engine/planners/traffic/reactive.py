@@ -2,8 +2,8 @@
 
 The ego is put at the pose it has driven to before every step of SUMO and its speed is set after it, so that the others
 see it as they see one another, one step late. A driven vehicle begins at its first recorded state (or at the one of the
-ego's first step) and is SUMO's from then on, on its recorded route led on; there are no traffic lights for it. One such
-simulation may run in a process at a time.
+ego's first step) and is SUMO's from then on, on its recorded route led on. It obeys the traffic lights of the file. One
+such simulation may run in a process at a time.
 """
 
 import math
@@ -19,7 +19,7 @@ from ....schemas.errors import NotPossible
 from ...commonroad import LoadedScenario, Track
 from ...cosimulation import Actor, SimulationSetup, next_speed_mps, open_simulation
 from ...geometry import Points, oriented_rectangle, rectangles_overlap, wrap_angle
-from ...network import sumo_net
+from ...network import signals_of, sumo_net
 from ...traffic import LaneHint, Sumo, sumo_pose
 from ...vehicles import HARDEST_BRAKING_MPS2, VehicleParameters
 from ..goal import select_goal_state
@@ -65,7 +65,8 @@ def reactive_traffic(
         if not roles.scene.layout.edges:
             raise NotPossible("no lanelet is drivable, so nobody can react", next_step="run with traffic recorded")
         net = folder / "scenario.net.xml"
-        net.write_text(sumo_net(roles.scene.layout, roles.scene.lane_speeds_mps), encoding="utf-8")
+        signals = signals_of(roles.scene.network, loaded.step_s, ego.step)
+        net.write_text(sumo_net(roles.scene.layout, roles.scene.lane_speeds_mps, signals), encoding="utf-8")
         setup = SimulationSetup(net, folder, loaded.step_s, 0, seed)
         types = roles.vehicle_types(vehicle)
         with open_simulation(setup, types, _SUBLANES) as sumo:

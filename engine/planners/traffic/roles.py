@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....schemas.errors import NotPossible
-from ...commonroad import LoadedScenario
+from ...commonroad import LoadedScenario, prescribed_ids
 from ...cosimulation import Actor, all_actors, lane_hint, not_drivable, recorded_plan
 from ...geometry import Points, point_at, project
 from ...network import NetLayout
@@ -34,7 +34,8 @@ _MERGING_COST = 0.5
 class TrafficRoles:
     """The road users of a reactive run by how they move; none is in two groups.
 
-    ``driven``: SUMO drives them from their first state, or from the ego's first step if that is later.
+    ``driven``: SUMO drives them from their first state, or from the ego's first step if that is later. Road users whose
+    motion an edit prescribes are not driven: they do as the edit says, and the driven ones react to them.
     ``shown``: replayed as recorded and seen by the driven ones. ``replayed``: all that SUMO does not drive, shown or
     not (an obstacle off the lanes is not).
     """
@@ -48,9 +49,11 @@ class TrafficRoles:
     def of(cls, loaded: LoadedScenario, first_step: int) -> "TrafficRoles":
         """Match all road users with the lanes and decide which are driven from the ego's first step on."""
         scene = _scene(loaded, RecordedTraffic.of(loaded))
-        trajectories = loaded.tracks
+        trajectories, prescribed = loaded.tracks, prescribed_ids(loaded.path)
         keys = [
-            key for key, track in trajectories.items() if track.last_step > first_step and not not_drivable(scene, key)
+            key
+            for key, track in trajectories.items()
+            if track.last_step > first_step and key not in prescribed and not not_drivable(scene, key)
         ]
         begin = {key: max(first_step, scene.tracks[key].first_step) for key in keys}
         plans = {key: recorded_plan(scene, key, "edited", begin[key]) for key in keys}

@@ -21,7 +21,7 @@ from ...commonroad import read_scenario
 from ...execution import ProgressReporter
 from ...geometry import Points, Values
 from ...network import posted_speeds
-from .cross_sections import Strip, strip_of
+from .cross_sections import Strip, evaluate, strip_of
 from .reading_back import geometry_error
 
 if TYPE_CHECKING:
@@ -76,6 +76,8 @@ def opendrive_of(scenario: "Scenario", name: str) -> tuple[etree._Element, tuple
         header.append(_reference(projection))
     limits = posted_speeds(network)
     lanelets = {int(lanelet.lanelet_id): lanelet for lanelet in network.lanelets}
+    for key in plan.bridges:  # before the roads: whoever looks a lanelet up finds the road that is drawn last
+        _write_bridge(root, key, plan, lanelets)
     for key in plan.roads:
         _write_road(root, key, plan, lanelets, limits)
     for junction, members in plan.junctions.items():
@@ -201,6 +203,18 @@ class RoadPlan:
         return {first + number: tuple(sorted(one)) for number, one in enumerate(sorted(entered, key=min))}
 
     @cached_property
+    def bridges(self) -> dict[int, int]:
+        """Connecting road → id of a common road of hardly any length behind it, if other connecting roads follow.
+
+        A connecting road must not lead into a junction (ASAM's rule ``connect_road_no_incoming_road``).
+        """
+        leading = [
+            road for road in sorted(self.junction_of) if any(one in self.junction_of for one in self.after[road])
+        ]
+        first = max((*self.roads, *self.following, *self.junctions), default=0) + 1
+        return {road: first + number for number, road in enumerate(leading)}
+
+    @cached_property
     def junction_of(self) -> dict[int, int]:
         """Connecting road → its junction."""
         return {road: junction for junction, members in self.junctions.items() for road in members}
@@ -291,6 +305,12 @@ def _write_link(links: etree._Element, tag: str, road: int, others: tuple[int, .
     """A road's link to the only road there, or to the junction whose connecting roads are there."""
     if not others:
         return
+    if tag == "successor" and road in plan.bridges:
+        _add(links, tag, elementType="road", elementId=str(plan.bridges[road]), contactPoint="start")
+        return
+    if tag == "predecessor" and len(others) == 1 and others[0] in plan.bridges:
+        _add(links, tag, elementType="road", elementId=str(plan.bridges[others[0]]), contactPoint="end")
+        return
     contact = "end" if tag == "predecessor" else "start"
     mine = plan.junction_of.get(road)
     if len(others) == 1 and (plan.junction_of.get(others[0]) in (None, mine) or mine is not None):
@@ -301,6 +321,45 @@ def _write_link(links: etree._Element, tag: str, road: int, others: tuple[int, .
         _add(links, tag, elementType="junction", elementId=str(junction))
     elif mine is not None:
         _add(links, tag, elementType="road", elementId=str(others[0]), contactPoint=contact)
+
+
+BRIDGE_M = 0.001
+"""Length of the road between two connecting roads (chosen): as near as files with three digits tell points apart."""
+
+
+def _write_bridge(root: etree._Element, key: int, plan: RoadPlan, lanelets: "Mapping[int, Lanelet]") -> None:
+    """A common road behind a connecting one, with its lanes as they end."""
+    strip, keys = plan.strips[key], plan.roads[key]
+    last = strip.pieces[-1]
+    end, normal = (values[0] for values in evaluate(strip.pieces, np.array([last.station_m + last.length_m])))
+    number, length = plan.bridges[key], _number(BRIDGE_M)
+    road = _add(root, "road", id=str(number), length=length, junction="-1", rule="RHT")
+    links = _add(road, "link")
+    _add(links, "predecessor", elementType="junction", elementId=str(plan.junction_of[key]))
+    _add(links, "successor", elementType="junction", elementId=str(plan.junction_of[_connecting(plan, key)]))
+    view = _add(road, "planView")
+    heading = _number(float(np.arctan2(-normal[0], normal[1])))
+    place = {"x": _number(end[0]), "y": _number(end[1]), "hdg": heading}
+    straight = dict.fromkeys(("aU", "cU", "dU", "aV", "bV", "cV", "dV"), "0") | {"bU": length, "pRange": "normalized"}
+    _add(_add(view, "geometry", s=_number(0.0), **place, length=length), "paramPoly3", **straight)
+    lanes = _add(road, "lanes")
+    offsets = strip.offsets_m[-1]
+    _add(lanes, "laneOffset", s=_number(0.0), a=_number(offsets[0]), b="0", c="0", d="0")
+    section = _add(lanes, "laneSection", s="0")
+    center = _add(_add(section, "center"), "lane", id="0", type="none", level="false")
+    _add(center, "roadMark", sOffset="0", color="standard", type="none")
+    right = _add(section, "right")
+    for index, lanelet_id in enumerate(keys):
+        lane = _add(right, "lane", id=str(-1 - index), type=_lane_type(lanelets[lanelet_id]), level="false")
+        _add(lane, "link")
+        width = _number(offsets[index] - offsets[index + 1])
+        _add(lane, "width", sOffset=_number(0.0), a=width, b="0", c="0", d="0")
+        _add(lane, "userData", code="lanelet", value=str(lanelet_id))
+
+
+def _connecting(plan: RoadPlan, key: int) -> int:
+    """The first connecting road behind a road."""
+    return next(one for one in plan.after[key] if one in plan.junction_of)
 
 
 def _write_lane(
@@ -319,7 +378,9 @@ def _write_lane(
         ("predecessor", leading, plan.before[road]),
         ("successor", plan.following[key], plan.after[road]),
     ):
-        if len(roads) == 1 and len(others) == 1:
+        if tag == "successor" and road in plan.bridges:
+            _add(links, tag, id=str(number))  # the lanes of the road behind it are the same
+        elif len(roads) == 1 and len(others) == 1:
             _add(links, tag, id=str(plan.place[others[0]][1]))
     for station, width, slope in _straights(*profile):
         _add(lane, "width", sOffset=_number(station), a=_number(width), b=_number(slope), c="0", d="0")
@@ -330,9 +391,21 @@ def _write_lane(
 
 
 def _straights(stations: Values, values: Values) -> Iterable[tuple[float, float, float]]:
-    """From where on, value there, and slope, of the straights between places."""
+    """Yield start, value there and slope of the straights between places; one that goes on as before is no other."""
     slopes = np.diff(values) / np.diff(stations)
-    return zip(stations[:-1].tolist(), values[:-1].tolist(), slopes.tolist(), strict=True)
+    written: list[tuple[float, float, float]] = []
+    for station, value, slope in zip(stations[:-1].tolist(), values[:-1].tolist(), slopes.tolist(), strict=True):
+        if written:
+            before, beginning, steepness = written[-1]
+            goes_on = abs(beginning + steepness * (station - before) - value) < _SAME_WIDTH_M
+            if goes_on and abs(steepness - slope) < _SAME_SLOPE:
+                continue
+        written.append((station, value, slope))
+    return written
+
+
+_SAME_WIDTH_M, _SAME_SLOPE = 1e-5, 1e-6
+"""Straights that differ by less are one: 10 µm, and 1 mm after 1 km."""
 
 
 def _write_junction(root: etree._Element, junction: int, members: tuple[int, ...], plan: RoadPlan) -> None:
@@ -346,7 +419,8 @@ def _write_junction(root: etree._Element, junction: int, members: tuple[int, ...
                 for after in plan.following[key]
                 if plan.place[after][0] == road
             ]
-            ends = {"incomingRoad": str(incoming), "connectingRoad": str(road), "contactPoint": "start"}
+            entry = plan.bridges.get(incoming, incoming)
+            ends = {"incomingRoad": str(entry), "connectingRoad": str(road), "contactPoint": "start"}
             connection = _add(element, "connection", id=str(number), **ends)
             number += 1
             for start, end in pairs:

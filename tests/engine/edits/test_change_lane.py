@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from support.builders import Problem, driving, town_road
+from support.builders import Lane, Problem, ScenarioBuilder, driving, line, town_road
 from support.edits import Apply
 
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
@@ -96,3 +96,15 @@ def test_a_lane_that_leads_elsewhere_is_driven_on_in(apply: Apply) -> None:
     reports = apply(away, LEFT, builder=far).outcome.edits
     assert reports[0].routes[0].reason == "a later edit sends it another way"
     assert reports[1].routes[0].arrives
+
+
+def test_two_changes_alike_are_two(apply: Apply) -> None:
+    third = Lane(3, line((0.0, 7.0), (300.0, 7.0)), right=(2, True))
+    lanes = (
+        Lane(1, line((0.0, 0.0), (300.0, 0.0)), left=(2, True)),
+        Lane(2, line((0.0, 3.5), (300.0, 3.5)), left=(3, True), right=(1, True)),
+        third,
+    )
+    road = ScenarioBuilder(lanes=lanes, vehicles=(driving(31, (70, 0), 10.0, 121),))
+    track = apply(LEFT, LEFT, builder=road).tracks()[31]
+    assert track.positions[-1][1] == pytest.approx(7.0, abs=0.4)

@@ -6,13 +6,16 @@ import pytest
 from support.edits import Apply
 
 from plannerforge.engine.edits.apply import OPERATIONS
+from plannerforge.engine.edits.world import TRANSFORMS
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.modification import EDITS, Edit, EditOperation
 
 
 def test_every_operation_of_the_schema_is_carried_out_by_a_function() -> None:
-    assert tuple(OPERATIONS) == get_args(EditOperation) == tuple(EDITS)
-    assert [function.__name__ for function in OPERATIONS.values()] == list(EDITS)
+    assert {*OPERATIONS, *TRANSFORMS} == set(get_args(EditOperation)) == set(EDITS)
+    assert OPERATIONS.keys().isdisjoint(TRANSFORMS)
+    names = {function.__name__ for function in OPERATIONS.values()}
+    assert names == (OPERATIONS.keys() - {"replace"}) | {"replace_vehicle"}
 
 
 def test_every_argument_belongs_to_some_operation() -> None:

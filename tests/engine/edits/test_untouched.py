@@ -1,6 +1,7 @@
 """What an edit does not touch stays as it was, byte for byte."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from lxml import etree
@@ -59,9 +60,9 @@ def test_parked_vehicles_and_pedestrians_stay(apply: Apply) -> None:
     assert {"36", "37"}.isdisjoint(applied.changed_elements())
 
 
-def test_a_dry_run_reports_and_writes_nothing(apply: Apply) -> None:
+def test_a_dry_run_reports_and_writes_nothing(apply: Apply, tmp_path: Path) -> None:
     applied = apply(EDITS["B"][0], dry_run=True)
     assert applied.outcome.xml is None
     assert applied.outcome.net is None
     assert applied.outcome.edits[0].done
-    assert not (applied.base.parent / "out").exists()
+    assert not (tmp_path / "out").exists()

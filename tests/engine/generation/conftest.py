@@ -7,9 +7,9 @@ import pytest
 from plannerforge.engine.generation.site_network import forget_sites
 
 
-@pytest.fixture(autouse=True)
-def _unknown_sites() -> Iterator[None]:
-    """Every test builds its networks itself: some have them built otherwise."""
+@pytest.fixture
+def unknown_sites() -> Iterator[None]:
+    """The networks are built anew, and the next test knows none of them: for tests that have them built otherwise."""
     forget_sites()
     yield
     forget_sites()

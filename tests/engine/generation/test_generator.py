@@ -209,6 +209,7 @@ def test_a_junction_too_large_to_be_drawn_is_made_of_smaller_ones(shared_data: P
     assert made.checks.schema_valid
 
 
+@pytest.mark.usefixtures("unknown_sites")
 def test_every_different_warning_of_netconvert_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     warned = tuple(f"edge {number} is odd" for number in range(40))
 
@@ -266,6 +267,7 @@ def test_after_the_most_rounds_the_best_scenario_is_taken_with_its_faults(
     assert "it could be better" in made.notes
 
 
+@pytest.mark.usefixtures("unknown_sites")
 def test_a_scenario_is_the_same_where_its_site_was_built_for_another_one(tmp_path: Path) -> None:
     wishes = [{"seed": 1, "density": "high"}, {"seed": 2, "vehicles": (VehicleDemand(vehicle_class="truck"),)}]
 

@@ -21,6 +21,8 @@ from plannerforge.engine.traffic.demand import lane_km_of
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GenerationRequest, ScenarioType, VehicleDemand
 
+pytestmark = pytest.mark.usefixtures("unknown_sites")
+
 
 def request_for_fahrhausen(country: str | None = "DEU") -> GenerationRequest:
     return GenerationRequest(

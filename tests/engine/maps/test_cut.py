@@ -3,10 +3,10 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plannerforge.engine.maps.cut import cut_map
 from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.engine.maps.osm import ground_distance_m, read_osm
 from plannerforge.engine.maps.road_classes import ROADS
+from plannerforge.engine.maps.site_roads.cut import cut_map
 
 
 @settings(max_examples=15, deadline=None)

@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.maps.cut import cut_map
 from plannerforge.engine.maps.drawn_library import Sketch
 from plannerforge.engine.maps.facts import read_map
 from plannerforge.engine.maps.osm import OsmMap, ground_distance_m, read_osm
 from plannerforge.engine.maps.road_classes import ALL_ROADS
+from plannerforge.engine.maps.site_roads.cut import cut_map
 from plannerforge.engine.maps.site_search.finder import MOST_ON_SEGMENT, SiteFinder
 from plannerforge.schemas.errors import NotPossible, UnsafeInput
 from plannerforge.schemas.generation import MapFacts, ReadMapRequest

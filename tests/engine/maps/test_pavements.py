@@ -3,7 +3,7 @@
 import pytest
 
 from plannerforge.engine.maps.osm import OsmMap, OsmNode, OsmWay
-from plannerforge.engine.maps.pavements import find_pavements
+from plannerforge.engine.maps.site_roads.pavements import find_pavements
 
 EAST_DEG = 0.001
 """About 111 m at the equator."""

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.maps.drawn_library import LIBRARY
-from plannerforge.engine.maps.unpacking import is_map, unpacked
+from plannerforge.engine.maps.unpacking import is_map, named_by_content, root_element, unpacked
 from plannerforge.schemas.errors import UnsafeInput
 
 TOWN = (LIBRARY / "fahrhausen.osm").read_bytes()
@@ -48,3 +48,47 @@ def test_a_packed_map_that_is_cut_off_or_no_archive_is_refused(tmp_path: Path, e
 def test_maps_are_known_by_their_names() -> None:
     assert all(is_map(Path(name)) for name in ("a.osm", "A.OSM", "a.osm.gz", "a.osm.bz2", "a.net.xml", "a.net.xml.gz"))
     assert not any(is_map(Path(name)) for name in ("a.xml", "a.gz", "a.osm.zip"))
+
+
+@pytest.mark.parametrize("name", ["web.osm.xml", "town.xml", "town.net.xml", "town.osm"])
+def test_the_content_tells_the_format_of_a_map(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(TOWN)
+    folder = tmp_path / "out"
+    folder.mkdir()
+    named = named_by_content(tmp_path / name, folder)
+    assert (named.name, named.read_bytes()) == (name if name == "town.osm" else f"{name.split('.')[0]}.osm", TOWN)
+
+
+@pytest.mark.parametrize("pack", [gzip.compress, bz2.compress])
+def test_a_packed_map_is_told_by_its_first_bytes(tmp_path: Path, pack: object) -> None:
+    path = tmp_path / "town.osm"
+    path.write_bytes(pack(TOWN))  # type: ignore[operator]
+    folder = tmp_path / "out"
+    folder.mkdir()
+    assert root_element(path) == "osm"
+    assert unpacked(path, folder).read_bytes() == TOWN
+
+
+def test_a_map_that_is_not_packed_may_have_the_name_of_a_packed_one(tmp_path: Path) -> None:
+    path = tmp_path / "town.osm.gz"
+    path.write_bytes(TOWN)
+    assert named_by_content(unpacked(path, tmp_path), tmp_path) == tmp_path / "town.osm"
+
+
+@pytest.mark.parametrize(
+    ("text", "root"),
+    [
+        ("<?xml version='1.0'?>\n<!-- <net> -->\n<osm/>", "osm"),
+        ("\ufeff<x:OpenDRIVE xmlns:x='y'>", "OpenDRIVE"),
+        ("<commonRoad>", "commonRoad"),
+        ("<html>", None),
+        ("osm: 1", None),
+        ("<!-- never closed <osm>", None),
+        ("", None),
+    ],
+)
+def test_the_root_element_is_found_behind_comments(tmp_path: Path, text: str, root: str | None) -> None:
+    (tmp_path / "file").write_text(text, encoding="utf-8")
+    assert root_element(tmp_path / "file") == root
+    (tmp_path / "file").write_text(text, encoding="utf-16")
+    assert root_element(tmp_path / "file") == root

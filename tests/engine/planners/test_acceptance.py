@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -32,14 +33,12 @@ ROAD = straight_road()
 PROBLEM = problem_for(goal_state((30, 60), rectangle_at(45.0, 0.0)), speed_mps=9.0, position=(0.0, 0.4))
 
 
-def driven_states() -> DrivenStates:
+@cache
+def motion() -> DrivenStates:
     """Frenetix on a straight road, from beside its middle to the goal."""
     run = drive(scenario_on(ROAD), PROBLEM, configuration())
     assert run.final.outcome == "goal_reached"
     return DrivenStates.of(run_steps(run), BMW_320I, STEP_S)
-
-
-DRIVEN = driven_states()
 
 
 def refused(states: DrivenStates) -> str | None:
@@ -66,27 +65,27 @@ def test_what_the_vehicle_drives_is_accepted_without_a_search(monkeypatch: pytes
         raise AssertionError("no step is doubtful")
 
     monkeypatch.setattr(feasibility_checker, "state_transition_feasibility", search)
-    assert refused(DRIVEN) is None
+    assert refused(motion()) is None
 
 
-@pytest.mark.parametrize("size", [0.001, 0.008, 0.012, 0.02, 0.03, 0.05, 0.1, 0.3])
+@pytest.mark.parametrize("size", [0.001, 0.012, 0.03, 0.3])
 @pytest.mark.parametrize("changed", ["positions", "headings_rad", "speeds_mps", "steering_rad"])
 def test_the_closed_form_says_what_the_checker_says(changed: str, size: float) -> None:
-    noise = np.random.default_rng(3).standard_normal(getattr(DRIVEN, changed).shape)
-    states = replace(DRIVEN, **{changed: getattr(DRIVEN, changed) + size * noise})
+    noise = np.random.default_rng(3).standard_normal(getattr(motion(), changed).shape)
+    states = replace(motion(), **{changed: getattr(motion(), changed) + size * noise})
     assert (first_undrivable_step(states, BMW_320I, STEP_S) is None) == feasible_by_the_checker(states)
 
 
 def test_a_motion_that_slides_sideways_is_refused_where_it_does() -> None:
-    aside = np.zeros_like(DRIVEN.positions)
+    aside = np.zeros_like(motion().positions)
     aside[20:, 1] = 0.2
-    found = refusal(replace(DRIVEN, positions=DRIVEN.positions + aside), PROBLEM.goal, ROAD, BMW_320I, STEP_S)
+    found = refusal(replace(motion(), positions=motion().positions + aside), PROBLEM.goal, ROAD, BMW_320I, STEP_S)
     assert found is not None
     assert (found.code, found.index) == ("not_drivable", 19)
 
 
 def test_a_motion_that_ends_before_the_goal_is_refused() -> None:
-    short = DrivenStates(*(getattr(DRIVEN, name)[:10] for name in _COLUMNS), first_step=0)
+    short = DrivenStates(*(getattr(motion(), name)[:10] for name in _COLUMNS), first_step=0)
     assert refused(short) == "goal_not_met"
 
 
@@ -96,7 +95,7 @@ def test_a_motion_that_ends_before_the_goal_is_refused() -> None:
     ids=["within the lane", "over its edge", "behind the end of the map"],
 )
 def test_a_body_that_is_partly_outside_the_lanelets_is_refused(moved: tuple[float, float], code: str | None) -> None:
-    states = replace(DRIVEN, positions=DRIVEN.positions + moved)
+    states = replace(motion(), positions=motion().positions + moved)
     region = problem_for(goal_state((0, 90), rectangle_at(40.0, 0.0, size=(120.0, 9.0)))).goal
     found = refusal(states, region, ROAD, BMW_320I, STEP_S)
     assert (None if found is None else found.code) == code
@@ -104,7 +103,7 @@ def test_a_body_that_is_partly_outside_the_lanelets_is_refused(moved: tuple[floa
 
 def test_lanes_side_by_side_are_one_road() -> None:
     two_lanes = straight_road(lanes=2)
-    states = replace(DRIVEN, positions=DRIVEN.positions + np.array([0.0, 1.75]))
+    states = replace(motion(), positions=motion().positions + np.array([0.0, 1.75]))
     region = problem_for(goal_state((0, 90), rectangle_at(40.0, 0.0, size=(120.0, 9.0)))).goal
     assert refusal(states, region, two_lanes, BMW_320I, STEP_S) is None
 

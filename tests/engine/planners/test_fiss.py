@@ -1,12 +1,15 @@
 """FISS: it keeps the contract, drives what a vehicle can, searches as it is asked to, and does what its weights ask."""
 
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 from support.planning import (
+    FAR,
     configuration,
-    drive,
+    drive_on_road,
+    first_plan,
     goal_state,
     lanelet_along,
     moving_car,
@@ -14,8 +17,7 @@ from support.planning import (
     parked_car,
     problem_for,
     rectangle_at,
-    scenario_on,
-    straight_road,
+    task_on_road,
 )
 
 from plannerforge.engine.planners.driving.drivability import violated_limit
@@ -23,12 +25,9 @@ from plannerforge.engine.planners.external.conformance import check_planner
 from plannerforge.engine.planners.fiss.core import SEARCHES
 from plannerforge.engine.planners.fiss.corridor import lane_bands
 from plannerforge.engine.planners.fiss.planner import Fiss
-from plannerforge.engine.planners.interface import EgoState, Observation, Plan, PlanningTask
-from plannerforge.engine.planners.lanes import build_road
-from plannerforge.engine.planners.prediction import constant_velocity, observe
+from plannerforge.engine.planners.interface import Observation, Plan, PlanningTask
 from plannerforge.engine.planners.reference_path import build_reference_path
 from plannerforge.engine.planners.registry import make_planner
-from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
 from plannerforge.engine.scene.routing import find_route
 from plannerforge.engine.tuning.configurations import changed_configuration, named_configuration
 from plannerforge.engine.tuning.tunings import tuning_of
@@ -36,7 +35,6 @@ from plannerforge.engine.vehicles.models import BMW_320I
 from plannerforge.schemas.planning import PlannerConfiguration
 
 ORIGIN = np.zeros(2)
-FAR = goal_state((90, 100), rectangle_at(100.0, 0.0))
 
 
 def settings_of(*settings: str, preset: str = "fiss:Default", changes: tuple[str, ...] = ()) -> PlannerConfiguration:
@@ -45,28 +43,16 @@ def settings_of(*settings: str, preset: str = "fiss:Default", changes: tuple[str
     return changed_configuration(base, None, changes, settings)[0]
 
 
-def task_for(
-    speed: float, *obstacles: Any, goal: Any = FAR, settings: PlannerConfiguration | None = None, lanes: int = 2
-) -> Any:
-    scenario = scenario_on(straight_road(300.0, lanes=lanes), *obstacles)
-    problem, network = problem_for(goal, speed_mps=speed), scenario.lanelet_network
-    route = find_route(network, problem.goal, ORIGIN, 0.0, ahead_m=120.0)
-    reference = build_reference_path(network, route, ORIGIN, speed)
-    chosen = settings or configuration("fiss")
-    task = PlanningTask(network, problem, chosen, reference, build_road(network, reference), BMW_320I, 0.1)
-    ego = EgoState(0, ORIGIN, 0.0, speed)
-    return task, Observation(ego, observe(RecordedTraffic(scenario), ego, constant_velocity, 30, 0.1))
+def task_for(speed: float, *obstacles: Any, settings: PlannerConfiguration | None = None, **options: Any) -> Any:
+    return task_on_road(settings or configuration("fiss"), speed, *obstacles, **options)
 
 
 def planned(task: PlanningTask, observation: Observation) -> Plan:
-    planner = Fiss()
-    planner.reset(task)
-    return planner.plan(observation)
+    return first_plan(Fiss(), task, observation)
 
 
-def driven_run(*obstacles: Any, goal: Any = FAR, lanes: int = 1, settings: Any = None, **problem: Any) -> Any:
-    scenario = scenario_on(straight_road(300.0, lanes=lanes), *obstacles)
-    return drive(scenario, problem_for(goal, **problem), settings or configuration("fiss"), planner=Fiss())
+def driven_run(*obstacles: Any, settings: PlannerConfiguration | None = None, **options: Any) -> Any:
+    return drive_on_road(Fiss(), settings or configuration("fiss"), *obstacles, **options)
 
 
 @pytest.mark.parametrize("search", range(len(SEARCHES)))
@@ -211,15 +197,18 @@ SITUATIONS = (
 )
 
 
+@cache
+def driven_as(situation: int, *changes: str) -> tuple[tuple[float, ...], ...]:
+    """Where the ego drives in a situation under the default weights with changes; the default is driven once."""
+    goal = goal_state((40, 45), rectangle_at(48.0, 0.0))
+    run = driven_run(*SITUATIONS[situation], lanes=2, settings=settings_of(changes=changes), goal=goal)
+    return tuple(tuple(state.position) for state in run.states)
+
+
 @pytest.mark.parametrize("name", tuning_of("fiss").weights)
 def test_each_weight_changes_what_is_driven_in_some_situation(name: str) -> None:
     lowest, highest = tuning_of("fiss").limits.get(name, (0.0, 1e3))
 
-    def driven(value: float, others: tuple[Any, ...]) -> Any:
-        chosen = settings_of(changes=(f"{name}={value:g}",))
-        run = driven_run(*others, lanes=2, settings=chosen, goal=goal_state((40, 45), rectangle_at(48.0, 0.0)))
-        return [tuple(state.position) for state in run.states]
-
     default = tuning_of("fiss").presets["Default"].weights[name]
-    values = dict.fromkeys((lowest, default, highest))
-    assert any(any(driven(value, others) != driven(lowest, others) for value in values) for others in SITUATIONS)
+    others = [f"{name}={value:g}" for value in (highest, lowest) if value != default]
+    assert any(driven_as(number, change) != driven_as(number) for number in range(len(SITUATIONS)) for change in others)

@@ -5,8 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 from support.planning import (
+    FAR,
     configuration,
     drive,
+    drive_on_road,
     goal_state,
     moving_car,
     parked_car,
@@ -14,39 +16,25 @@ from support.planning import (
     rectangle_at,
     scenario_on,
     straight_road,
+    task_on_road,
 )
 
 from plannerforge.engine.geometry.polyline import project
 from plannerforge.engine.planners.external.conformance import check_planner
 from plannerforge.engine.planners.idm import IntelligentDriver
-from plannerforge.engine.planners.interface import EgoState, Observation, PlanningTask
-from plannerforge.engine.planners.lanes import build_road
-from plannerforge.engine.planners.prediction import constant_velocity, observe
-from plannerforge.engine.planners.reference_path import build_reference_path
+from plannerforge.engine.planners.interface import Observation, PlanningTask
 from plannerforge.engine.planners.registry import make_planner
-from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
-from plannerforge.engine.scene.routing import find_route
 from plannerforge.engine.vehicles.models import BMW_320I
 
 ORIGIN = np.zeros(2)
-FAR = goal_state((90, 100), rectangle_at(100.0, 0.0))
 
 
-def driven(*obstacles: Any, goal: Any = FAR, name: str = "idm", changes: tuple[str, ...] = (), lanes: int = 1) -> Any:
-    scenario = scenario_on(straight_road(300.0, lanes=lanes), *obstacles)
-    return drive(scenario, problem_for(goal), configuration(name, *changes), planner=IntelligentDriver())
+def driven(*obstacles: Any, name: str = "idm", changes: tuple[str, ...] = (), **options: Any) -> Any:
+    return drive_on_road(IntelligentDriver(), configuration(name, *changes), *obstacles, **options)
 
 
 def task_for(speed: float, *obstacles: Any, goal: Any = FAR) -> tuple[PlanningTask, Observation]:
-    scenario = scenario_on(straight_road(300.0, lanes=2), *obstacles)
-    problem, network = problem_for(goal, speed_mps=speed), scenario.lanelet_network
-    route = find_route(network, problem.goal, ORIGIN, 0.0, ahead_m=120.0)
-    reference = build_reference_path(network, route, ORIGIN, speed)
-    task = PlanningTask(
-        network, problem, configuration("idm"), reference, build_road(network, reference), BMW_320I, 0.1
-    )
-    ego = EgoState(0, ORIGIN, 0.0, speed)
-    return task, Observation(ego, observe(RecordedTraffic(scenario), ego, constant_velocity, 30, 0.1))
+    return task_on_road(configuration("idm"), speed, *obstacles, goal=goal)
 
 
 @pytest.mark.parametrize("speed", [0.0, 1.0, 10.0])

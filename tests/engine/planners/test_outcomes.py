@@ -19,6 +19,7 @@ from support.planning import (
     straight_road,
 )
 
+from plannerforge.engine.planners.idm import IntelligentDriver
 from plannerforge.engine.planners.interface import Observation, Plan, PlannedTrajectory, PlanningTask
 from plannerforge.engine.planners.registry import make_planner
 from plannerforge.engine.planners.simulation import DrivenRun
@@ -152,7 +153,8 @@ def test_a_goal_behind_the_ego_on_a_ring_road_is_tried() -> None:
     goal = goal_state((150, 300), rectangle_at(*ring[3], size=(4.0, 3.0)))
     problem = problem_for(goal, position=ring[10])
     problem.initial_state.orientation = float(angle[10])
-    assert drive(scenario_on(network_of(*halves)), problem).final.outcome != "invalid"
+    run = drive(scenario_on(network_of(*halves)), problem, configuration("idm"), planner=IntelligentDriver())
+    assert run.final.outcome != "invalid"
 
 
 def test_a_goal_that_the_ego_stands_in_is_not_behind_it() -> None:

@@ -5,15 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 from support.planning import (
+    FAR,
     configuration,
-    drive,
+    drive_on_road,
+    first_plan,
     goal_state,
     moving_car,
     parked_car,
-    problem_for,
     rectangle_at,
     scenario_on,
     straight_road,
+    task_on_road,
 )
 
 from plannerforge.engine.planners.driving.drivability import violated_limit
@@ -31,15 +33,12 @@ from plannerforge.engine.planners.rbfn.network import (
     motion_primitives,
 )
 from plannerforge.engine.planners.rbfn.planner import RadialBasisPrimitives
-from plannerforge.engine.planners.reference_path import build_reference_path
 from plannerforge.engine.planners.registry import make_planner
 from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
-from plannerforge.engine.scene.routing import find_route
 from plannerforge.engine.tuning.tunings import tuning_of
 from plannerforge.engine.vehicles.models import BMW_320I
 
 ORIGIN = np.zeros(2)
-FAR = goal_state((90, 100), rectangle_at(100.0, 0.0))
 NETWORK = PrimitiveNetwork.shipped()
 TIMES = np.linspace(0.0, 3.0, 301)
 BESIDE = {"x": 24.0, "y": 3.0, "turn": 0.1, "curvature": 0.01, "speed": 10.0}
@@ -102,29 +101,16 @@ def test_the_table_of_a_path_knows_a_circle() -> None:
     assert (station[0], offset[0]) == pytest.approx((0.0, 2.0), abs=0.02)
 
 
-def task_for(
-    speed: float, *obstacles: Any, goal: Any = FAR, changes: tuple[str, ...] = (), heading: float = 0.0
-) -> Any:
-    scenario = scenario_on(straight_road(300.0, lanes=2), *obstacles)
-    problem, network = problem_for(goal, speed_mps=speed), scenario.lanelet_network
-    route = find_route(network, problem.goal, ORIGIN, 0.0, ahead_m=120.0)
-    reference = build_reference_path(network, route, ORIGIN, speed)
-    settings = configuration("mp_rbfn", *changes)
-    task = PlanningTask(network, problem, settings, reference, build_road(network, reference), BMW_320I, 0.1)
-    ego = EgoState(0, ORIGIN, 0.0, speed)
-    return task, Observation(ego, observe(RecordedTraffic(scenario), ego, constant_velocity, 30, 0.1))
+def task_for(speed: float, *obstacles: Any, goal: Any = FAR, changes: tuple[str, ...] = ()) -> Any:
+    return task_on_road(configuration("mp_rbfn", *changes), speed, *obstacles, goal=goal)
 
 
 def planned(task: PlanningTask, observation: Observation) -> Plan:
-    planner = RadialBasisPrimitives(NETWORK)
-    planner.reset(task)
-    return planner.plan(observation)
+    return first_plan(RadialBasisPrimitives(NETWORK), task, observation)
 
 
-def driven_run(*obstacles: Any, goal: Any = FAR, lanes: int = 1, changes: tuple[str, ...] = (), **problem: Any) -> Any:
-    scenario = scenario_on(straight_road(300.0, lanes=lanes), *obstacles)
-    planner = RadialBasisPrimitives(NETWORK)
-    return drive(scenario, problem_for(goal, **problem), configuration("mp_rbfn", *changes), planner=planner)
+def driven_run(*obstacles: Any, changes: tuple[str, ...] = (), **options: Any) -> Any:
+    return drive_on_road(RadialBasisPrimitives(NETWORK), configuration("mp_rbfn", *changes), *obstacles, **options)
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.2, 10.0])

@@ -4,22 +4,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.planning import (
-    configuration,
-    drive,
-    goal_state,
-    moving_car,
-    parked_car,
-    problem_for,
-    rectangle_at,
-    scenario_on,
-    straight_road,
-)
+from support.planning import FAR, configuration, drive_on_road, moving_car, parked_car, task_on_road
 
 from plannerforge.engine.planners.external.conformance import check_planner
-from plannerforge.engine.planners.interface import EgoState, Observation, PlanningTask
-from plannerforge.engine.planners.lanes import build_road
-from plannerforge.engine.planners.prediction import constant_velocity, observe
+from plannerforge.engine.planners.interface import Observation, PlanningTask
 from plannerforge.engine.planners.reference_drivers.models import (
     CAR_BRAKES,
     HEAVY_BRAKES,
@@ -30,31 +18,20 @@ from plannerforge.engine.planners.reference_drivers.models import (
     Seen,
     brakes_of,
 )
-from plannerforge.engine.planners.reference_path import build_reference_path
 from plannerforge.engine.planners.registry import make_planner
-from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
-from plannerforge.engine.scene.routing import find_route
 from plannerforge.engine.vehicles.models import BMW_320I
 
 ORIGIN = np.zeros(2)
-FAR = goal_state((90, 100), rectangle_at(100.0, 0.0))
 DRIVERS = ("r157_careful", "fsm", "rss", "full_braking", "keep_lane")
 
 
 def task_for(name: str, speed: float, *obstacles: Any) -> tuple[PlanningTask, Observation]:
-    scenario = scenario_on(straight_road(300.0, lanes=2), *obstacles)
-    problem, network = problem_for(FAR, speed_mps=speed), scenario.lanelet_network
-    route = find_route(network, problem.goal, ORIGIN, 0.0, ahead_m=120.0)
-    reference = build_reference_path(network, route, ORIGIN, speed)
-    task = PlanningTask(network, problem, configuration(name), reference, build_road(network, reference), BMW_320I, 0.1)
-    ego = EgoState(0, ORIGIN, 0.0, speed)
-    return task, Observation(ego, observe(RecordedTraffic(scenario), ego, constant_velocity, 30, 0.1))
+    return task_on_road(configuration(name), speed, *obstacles)
 
 
 def driven(name: str, *obstacles: Any, changes: tuple[str, ...] = (), goal: Any = FAR) -> Any:
-    scenario = scenario_on(straight_road(300.0), *obstacles)
     config = configuration(name, *changes)
-    return drive(scenario, problem_for(goal), config, planner=make_planner(config.planner))
+    return drive_on_road(make_planner(config.planner), config, *obstacles, goal=goal)
 
 
 @pytest.mark.parametrize("name", DRIVERS)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
+from support.artifacts import run_id_of, store_run, store_scenario, store_search
 from typer.testing import CliRunner
 
 from plannerforge.engine.workspace import (
@@ -20,16 +21,16 @@ from plannerforge.engine.workspace import (
     import_workspace,
 )
 from plannerforge.engine.workspace.database import SCHEMA_VERSION
-from plannerforge.schemas.base import Model
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, ResourceFailure, UnsafeInput
 from plannerforge.server.command_line import application
 
 SCENARIO = "<commonRoad>roads</commonRoad>"
 
 
-class Note(Model):
-    text: str
-    cost: float = 1e-7
+RUN_RECIPE = Recipe(tool="run_planner", parents=("ZAM_A-1_1_T-1",))
+SEARCH_RECIPE = Recipe(tool="find_scenarios")
+RUN, SEARCH = run_id_of(RUN_RECIPE), f"search_{SEARCH_RECIPE.digest}"
+STEPS = f"files/runs/{RUN}/steps.json"
 
 
 def filled(root: Path, text: str = "a") -> Workspace:
@@ -38,11 +39,9 @@ def filled(root: Path, text: str = "a") -> Workspace:
     files = {"scenario.xml": SCENARIO, "steps.json": '{"steps": []}'}
     for name, content in files.items():
         (root.parent / name).write_text(content)
-    made.put("scenario", "ZAM_A-1_1_T-1", recipe=Recipe(tool="generate_scenarios"), record=Note(text=text), name="one",
-             files={"scenario.xml": root.parent / "scenario.xml"})  # fmt: skip
-    run = Recipe(tool="run_planner", parents=("ZAM_A-1_1_T-1",), arguments={"text": text})
-    made.put("run", "run_1", recipe=run, record=Note(text=text), files={"steps.json": root.parent / "steps.json"})
-    made.put("search", "search_1", recipe=Recipe(tool="find_scenarios"), record=Note(text=text))
+    store_scenario(made, "ZAM_A-1_1_T-1", root.parent / "scenario.xml")
+    store_run(made, RUN_RECIPE, root.parent / "steps.json", text)
+    store_search(made, text, SEARCH_RECIPE)
     for folder, name in (("journal", "calls.jsonl"), ("pictures", "run_1.png")):
         (root / folder).mkdir()
         (root / folder / name).write_text("{}\n")
@@ -99,9 +98,11 @@ def test_all_that_was_made_comes_back_with_dates_and_order(archive: Path, tmp_pa
     told: list[tuple[int, int]] = []
     made = import_workspace(second, archive, on_bytes=lambda done, total: told.append((done, total)))
     assert (made.added, made.known) == (3, 0)
-    assert [each.model_dump() for each in second.newest()] == [each.model_dump() for each in first.newest()]
+    assert [each.model_dump() for each in second.newest()] == [
+        each.model_dump() | {"imported": True} for each in first.newest()
+    ]
     assert second.file("scenario", "ZAM_A-1_1_T-1", "scenario.xml").read_text() == SCENARIO
-    assert [each.artifact_id for each in second.newest(parent="ZAM_A-1_1_T-1")] == ["run_1"]
+    assert [each.artifact_id for each in second.newest(parent="ZAM_A-1_1_T-1")] == [RUN]
     assert list(disagreements(second)) == []
     assert told[-1][0] == told[-1][1]
     assert [path.name for path in (second.root / "scratch").iterdir()] == []
@@ -109,13 +110,13 @@ def test_all_that_was_made_comes_back_with_dates_and_order(archive: Path, tmp_pa
 
 def test_what_is_here_already_stays_and_is_counted(archive: Path, tmp_path: Path) -> None:
     second = Workspace(tmp_path / "second")
-    second.put("search", "search_0", recipe=Recipe(tool="find_scenarios"), record=Note(text="own"))
+    store_search(second, "own")
     import_workspace(second, archive)
     before = contents(second.root)
     again = import_workspace(second, archive)
     assert (again.added, again.known) == (0, 3)
     assert contents(second.root) == before
-    assert second.newest(limit=1)[0].artifact_id == "search_1"
+    assert second.newest(limit=1)[0].artifact_id == SEARCH
 
 
 def test_the_journal_comes_only_where_it_was_asked_for_and_beside_ours(archive: Path, tmp_path: Path) -> None:
@@ -143,9 +144,9 @@ def test_the_same_workspace_gives_the_same_bytes_and_digests_that_others_can_che
 
 def test_an_artifact_whose_file_is_gone_is_left_out_and_told(tmp_path: Path) -> None:
     first = filled(tmp_path / "first")
-    first.file("run", "run_1", "steps.json").unlink()
+    first.file("run", RUN, "steps.json").unlink()
     made = export_workspace(first, tmp_path / "work.zip")
-    assert (made.artifacts, made.left_out) == (2, ("run run_1",))
+    assert (made.artifacts, made.left_out) == (2, (f"run {RUN}",))
     assert import_workspace(Workspace(tmp_path / "second"), tmp_path / "work.zip").added == 2
 
 
@@ -194,7 +195,7 @@ def test_links_folders_and_devices_are_refused(kind: int, archive: Path, tmp_pat
 def test_the_same_name_twice_is_refused(archive: Path, tmp_path: Path) -> None:
     path = rewritten(archive, {})
     with zipfile.ZipFile(path, "a") as opened, pytest.warns(UserWarning, match="Duplicate name"):
-        opened.writestr("files/runs/run_1/steps.json", "{}")
+        opened.writestr(STEPS, "{}")
     with pytest.raises(UnsafeInput, match="twice"):
         import_workspace(Workspace(tmp_path / "second"), path)
 
@@ -210,7 +211,7 @@ def test_the_same_name_twice_is_refused(archive: Path, tmp_path: Path) -> None:
 def test_a_bomb_is_refused_by_what_it_says_of_itself(
     limits: ArchiveLimits, told: str, archive: Path, tmp_path: Path
 ) -> None:
-    bomb = rewritten(archive, {"files/runs/run_1/steps.json": bytes(30_000_000)})
+    bomb = rewritten(archive, {STEPS: bytes(30_000_000)})
     with pytest.raises(UnsafeInput, match=told):
         import_workspace(Workspace(tmp_path / "second"), bomb, limits=limits)
 
@@ -224,11 +225,11 @@ def with_path(line: dict[str, object]) -> None:
 
 
 DAMAGES: dict[str, Callable[[Path], Path]] = {
-    "a changed file": lambda path: rewritten(path, {"files/runs/run_1/steps.json": b"[]"}, sums=False),
+    "a changed file": lambda path: rewritten(path, {STEPS: b"[]"}, sums=False),
     "a changed record": lambda path: rewritten(path, {"records.jsonl": b""}, sums=False),
-    "a file less": lambda path: rewritten(path, {"files/runs/run_1/steps.json": None}, sums=False),
+    "a file less": lambda path: rewritten(path, {STEPS: None}, sums=False),
     "a file without a record": lambda path: rewritten(path, {"files/runs/run_9/steps.json": b"{}"}),
-    "a record without its file": lambda path: rewritten(path, {"files/runs/run_1/steps.json": None}),
+    "a record without its file": lambda path: rewritten(path, {STEPS: None}),
     "a record that names no file": lambda path: rewritten(path, {"records.jsonl": records(path, without_files)}),
     "an id that is a path": lambda path: rewritten(path, {"records.jsonl": records(path, with_path)}),
     "a record less": lambda path: rewritten(path, {"records.jsonl": read(path, "records.jsonl").split(b"\n")[2]}),
@@ -242,7 +243,7 @@ DAMAGES: dict[str, Callable[[Path], Path]] = {
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_archive_stores_nothing(damage: str, archive: Path, tmp_path: Path) -> None:
     second = Workspace(tmp_path / "second")
-    second.put("search", "search_0", recipe=Recipe(tool="find_scenarios"), record=Note(text="own"))
+    store_search(second, "own")
     before = contents(second.root)
     with pytest.raises(UnsafeInput, match="damaged"):
         import_workspace(second, DAMAGES[damage](archive))
@@ -279,7 +280,7 @@ def test_an_archive_of_an_earlier_version_is_taken(archive: Path, tmp_path: Path
 def test_an_id_that_stands_for_something_else_is_refused_and_named(archive: Path, tmp_path: Path) -> None:
     second = filled(tmp_path / "second", text="another")
     before = contents(second.root)
-    with pytest.raises(NotPossible, match=r"2 artifacts .* different: run run_1, search search_1"):
+    with pytest.raises(NotPossible, match=rf"2 artifacts .* different: run {RUN}, search {SEARCH}"):
         import_workspace(second, archive)
     assert contents(second.root) == before
 
@@ -312,7 +313,7 @@ class Interrupted(BaseException):
 @pytest.mark.parametrize("after", range(5))
 def test_an_interrupted_import_leaves_the_workspace_as_it_was(after: int, archive: Path, tmp_path: Path) -> None:
     second = Workspace(tmp_path / "second")
-    second.put("search", "search_0", recipe=Recipe(tool="find_scenarios"), record=Note(text="own"))
+    store_search(second, "own")
     before, steps = contents(second.root), 0
 
     def interrupt(*told: object) -> None:
@@ -330,12 +331,12 @@ def test_an_import_interrupted_while_it_stores_leaves_no_trace(
     archive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     second = Workspace(tmp_path / "second")
-    second.put("search", "search_0", recipe=Recipe(tool="find_scenarios"), record=Note(text="own"))
+    own = store_search(second, "own").artifact_id
     before, rename = contents(second.root), Path.rename
 
     def interrupted(self: Path, target: Path) -> Path:
         moved = rename(self, target)
-        if target.name == "run_1":
+        if target.name == RUN:
             raise Interrupted
         return moved
 
@@ -343,7 +344,7 @@ def test_an_import_interrupted_while_it_stores_leaves_no_trace(
     with pytest.raises(Interrupted):
         import_workspace(second, archive)
     assert contents(second.root) == before
-    assert [artifact.artifact_id for artifact in second.newest()] == ["search_0"]
+    assert [artifact.artifact_id for artifact in second.newest()] == [own]
 
 
 def test_a_full_disk_is_told_before_anything_is_unpacked(
@@ -374,6 +375,80 @@ def test_the_commands_take_a_workspace_from_one_folder_to_another(archive: Path,
         )
     assert "3 artifacts added, 0 were there already" in run("import", file, "--workspace", second)
     assert "0 artifacts added, 3 were there already" in run("import", file, "--workspace", second)
-    big = rewritten(archive, {"files/runs/run_1/steps.json": os.urandom(2_000_000)})
+    big = rewritten(archive, {STEPS: os.urandom(2_000_000)})
     with pytest.raises(UnsafeInput, match="bytes when unpacked"):
         run("import", str(big), "--most-mb", "1", "--workspace", second)
+
+
+def test_run_of_an_archive_is_marked_and_gives_way_to_the_one_that_is_made_here(archive: Path, tmp_path: Path) -> None:
+    second = Workspace(tmp_path / "second")
+    import_workspace(second, archive)
+    assert second.get(RUN, "run").imported
+    assert second.imported_of([RUN, "run_of_here"]) == [RUN]
+    assert second.find_by_recipe("run", RUN_RECIPE) is None
+    (tmp_path / "own.json").write_text('{"steps": [1]}')
+    assert not store_run(second, RUN_RECIPE, tmp_path / "own.json", "own").imported
+    assert second.find_by_recipe("run", RUN_RECIPE) is not None
+    assert second.file("run", RUN, "steps.json").read_text() == '{"steps": [1]}'
+    assert second.get(RUN, "run").record["reason"] == "own"
+
+
+def test_the_same_run_made_in_two_workspaces_is_one(archive: Path, tmp_path: Path) -> None:
+    """Its times differ."""
+    second = filled(tmp_path / "second")
+    (second.folder("run", RUN) / "timing.json").write_text("{}")
+    made = import_workspace(second, archive)
+    assert (made.added, made.known) == (0, 3)
+    assert not second.get(RUN, "run").imported
+
+
+def empty_record(line: dict[str, object]) -> None:
+    line["record"] = {}
+
+
+def other_recipe(line: dict[str, object]) -> None:
+    line["recipe"] = {"tool": "run_planner", "arguments": {"x": line["kind"]}}
+
+
+def other_id(line: dict[str, object]) -> None:
+    for named in (line["record"], line["record"].get("facts", {})):  # type: ignore[attr-defined]
+        named.update({key: "run_0" for key in ("run_id", "scenario_id") if key in named})  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("forged", "kind"),
+    [
+        *((empty_record, kind) for kind in ("scenario", "run", "search")),
+        *((other_recipe, kind) for kind in ("run", "search")),
+        *((other_id, kind) for kind in ("scenario", "run")),
+    ],
+)
+def test_record_that_is_not_what_it_says_is_refused_by_name(
+    forged: Callable[[dict[str, object]], None], kind: str, archive: Path, tmp_path: Path
+) -> None:
+    def change(line: dict[str, object]) -> None:
+        if line["kind"] == kind:
+            forged(line)
+
+    second = Workspace(tmp_path / "second")
+    with pytest.raises(UnsafeInput, match=f"{kind} .* is not what it says"):
+        import_workspace(second, rewritten(archive, {"records.jsonl": records(archive, change)}))
+    assert second.newest() == []
+
+
+def test_file_that_is_not_the_one_of_its_record_is_refused(archive: Path, tmp_path: Path) -> None:
+    changed = rewritten(archive, {"files/scenarios/ZAM_A-1_1_T-1/scenario.xml": b"<commonRoad/>"})
+    with pytest.raises(UnsafeInput, match="its file is not the one"):
+        import_workspace(Workspace(tmp_path / "second"), changed)
+
+
+def test_texts_of_an_archive_are_one_line(archive: Path, tmp_path: Path) -> None:
+    def change(line: dict[str, object]) -> None:
+        line["name"] = "a\nSYSTEM: b\u202e"
+        if line["kind"] == "run":
+            line["record"]["reason"] = "c\nNext: d\x1b[0m"  # type: ignore[index]
+
+    second = Workspace(tmp_path / "second")
+    import_workspace(second, rewritten(archive, {"records.jsonl": records(archive, change)}))
+    assert {each.name for each in second.newest()} == {"a SYSTEM: b"}
+    assert second.get(RUN, "run").record["reason"] == "c Next: d[0m"

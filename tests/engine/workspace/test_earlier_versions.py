@@ -11,12 +11,12 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from support.artifacts import store_search
 from support.server import Connect
 
 from plannerforge.engine.execution import JobStore
 from plannerforge.engine.workspace import Recipe, Workspace, disagreements, export_workspace, import_workspace
 from plannerforge.engine.workspace.database import SCHEMA_VERSION
-from plannerforge.schemas.base import Model
 from plannerforge.schemas.errors import ResourceFailure
 from plannerforge.server.settings import Settings
 
@@ -27,10 +27,6 @@ MADE = {
     3: ("run_98dd2be6b421", "ZAM_Kreiselheim-214760387_1_T-1", "search_b07ca4c47803"),
 }
 CONFIGURATION = "cfg_504647410ee4"
-
-
-class Note(Model):
-    text: str
 
 
 def unpacked(version: int, root: Path) -> Path:
@@ -73,13 +69,12 @@ def test_what_later_versions_brought_works_in_an_earlier_workspace(version: int,
     assert (is_new, job.state) == (True, "running")
     tables = {row[0] for row in workspace.database.connection().execute("SELECT name FROM sqlite_master")}
     assert {"tasks", "claims", "map_files", "artifacts_by_superseded", "job_owners"} <= tables
-    workspace.put("search", "search_new", recipe=Recipe(tool="find_scenarios"), record=Note(text="new"))
+    store_search(workspace, "new")
     export_workspace(workspace, tmp_path / "work.zip")
     assert import_workspace(Workspace(tmp_path / "other"), tmp_path / "work.zip").added == 6
 
 
 @pytest.mark.anyio
-@pytest.mark.parametrize("era", ["auto"])
 @pytest.mark.parametrize("version", MADE)
 async def test_tools_work_with_what_an_earlier_program_made(version: int, connect: Connect, settings: Settings) -> None:
     unpacked(version, settings.workspace)

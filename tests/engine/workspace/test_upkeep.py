@@ -1,24 +1,29 @@
 """Looking after a workspace: what is lost or left over is found, and only what can be made again goes."""
 
+import json
 import os
 import time
 from pathlib import Path
 
 import pytest
+from support.artifacts import run_id_of, store_run
 from support.server import Connect
 from typer.testing import CliRunner
 
-from plannerforge.engine.workspace import Quota, Recipe, Workspace, disagreements, make_room, room_used
-from plannerforge.schemas.base import Model
+from plannerforge.engine.workspace import Quota, Recipe, Workspace, disagreements, make_room, repair, room_used
 from plannerforge.schemas.errors import ResourceFailure
+from plannerforge.schemas.runs import RunRecord
 from plannerforge.server.command_line import application
 from plannerforge.server.settings import Settings
 
 MB = 1024**2
 
 
-class Note(Model):
-    text: str
+def numbered(number: int) -> Recipe:
+    return Recipe(tool="run_planner", arguments={"number": number})
+
+
+ONE, TWO = (run_id_of(numbered(number)) for number in (1, 2))
 
 
 @pytest.fixture
@@ -28,8 +33,7 @@ def workspace(tmp_path: Path) -> Workspace:
     for number in (1, 2):
         file = tmp_path / f"steps-{number}.json"
         file.write_text("{}")
-        recipe = Recipe(tool="run_planner", arguments={"number": number})
-        made.put("run", f"run_{number}", recipe=recipe, record=Note(text="x"), files={"steps.json": file})
+        store_run(made, numbered(number), file)
     for name in ("recordings", "pictures", "views", "answers"):
         (made.root / name).mkdir()
         (made.root / name / "one").write_bytes(bytes(MB))
@@ -50,12 +54,12 @@ def test_what_takes_room_is_told_by_part(workspace: Workspace) -> None:
 
 def test_lost_and_left_over_files_are_found(workspace: Workspace) -> None:
     assert [(each.where, each.is_lost) for each in disagreements(workspace)] == [("runs/run_left", False)]
-    (workspace.root / "runs" / "run_1" / "steps.json").unlink()
-    (workspace.root / "runs" / "run_2" / "steps.json").write_text("")
+    (workspace.root / "runs" / ONE / "steps.json").unlink()
+    (workspace.root / "runs" / TWO / "steps.json").write_text("")
     lost = [each for each in disagreements(workspace) if each.is_lost]
     assert [(each.where, each.what.rpartition(" ")[2]) for each in lost] == [
-        ("run run_1", "gone"),
-        ("run run_2", "empty"),
+        (f"run {ONE}", "gone"),
+        (f"run {TWO}", "empty"),
     ]
 
 
@@ -73,7 +77,7 @@ def test_above_a_quota_caches_go_and_nothing_that_was_made(workspace: Workspace)
     assert not (workspace.root / "views" / "one").exists()
     assert not (workspace.root / "answers" / "one").exists()
     assert list(disagreements(workspace)) == []
-    assert workspace.file("run", "run_1", "steps.json").is_file()
+    assert workspace.file("run", ONE, "steps.json").is_file()
 
 
 def test_what_another_server_has_just_made_stays(workspace: Workspace) -> None:
@@ -94,34 +98,33 @@ def test_the_commands_tell_it_with_exit_codes(workspace: Workspace) -> None:
     assert "pictures" in run("info")[1]
     assert run("gc")[0] == 0
     assert run("gc", "--quota-mb", "0")[0] == 1
-    (workspace.root / "runs" / "run_1" / "steps.json").unlink()
+    (workspace.root / "runs" / ONE / "steps.json").unlink()
     assert run("verify")[0] == 1
     told = CliRunner().invoke(application, ["workspace", "info", "--workspace", str(workspace.root / "away")])
     assert told.exit_code == 2
 
 
-def record_to_store(workspace: Workspace, name: str, size_bytes: int) -> None:
+def record_to_store(workspace: Workspace, number: int, size_bytes: int) -> None:
     """Store a run with a file of a size."""
     with workspace.scratch() as folder:
         (folder / "steps.json").write_bytes(bytes(size_bytes))
-        recipe = Recipe(tool="run_planner", arguments={"name": name})
-        workspace.put("run", name, recipe=recipe, record=Note(text="x"), files={"steps.json": folder / "steps.json"})
+        store_run(workspace, numbered(number), folder / "steps.json")
 
 
 def test_a_quota_lets_in_what_fits_and_removes_old_caches_before_it_refuses(workspace: Workspace) -> None:
     taken = sum(use.size_bytes for use in room_used(workspace))
     workspace.limit_room(Quota(workspace, taken + MB).admit)
-    record_to_store(workspace, "run_3", MB // 2)
+    record_to_store(workspace, 3, MB // 2)
     assert (workspace.root / "recordings" / "one").exists()
-    record_to_store(workspace, "run_4", MB)
+    record_to_store(workspace, 4, MB)
     assert not (workspace.root / "recordings" / "one").exists()
-    record_to_store(workspace, "run_5", 2 * MB)
+    record_to_store(workspace, 5, 2 * MB)
     with pytest.raises(ResourceFailure, match=r"is full: it takes .* MB of the .*workspace gc") as caught:
-        record_to_store(workspace, "run_6", 3 * MB)
+        record_to_store(workspace, 6, 3 * MB)
     assert "workspace_mb" in caught.value.next_step
-    assert workspace.find("run", "run_6") is None
-    assert workspace.find("run", "run_5") is not None
-    record_to_store(workspace, "run_7", 1)
+    assert workspace.find("run", run_id_of(numbered(6))) is None
+    assert workspace.find("run", run_id_of(numbered(5))) is not None
+    record_to_store(workspace, 7, 1)
     assert list(disagreements(workspace)) == []
 
 
@@ -130,18 +133,17 @@ def test_a_quota_counts_what_others_write_when_its_look_is_old(
 ) -> None:
     taken = sum(use.size_bytes for use in room_used(workspace))
     workspace.limit_room(Quota(workspace, taken + 2 * MB).admit)
-    record_to_store(workspace, "run_3", MB // 2)
+    record_to_store(workspace, 3, MB // 2)
     (workspace.root / "plans").mkdir()
     (workspace.root / "plans" / "of another server").write_bytes(bytes(6 * MB))
     now = time.monotonic()
-    record_to_store(workspace, "run_4", MB // 4)
+    record_to_store(workspace, 4, MB // 4)
     monkeypatch.setattr(time, "monotonic", lambda: now + 3600)
     with pytest.raises(ResourceFailure, match="is full"):
-        record_to_store(workspace, "run_5", MB // 4)
+        record_to_store(workspace, 5, MB // 4)
 
 
 @pytest.mark.anyio
-@pytest.mark.parametrize("era", ["auto"])
 async def test_a_call_on_a_full_workspace_says_what_to_do_and_reading_goes_on(
     connect: Connect, settings: Settings, starter_ready: None
 ) -> None:
@@ -153,3 +155,28 @@ async def test_a_call_on_a_full_workspace_says_what_to_do_and_reading_goes_on(
     for words in ("[resource_failure]", "is full", "workspace_mb", "plannerforge workspace gc"):
         assert words in said
     assert not read.is_error
+
+
+def test_broken_records_are_found_and_taken_out_and_everything_else_stays(workspace: Workspace) -> None:
+    """Such as an archive of an earlier version could bring in."""
+    with workspace.database.writing() as connection:
+        connection.execute("UPDATE artifacts SET record = '{}' WHERE artifact_id = ?", (ONE,))
+    with pytest.raises(ResourceFailure, match="workspace repair"):
+        workspace.get(ONE, "run").read(RunRecord)
+    assert [each.broken for each in disagreements(workspace) if each.is_lost] == [("run", ONE)]
+    ((found, kept),) = repair(workspace)
+    assert found.broken == ("run", ONE)
+    assert (kept / "files" / "steps.json").is_file()
+    assert json.loads((kept / "artifact.json").read_text())["artifact_id"] == ONE
+    assert [each.artifact_id for each in workspace.newest()] == [TWO]
+    assert not [each for each in disagreements(workspace) if each.is_lost]
+    assert repair(workspace) == []
+
+
+def test_the_command_takes_out_what_is_broken(workspace: Workspace) -> None:
+    with workspace.database.writing() as connection:
+        connection.execute("UPDATE artifacts SET recipe = '[' WHERE artifact_id = ?", (TWO,))
+    told = CliRunner().invoke(application, ["workspace", "repair", "--workspace", str(workspace.root)])
+    assert told.exit_code == 0
+    assert TWO in told.output
+    assert [each.artifact_id for each in workspace.newest()] == [ONE]

@@ -4,14 +4,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plannerforge.engine.maps.places import country_code, place_keys
+from plannerforge.engine.maps.naming.gazetteer import names_elsewhere
+from plannerforge.engine.maps.naming.places import country_code, place_keys
 
 STORED = ["Munich", "Nuremberg", "Moelln", "Carcarana", "SantBoideLlobregat", "Bilderstoeckchen", "Beijing", "US101"]
 
 
 def same_place(wanted: str) -> list[str]:
     """The stored places that the wanted one may mean."""
-    return [place for place in STORED if place_keys(wanted) & place_keys(place)]
+    return [place for place in STORED if names_elsewhere(wanted) & place_keys(place)]
 
 
 @pytest.mark.parametrize(

@@ -5,13 +5,18 @@ road it is, or which end of it, become one English word in all languages. Two na
 left, in whatever order.
 """
 
+import gzip
+import json
 import re
 from collections.abc import Iterable
 from functools import cache, lru_cache
 from itertools import islice, product
+from pathlib import Path
 
 from .places import fold, latin
 
+_ABBREVIATIONS = Path(__file__).parent / "road_words.json.gz"
+"""What libpostal knows of abbreviations (``scripts/make_road_words.py``)."""
 _SAME_WORDS = """
 street: street st str strasse straat strada stradal rue ulitsa
 street: ulica ul vulitsya vulytsya calle via rruga rr gata gatan
@@ -132,6 +137,8 @@ _PARTICLES = frozenset(
         "het",
         "el",
         "al",
+        "section",
+        "sec",
     ]
 )
 _CHINESE_KINDS = {"大道": "avenue", "大街": "street", "路": "road", "街": "street", "道": "road", "巷": "alley"}
@@ -162,6 +169,10 @@ _LETTERED = {
     "kreisstr": "k",
 }
 """The letters of a road number by the words that are said for them."""
+_ELIDED = re.compile(r"\b(?:d|l|s|dell|dall|all|nell|sull)['’](?=\w)", re.IGNORECASE)
+"""Articles and prepositions before a vowel, in Catalan, French and Italian: ``Port d'Envalira``."""
+_CONTRACTED = re.compile(r"\b(\w{1,2})\.(\w{2,3})\b(?!\.)")
+"""Contractions with a point inside: ``P.za``, ``C.so``, ``V.le``."""
 _MOST_READINGS = 32
 """Readings of one name that are compared: ``St`` has two, and a name has few such words (chosen)."""
 MOST_KEPT = 50_000
@@ -170,13 +181,26 @@ MOST_KEPT = 50_000
 
 @cache
 def _meanings() -> dict[str, tuple[str, ...]]:
-    """The words that a spelling may stand for."""
+    """The words that a spelling may stand for.
+
+    Our own words, which are one for all languages, and libpostal's abbreviations: they stand for one of ours if that is
+    written like them, otherwise for the word that they abbreviate.
+    """
     found: dict[str, tuple[str, ...]] = {}
     for line in _SAME_WORDS.strip().splitlines():
-        meaning, spellings = line.split(": ")
-        for spelling in spellings.split():
+        meaning, same = line.split(": ")
+        for spelling in same.split():
             plain = latin(spelling)
             found[plain] = tuple(dict.fromkeys((*found.get(plain, ()), meaning)))
+    own = dict(found)
+    table = json.loads(gzip.decompress(_ABBREVIATIONS.read_bytes()))
+    for word, written in (*table["kinds"].items(), *table["others"].items()):
+        spellings = [word, *(each for each in written if len(each) > 1)]
+        told = [own[each] for each in spellings if len(each) > 2 and len(own.get(each, ())) == 1]
+        meanings = own.get(word) or (told[0] if told else (word,))
+        for spelling in spellings:
+            itself = () if spelling in own else (spelling,)
+            found[spelling] = tuple(dict.fromkeys((*found.get(spelling, itself), *meanings)))
     return found
 
 
@@ -221,8 +245,18 @@ def distinctive(words: Iterable[str]) -> frozenset[str]:
     return frozenset(words) - _KINDS - _DIRECTIONS - _PARTICLES - {"and", "saint"}
 
 
+def kinds_of_road(name: str) -> frozenset[str]:
+    """The kinds of road that a name says in any of its readings (``street``, ``boulevard``)."""
+    return frozenset(word for reading in road_readings(name) for word in reading & _KINDS)
+
+
+def words_of_name(name: str) -> tuple[str, ...]:
+    """The words of a name in their order, in Latin letters without accents."""
+    return tuple(word for word in map(latin, _split(_ELIDED.sub("", name))) if word)
+
+
 def _split(name: str) -> list[str]:
-    plain = re.sub(r"['’ʼ`´]", "", name.casefold()).replace("&", " and ")
+    plain = re.sub(r"['’ʼ`´]", "", _CONTRACTED.sub(r"\1\2", name.casefold())).replace("&", " and ")
     return [word for word in re.split(r"[\W_]+", plain) if word]
 
 

@@ -107,3 +107,15 @@ def region_of(text: str, country: str | None, latitude: float, longitude: float)
         code == country and south <= latitude <= north and west <= longitude <= east
         for code, (south, west, north, east) in (*_boxes().get(fold(text), ()), *_boxes().get(fold(plain), ()))
     )
+
+
+def regions_at(country: str, latitude: float, longitude: float) -> tuple[str, ...]:
+    """The first names (``az``) of the states or provinces of a country in whose boxes a position lies."""
+    lines = (line.split() for line in _REGIONS.strip().splitlines())
+    return tuple(
+        words[1]
+        for words in lines
+        if words[0] == country
+        and float(words[-4]) <= latitude <= float(words[-2])
+        and float(words[-3]) <= longitude <= float(words[-1])
+    )

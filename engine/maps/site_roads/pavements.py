@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
-from .osm import EARTH_RADIUS_M, HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, ground_distance_m
-from .site_search.rings import RING_TAGS
+from ..osm import EARTH_RADIUS_M, HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, ground_distance_m
+from ..site_search.rings import RING_TAGS
 
 if TYPE_CHECKING:
     from shapely import STRtree

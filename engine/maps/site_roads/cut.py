@@ -14,11 +14,13 @@ from pathlib import Path
 
 from lxml import etree
 
-from ...schemas.errors import NotPossible
-from ..network import run_netconvert
-from .foreign.net_map import NetMap
-from .osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, append_node, append_object, ground_distance_m
+from ....schemas.errors import NotPossible
+from ...network import run_netconvert
+from ..foreign.net_map import NetMap
+from ..osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, append_node, append_object, ground_distance_m
+from ..road_tags.access import barrier_of
 from .pavements import Pavements
+from .road_reader import RoadReader
 
 MOST_ARMS = 32
 """Roads at one junction (chosen): SUMO's take 256 connections, and netconvert's time grows with their square."""
@@ -26,6 +28,8 @@ MOST_NODES = 20_000
 """Of what is cut out (chosen): in the densest town a site has a tenth; netconvert takes seconds then."""
 MOST_LANES, WIDEST_M, FASTEST = 32, 100.0, 1000.0
 """Numbers in tags beyond which netconvert is not told of them (chosen): it would build what they say."""
+BARRIER_GAP_M = 1.0
+"""Between the end of a road and the barrier that it ends at (chosen)."""
 LONGEST_NUMBER = 12
 """Characters of a number in a tag; longer ones count as beyond (chosen)."""
 BOUNDED_TAGS: Mapping[str, float] = {"lanes": MOST_LANES, "width": WIDEST_M, "est_width": WIDEST_M, "maxspeed": FASTEST}
@@ -46,11 +50,13 @@ def cut_map(
     classes: Iterable[str],
     target: Path,
     pavements: Pavements | None = None,
+    reader: RoadReader | None = None,
 ) -> tuple[OsmWay, ...]:
     """Write the roads of the given classes within a circle around (latitude, longitude) as an .osm file.
 
     Turn restrictions are kept where all their ways are inside in one piece. ``pavements``: those that the roads get, in
-    the place of what their tags say.
+    the place of what their tags say. ``reader``: writes the tags anew, as netconvert reads them, and leaves out what is
+    no road for vehicles; the types of road that it needs are written beside the file, as ``.typ.xml``.
 
     Returns:
         The ways that were written (parts of a way count once).
@@ -60,26 +66,72 @@ def cut_map(
     """
     new_nodes = count(max(osm.nodes, default=0) + 1)
     new_ways = count(max((way.way_id for way in osm.ways), default=0) + 1)
-    roads = osm.roads(frozenset(classes))
+    roads = osm.roads(frozenset(classes), cars_only=False)
     pieces = [piece for way in roads for piece in _pieces(osm, way, center, radius_m, new_nodes)]
+    if reader is not None:
+        pieces = [part for piece in pieces for part in _between_barriers(piece, new_nodes, reader)]
     _refuse_crowds(pieces, center)
     root = etree.Element("osm", {"version": "0.6", "generator": "PlannerForge"})
-    nodes = {node.node_id: node for piece in pieces for node in piece.nodes}
+    written = [(piece, _written_tags(piece, pavements, reader)) for piece in pieces]
+    if reader is not None:
+        reader.write_types(target.with_suffix(".typ.xml"))
+    nodes = {node.node_id: node for piece, tags in written if tags is not None for node in piece.nodes}
     for key in sorted(nodes):
         node = nodes[key]
         append_node(root, node if pavements is None else replace(node, tags=pavements.tags_of_node(node)))
     used: set[int] = set()
     whole: set[int] = set()
-    for piece in pieces:
+    for piece, tags in written:
+        if tags is None:
+            continue
         way_id = piece.way.way_id if piece.way.way_id not in used else next(new_ways)
         (whole.discard if piece.way.way_id in used else whole.add)(piece.way.way_id)
         used.add(piece.way.way_id)
         references = [("nd", {"ref": str(node.node_id)}) for node in piece.nodes]
-        tags = piece.way.tags if pavements is None else pavements.tags_of(piece.way)
-        append_object(root, "way", way_id, _buildable(tags), parts=references)
+        append_object(root, "way", way_id, tags, parts=references)
     _write_restrictions(root, osm, nodes, whole)
     target.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True))
-    return tuple({piece.way.way_id: piece.way for piece in pieces}.values())
+    return tuple({piece.way.way_id: piece.way for piece, tags in written if tags is not None}.values())
+
+
+def _written_tags(piece: _Piece, pavements: Pavements | None, reader: RoadReader | None) -> dict[str, str] | None:
+    """The tags that a piece of a way is written with; None where it is no road for vehicles."""
+    tags = piece.way.tags if pavements is None else pavements.tags_of(piece.way)
+    read = tags if reader is None else reader.tags_of(piece.way, piece.nodes, tags)
+    return None if read is None else _buildable(read)
+
+
+def _between_barriers(piece: _Piece, new_nodes: Iterator[int], reader: RoadReader) -> Iterator[_Piece]:
+    """The parts of a piece between the barriers that stop cars, each ending a little before them.
+
+    Roads that meet at a barrier end there, each for itself.
+    """
+    tags = [barrier_of(node.tags) if node.tags else "" for node in piece.nodes]
+    if not any(tags):
+        yield piece
+        return
+    for tag in filter(None, tags):
+        reader.blocked(tag)
+    stops = [index for index, tag in enumerate(tags) if tag]
+    begins, ends = [0, *stops], [*stops, len(tags) - 1]
+    for begin, end in zip(begins, ends, strict=True):
+        nodes = list(piece.nodes[begin : end + 1])
+        if len(nodes) < 2:
+            continue
+        if tags[begin]:
+            nodes[0] = _before(nodes[1], nodes[0], next(new_nodes))
+        if tags[end]:
+            nodes[-1] = _before(nodes[-2], nodes[-1], next(new_nodes))
+        yield _Piece(piece.way, tuple(nodes))
+
+
+def _before(start: OsmNode, end: OsmNode, node_id: int) -> OsmNode:
+    """A new node on the way from one to another, ``BARRIER_GAP_M`` before it: netconvert joins nodes at one place."""
+    length = ground_distance_m(start.position, end.position)
+    share = 1.0 - min(BARRIER_GAP_M / length, 0.4) if length > 0 else 0.5
+    latitude = start.latitude + share * (end.latitude - start.latitude)
+    longitude = start.longitude + share * (end.longitude - start.longitude)
+    return OsmNode(node_id, round(latitude, 7), round(longitude, 7), {})
 
 
 def _refuse_crowds(pieces: Sequence[_Piece], center: tuple[float, float]) -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.maps.index import MapEntry, built_in_maps, find_maps, same_street
-from plannerforge.engine.maps.regions import region_of
-from plannerforge.engine.maps.spellings import route_number
+from plannerforge.engine.maps.naming.regions import region_of
+from plannerforge.engine.maps.naming.spellings import route_number
 from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.generation import PlaceArea
 
@@ -125,7 +125,7 @@ def test_a_country_that_the_map_does_not_lie_in_contradicts(words: str) -> None:
 
 @pytest.mark.parametrize(
     ("words", "near"),
-    [("Seatle", "Seattle"), ("Siätl", None), ("Pyne Street", "Pine Street"), ("Quary", "Quarry Hill")],
+    [("Seatle", "Seattle"), ("Wörgl", None), ("Pyne Street", "Pine Street"), ("Quary", "Quarry Hill")],
 )
 def test_only_what_is_near_is_suggested(words: str, near: str | None) -> None:
     with pytest.raises(UnknownName) as refusal:

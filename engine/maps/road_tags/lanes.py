@@ -1,0 +1,235 @@
+"""How many lanes a road has in either direction, where they lead, how wide they are, and which are for buses.
+
+After OSM's documentation: Key:lanes, Key:turn, Key:width, Lanes (https://wiki.openstreetmap.org/wiki/Lanes). Lists over
+lanes (``a|b|c``) run from left to right in the direction that they are for.
+"""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from .access import Direction, lane_users, lane_values
+
+Tags = Mapping[str, str]
+_MOST_LANES = 32
+_NARROWEST_LANE_M = 2.0
+"""A car of 1.8 m and 0.1 m on either side of it: no car drives on a narrower lane (chosen)."""
+SHARED_LANE_M = 2.75
+"""Of either lane where a road has one lane for both directions: the narrowest lane of a local street (RASt 06)."""
+_ONEWAY = {"yes": 1, "true": 1, "1": 1, "-1": -1, "reverse": -1, "no": 0, "false": 0, "0": 0, "alternating": 0}
+_RINGS = ("roundabout", "circular")
+_IMPLIED_ONEWAY = ("motorway", "motorway_link")
+_LEFT, _RIGHT = ("left", "sharp_left"), ("right", "sharp_right")
+
+
+@dataclass(frozen=True)
+class Side:
+    """The lanes of one direction, from left to right: where each leads by its arrows, and which are for buses alone.
+
+    ``turns``: values of ``turn:lanes``, empty where no arrow is known; ``widths_m``: of each lane, as they are mapped.
+    """
+
+    count: int | None = None
+    turns: tuple[str, ...] = ()
+    buses: tuple[bool, ...] = ()
+    widths_m: tuple[float | None, ...] = ()
+    uneven: bool = False
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """The lanes of a road; ``notes`` says in words, by a key, what of the tags could not be drawn as it is.
+
+    ``oneway``: 1 and -1 for a road in one direction (along its nodes, against them), 0 for both. ``width_m``: of the
+    whole carriageway. ``too_narrow``: no car fits onto it.
+    """
+
+    oneway: int
+    forward: Side = field(default_factory=Side)
+    backward: Side = field(default_factory=Side)
+    width_m: float | None = None
+    too_narrow: bool = False
+    notes: tuple[str, ...] = ()
+
+
+def oneway_of(tags: Tags) -> int:
+    """1 for a road that cars drive along its nodes alone, -1 for one against them, 0 for one in both directions."""
+    for key in ("oneway:motorcar", "oneway:motor_vehicle", "oneway:vehicle", "oneway"):
+        value = tags.get(key, "")
+        if value in _ONEWAY:
+            return _ONEWAY[value]
+        if value == "reversible":
+            return 1
+        if value and key == "oneway":
+            return 0
+    return int(tags.get("junction") in _RINGS or tags.get("highway") in _IMPLIED_ONEWAY)
+
+
+def lanes_of(tags: Tags, *, lefthand: bool, oneway: int | None = None, default: int = 1) -> Lanes:
+    """The lanes that a road's tags state.
+
+    Args:
+        tags: the road's.
+        lefthand: whether traffic keeps to the left.
+        oneway: the direction, where it follows from more than the tags of lanes (access in one direction).
+        default: lanes in either direction where the tags say nothing.
+    """
+    oneway = oneway_of(tags) if oneway is None else oneway
+    notes = ["reversible"] if tags.get("oneway") == "reversible" else []
+    forward, backward = (_side(tags, direction, oneway, lefthand) for direction in ("forward", "backward"))
+    total = _count(tags, "lanes")
+    both_ways = _middle_lanes(tags)
+    if oneway == 0:
+        forward, backward, more = _shared_out(forward, backward, total, both_ways)
+        notes += more
+    elif oneway > 0 and forward.count is None and total:
+        forward = replace(forward, count=max(total, 1))
+    elif oneway < 0 and backward.count is None and total:
+        backward = replace(backward, count=max(total, 1))
+    if both_ways:
+        notes.append("middle_lane")
+    if forward.uneven or backward.uneven:
+        notes.append("uneven")
+    lanes = Lanes(oneway, _trimmed(forward), _trimmed(backward), notes=tuple(notes))
+    return _with_widths(lanes, tags, total, default)
+
+
+def _side(tags: Tags, direction: Direction, oneway: int, lefthand: bool) -> Side:
+    """What the tags say of the lanes in one direction; of one that nobody drives nothing."""
+    if (oneway > 0 and direction == "backward") or (oneway < 0 and direction == "forward"):
+        return Side()
+    alone = oneway != 0
+    turns = lane_values(tags, "turn", direction, oneway=alone)
+    users = lane_users(tags, direction, oneway=alone)
+    widths = [_metres(value) for value in lane_values(tags, "width", direction, oneway=alone)]
+    count = _count(tags, f"lanes:{direction}") or (_count(tags, "lanes") if alone else None)
+    listed = max(len(turns), len(users), len(widths))
+    if users:  # lanes for bicycles stand in the lists and are none of ``lanes``
+        kept = [index for index, allowed in enumerate(users) if allowed]
+        turns = [turns[index] for index in kept if index < len(turns)]
+        widths = [widths[index] for index in kept if index < len(widths)]
+        users, listed = [users[index] for index in kept], len(kept)
+    if count is None:
+        count = listed or None
+    buses = [("bus" in allowed and "car" not in allowed) for allowed in users]
+    if not any(buses) and (number := _bus_lanes(tags, direction, alone, lefthand)) and count:
+        number = min(number, count)
+        buses = [*([True] * number), *([False] * (count - number))]
+        buses = buses if lefthand else buses[::-1]
+    uneven = any(len(each) not in (0, count) for each in (turns, users, widths))
+    return Side(count, tuple(turns), tuple(buses), tuple(widths), uneven)
+
+
+def _trimmed(side: Side) -> Side:
+    """A side whose lists have one value a lane; those that do not are left out."""
+    count = min(side.count, _MOST_LANES) if side.count else None
+    lists = {name: values for name in ("turns", "buses", "widths_m") if len(values := getattr(side, name)) == count}
+    return Side(count, lists.get("turns", ()), lists.get("buses", ()), lists.get("widths_m", ()))
+
+
+def _shared_out(forward: Side, backward: Side, total: int | None, middle: int) -> tuple[Side, Side, list[str]]:
+    """The numbers of lanes of both directions, where the tags give some of: total, forward, backward, middle."""
+    if total is None:
+        return forward, backward, []
+    through = max(total - middle, 0)
+    if forward.count is not None and backward.count is not None:
+        return forward, backward, []
+    if forward.count is not None:
+        return forward, replace(backward, count=max(through - forward.count, 1)), []
+    if backward.count is not None:
+        return replace(forward, count=max(through - backward.count, 1)), backward, []
+    if through <= 1:
+        return replace(forward, count=1), replace(backward, count=1), ["one_lane"] if total == 1 else []
+    odd = ["odd_lanes"] if through % 2 else []
+    return replace(forward, count=math.ceil(through / 2)), replace(backward, count=through // 2), odd
+
+
+def _middle_lanes(tags: Tags) -> int:
+    """Lanes that both directions share, as for turning left from either."""
+    count = _count(tags, "lanes:both_ways")
+    if count is not None:
+        return count
+    listed = len(tags["turn:lanes:both_ways"].split("|")) if tags.get("turn:lanes:both_ways") else 0
+    return listed or int(tags.get("centre_turn_lane", tags.get("center_turn_lane", "no")) == "yes")
+
+
+def _bus_lanes(tags: Tags, direction: Direction, alone: bool, lefthand: bool) -> int:
+    """The number of lanes for buses, which lie at the kerb, by tags that do not say which lanes they are."""
+    for key in ("lanes:psv", "lanes:bus"):
+        for name in (f"{key}:{direction}", *([key] if alone else [])):
+            if (count := _count(tags, name)) is not None:
+                return count
+        if not alone and (count := _count(tags, key)) is not None and count % 2 == 0:
+            return count // 2
+    kerb = "left" if lefthand == (direction == "forward") else "right"
+    marked = (tags.get("busway", ""), tags.get("busway:both", ""), tags.get(f"busway:{kerb}", ""))
+    return int("lane" in marked)
+
+
+def _with_widths(lanes: Lanes, tags: Tags, total: int | None, default: int) -> Lanes:
+    """Lanes with the width of the road, and what follows where a car does not fit."""
+    mapped = _metres(tags.get("width:carriageway", "")) or _metres(tags.get("width", ""))
+    width = mapped or _metres(tags.get("est_width", ""))
+    sides = [side for side, there in ((lanes.forward, lanes.oneway >= 0), (lanes.backward, lanes.oneway <= 0)) if there]
+    counts = [side.count or default for side in sides]
+    narrow = any(w is not None and w < _NARROWEST_LANE_M for side in sides for w in side.widths_m)
+    notes = list(lanes.notes) + (["narrow_lane"] if narrow else [])
+    if "one_lane" in notes or (tags.get("oneway") == "alternating" and total in (None, 1)):
+        is_narrow = width is not None and width < _NARROWEST_LANE_M
+        notes = [*notes, "one_lane"] if "one_lane" not in notes else notes
+        widened = max(2 * SHARED_LANE_M, mapped or 0.0)
+        return replace(lanes, width_m=widened, too_narrow=is_narrow, notes=tuple(notes))
+    if width is None or any(side.widths_m for side in sides):
+        return replace(lanes, notes=tuple(notes))
+    if width < _NARROWEST_LANE_M:
+        return replace(lanes, too_narrow=True, notes=tuple(notes))
+    if width / sum(counts) >= _NARROWEST_LANE_M:
+        return replace(lanes, width_m=mapped, notes=tuple(notes))
+    if lanes.oneway == 0 and counts == [1, 1] and total is None:
+        return replace(lanes, width_m=2 * SHARED_LANE_M, notes=(*notes, "one_lane"))
+    return replace(lanes, notes=(*notes, "width_for_fewer"))
+
+
+def _count(tags: Tags, key: str) -> int | None:
+    """A number of lanes; the lowest of a list, None for any other text."""
+    parts = [part.strip() for part in tags.get(key, "").split(";")]
+    numbers = [round(float(part)) for part in parts if re.fullmatch(r"\d{1,3}(\.\d)?", part)]
+    return min(numbers) if numbers else None
+
+
+def _metres(text: str) -> float | None:
+    """A width in m: a number of metres, or feet and inches (``12'6"``, ``10 ft``); None for any other text."""
+    plain = text.strip().lower().replace(",", ".")
+    if match := re.fullmatch(r"(\d{1,3}(?:\.\d{1,4})?)\s*(m|metres?|meters?|cm|ft|feet)?", plain):
+        number = float(match[1]) * {"cm": 0.01, "ft": 0.3048, "feet": 0.3048}.get(match[2] or "m", 1.0)
+    elif match := re.fullmatch(r"""(\d{1,3})'\s*(?:(\d{1,2}(?:\.\d{1,2})?)")?""", plain):
+        number = 0.3048 * (int(match[1]) + float(match[2] or 0) / 12)
+    else:
+        return None
+    return number if 0.3 < number < 100 else None
+
+
+def arrows(turns: Sequence[str]) -> tuple[str, ...]:
+    """Where lanes lead, from left to right; one without an arrow leads straight on, and at the edge to its side too.
+
+    A lane beside an arrow to the right leads to the right only if it has one, or if no other lane does so.
+    """
+    parts = [{word.strip() for word in turn.split(";")} - {""} for turn in turns]
+    has_left, has_right = (any(words & set(side) for words in parts) for side in (_LEFT, _RIGHT))
+    leading = []
+    for index, words in enumerate(parts):
+        if not words - {"none"}:
+            words = {"through"}
+            words |= {"left"} if index == 0 and not has_left else set()
+            words |= {"right"} if index == len(parts) - 1 and not has_right else set()
+        elif words <= {"merge_to_left", "merge_to_right"}:
+            words = {"through"}
+        leading.append(";".join(sorted(words - {"none", "merge_to_left", "merge_to_right"})))
+    return tuple(leading)
+
+
+def mirrored(turns: Sequence[str]) -> tuple[str, ...]:
+    """Arrows of lanes as a mirror shows them: from right to left, and left is right."""
+    swapped = {"left": "right", "right": "left"}
+    return tuple(re.sub("left|right", lambda match: swapped[match[0]], turn) for turn in reversed(turns))

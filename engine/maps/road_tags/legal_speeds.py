@@ -1,0 +1,228 @@
+"""Legal speed limits where no sign stands: by country or state and kind of road, from a table that OpenStreetMap keeps.
+
+The table is "Default speed limits" of the OpenStreetMap Wiki (https://wiki.openstreetmap.org/wiki/Default_speed_limits,
+CC BY-SA 2.0), of which ``scripts/pack_legal_speeds.py`` makes the file beside this module. It says for every country
+which kinds of road have which limit, and in a small language of tags what a kind of road is.
+"""
+
+import gzip
+import json
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+TABLE = Path(__file__).parent / "legal_speeds.json.gz"
+MPH_KMH = 1.609344
+WALK_KMH = 7.0
+"""Walking pace: what German courts read it as at most (4 to 7 km/h, OSM's Key:maxspeed)."""
+Tags = Mapping[str, str]
+_Test = Callable[[Tags, Callable[[str], bool]], bool]
+"""Whether tags are of a kind of road; the second argument answers for the other kinds that it is made of."""
+_MULTILANE = frozenset({"motorway", "motorway_link", "trunk", "trunk_link"})
+"""Classes of one-way roads that are half of a dual carriageway; a one-way street of another class may be just that."""
+_MOTORWAYS = frozenset({"motorway", "motorway_link"})
+_INTERSTATE = "US interstate highway"
+"""A kind that the table tells by the road's number; every motorway of the USA counts as one."""
+_SLOW_MOTORWAY_KMH = 80.0
+"""A country that has no rule for motorways and fewer km/h for other roads signs its motorways (chosen)."""
+
+
+@dataclass(frozen=True)
+class LegalLimit:
+    """A limit in km/h, the kind of road that it holds for, and the code of the country or state whose law it is.
+
+    ``is_advice``: the law sets no limit, and this is the speed that it advises. ``states``: how many states or
+    provinces were asked where the law differs among them; the most frequent limit is taken then.
+    """
+
+    kmh: float
+    kind: str
+    code: str
+    is_advice: bool = False
+    states: int = 1
+
+
+class LegalSpeeds:
+    """The table: kinds of road by name, and the limits of each country and state (ISO 3166-1 alpha-2, ISO 3166-2)."""
+
+    def __init__(
+        self, kinds: Mapping[str, Sequence[str]], limits: Mapping[str, Sequence[tuple[str, Mapping[str, str]]]]
+    ) -> None:
+        self._kinds = {name: tuple(parse_filter(text) for text in texts if text) for name, texts in kinds.items()}
+        self._strict = {name: parse_filter(texts[0]) for name, texts in kinds.items() if texts[0]}
+        self._limits = limits
+
+    def find(self, country: str, tags: Tags, *, urban: bool, states: Sequence[str] = ()) -> LegalLimit | None:
+        """The limit for cars on a road; None where the table has none for the country.
+
+        Args:
+            country: ISO 3166-1 alpha-2.
+            tags: the road's.
+            urban: whether it lies in a built-up area.
+            states: the codes of those in which it may lie; without any, all that the table has.
+        """
+        if tags.get("highway") in _MOTORWAYS:
+            tags = {"lanes": "2", "oneway": "yes", **tags}
+        found = [limit for code in self._codes(country, states) if (limit := self._of(code, tags, urban=urban))]
+        if tags.get("highway") in _MOTORWAYS:
+            found = [limit for limit in found if limit.kmh >= _SLOW_MOTORWAY_KMH or "motorway" in limit.kind]
+        if not found:
+            return None
+        counts = Counter(limit.kmh for limit in found)
+        kmh = min(counts, key=lambda value: (-counts[value], value))
+        chosen = next(limit for limit in found if limit.kmh == kmh)
+        if len(found) == 1:
+            return chosen
+        return LegalLimit(kmh, chosen.kind, country, chosen.is_advice, len(found))
+
+    def anywhere(self, tags: Tags, *, urban: bool) -> LegalLimit:
+        """The median of the limits of all countries, for a road of which no country is known.
+
+        For a motorway, of those countries that have a rule for motorways.
+        """
+        countries = sorted({code.partition("-")[0] for code in self._limits})
+        found = [limit for code in countries if (limit := self.find(code, tags, urban=urban))]
+        if tags.get("highway") in _MOTORWAYS:
+            found = [limit for limit in found if "motorway" in limit.kind or limit.kind.endswith(_INTERSTATE)]
+        middle = sorted(limit.kmh for limit in found)[len(found) // 2]
+        return LegalLimit(middle, "urban" if urban else "rural", "", states=len(found))
+
+    def _codes(self, country: str, states: Sequence[str]) -> list[str]:
+        known = [code for code in states if code in self._limits]
+        if known:
+            return known
+        if any("maxspeed" in speeds for _, speeds in self._limits.get(country, ())):
+            return [country]
+        return [code for code in self._limits if code.startswith(f"{country}-")]
+
+    def _of(self, code: str, tags: Tags, *, urban: bool) -> LegalLimit | None:
+        rules = [(name, speeds) for name, speeds in self._limits[code]]
+        names = [name for name, _ in rules]
+        default = names.index("") if "" in names else len(names)
+        in_order = [*reversed(rules[default + 1 :]), *rules[:default], *rules[default : default + 1]]
+
+        def is_kind(name: str) -> bool:
+            if name in ("urban", "rural"):
+                return urban if name == "urban" else not urban
+            if name == _INTERSTATE and tags.get("highway") == "motorway":
+                return True
+            if name == "dual carriageway" and tags.get("highway") not in _MULTILANE:
+                return name in self._strict and self._strict[name](tags, is_kind)
+            return any(test(tags, is_kind) for test in self._kinds.get(name, ()))
+
+        for name, speeds in in_order:
+            if name and not is_kind(name):
+                continue
+            advice = speeds.get("maxspeed:advisory", "")
+            kmh = speed_kmh(speeds.get("maxspeed", "")) or speed_kmh(advice)
+            if kmh is not None:
+                is_advice = "maxspeed" not in speeds
+                return LegalLimit(round(kmh, 1), name or ("urban" if urban else "rural"), code, is_advice)
+        return None
+
+
+def speed_kmh(text: str) -> float | None:
+    """The speed that a number with OSM's units says (none: km/h), in km/h; None for any other text."""
+    if text.strip().lower() == "walk":
+        return WALK_KMH
+    match = _SPEED.fullmatch(text.strip().lower())
+    if match is None:
+        return None
+    factor = {"mph": MPH_KMH, "knots": 1.852, "knot": 1.852, "kn": 1.852}.get(match[2] or "", 1.0)
+    return float(match[1]) * factor
+
+
+_SPEED = re.compile(r"(\d{1,4}(?:\.\d{1,3})?)\s*(km/h|kmh|kph|mph|knots?|kn)?")
+
+
+@cache
+def legal_speeds() -> LegalSpeeds:
+    """The table, read once."""
+    document = json.loads(gzip.decompress(TABLE.read_bytes()))
+    return LegalSpeeds(document["kinds"], document["limits"])
+
+
+_TOKEN = re.compile(r"""\s*(\{[^}]*\}|[()]|!=|!~|<=|>=|[=~<>!]|"[^"]*"|[^\s()=~<>!"{}]+)""")
+_COMPARED = frozenset({"=", "!=", "~", "!~", "<", "<=", ">", ">="})
+
+
+def parse_filter(text: str) -> _Test:
+    """A test of tags from the table's language: ``{kind}``, ``key``, ``!key``, ``key=value``, ``key~regex``, numbers
+    compared, ``and``, ``or``, brackets.
+
+    Raises:
+        ValueError: the text is not of that language.
+    """
+    return _Parser(_TOKEN.findall(text)).whole()
+
+
+class _Parser:
+    """Descends over the tokens of a filter: or, and, not, single terms."""
+
+    def __init__(self, tokens: list[str]) -> None:
+        self._tokens, self._at = tokens, 0
+
+    def whole(self) -> _Test:
+        test = self._any()
+        if self._at != len(self._tokens):
+            raise ValueError(f"unexpected {self._tokens[self._at]!r}")
+        return test
+
+    def _next(self) -> str:
+        return self._tokens[self._at] if self._at < len(self._tokens) else ""
+
+    def _take(self) -> str:
+        self._at += 1
+        return self._tokens[self._at - 1] if self._at <= len(self._tokens) else ""
+
+    def _any(self) -> _Test:
+        tests = [self._all()]
+        while self._next() == "or":
+            self._take()
+            tests.append(self._all())
+        return lambda tags, ask: any(test(tags, ask) for test in tests)
+
+    def _all(self) -> _Test:
+        tests = [self._one()]
+        while self._next() == "and":
+            self._take()
+            tests.append(self._one())
+        return lambda tags, ask: all(test(tags, ask) for test in tests)
+
+    def _one(self) -> _Test:
+        term = self._take()
+        if term == "!":
+            test = self._one()
+            return lambda tags, ask: not test(tags, ask)
+        if term == "(":
+            test = self._any()
+            if self._take() != ")":
+                raise ValueError("a bracket is not closed")
+            return test
+        if term.startswith("{"):
+            name = term[1:-1]
+            return lambda _, ask: ask(name)
+        return self._comparison(term.strip('"'))
+
+    def _comparison(self, key: str) -> _Test:
+        if not key or key in _COMPARED or key in ("and", "or", ")"):
+            raise ValueError(f"unexpected {key!r}")
+        if self._next() not in _COMPARED:
+            return lambda tags, _: key in tags
+        sign, value = self._take(), self._take().strip('"')
+        if sign in ("=", "!="):
+            return lambda tags, _: (tags.get(key) == value) is (sign == "=")
+        if sign in ("~", "!~"):
+            pattern = re.compile(value)
+            return lambda tags, _: (key in tags and pattern.fullmatch(tags[key]) is not None) is (sign == "~")
+        bound = float(value)
+        compare = {"<": float.__lt__, "<=": float.__le__, ">": float.__gt__, ">=": float.__ge__}[sign]
+        return lambda tags, _: (number := _number(tags.get(key, ""))) is not None and compare(number, bound)
+
+
+def _number(text: str) -> float | None:
+    match = re.match(r"\d{1,9}(?:\.\d{1,6})?", text)
+    return None if match is None else float(match[0])

@@ -1,0 +1,21 @@
+"""Which country's and which state's law holds at a place, in the codes of ISO 3166."""
+
+from ..naming.places import country_name
+from ..naming.regions import regions_at
+from ..road_tags.limits import Jurisdiction
+
+_STATES = ("USA", "AUS")
+"""Countries of which the short names of the states are those of ISO 3166-2."""
+
+
+def jurisdiction_of(country: str | None, position: tuple[float, float]) -> Jurisdiction:
+    """The country (given as ISO 3166-1 alpha-3) and the states in which (latitude, longitude) may lie."""
+    from iso3166 import countries_by_alpha3
+
+    known = countries_by_alpha3.get(country or "")
+    if known is None or country is None:
+        return Jurisdiction()
+    names = regions_at(country, *position) if country in _STATES else ()
+    states = tuple(f"{known.alpha2}-{name.upper()}" for name in names)
+    name = country_name(country)
+    return Jurisdiction(known.alpha2, states, f"{name} ({names[0].upper()})" if len(names) == 1 else name)

@@ -1,0 +1,125 @@
+"""Edits of who is where, and of the scene itself."""
+
+import numpy as np
+import pytest
+from support.builders import driving, town_road
+from support.edits import Apply, schema_errors
+
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.schemas.errors import NotPossible
+
+ROAD = town_road()
+FREE = town_road().with_vehicles(driving(31, (70, 0), 10.0, 101))
+
+
+def test_a_moved_vehicle_keeps_its_id_its_speeds_and_nobody_else_changes(apply: Apply) -> None:
+    applied = apply({"op": "move", "vehicles": ["35"], "at": "2", "position": "20m"})
+    old, new = applied.base_tracks()[35], applied.tracks()[35]
+    assert new.positions[0] == pytest.approx([20.0, 3.5])
+    assert new.speeds_mps == pytest.approx(old.speeds_mps, abs=0.1)
+    assert applied.changed_elements() == {"35"}
+
+
+def test_a_replaced_vehicle_has_the_size_of_its_new_class_and_drives_as_before(apply: Apply) -> None:
+    applied = apply({"op": "replace", "vehicles": ["31"], "vehicle_class": "truck"}, builder=FREE)
+    old, new = applied.base_tracks()[31], applied.tracks()[31]
+    assert (new.kind, old.kind) == ("truck", "car")
+    assert new.length_m > old.length_m
+    assert new.positions == pytest.approx(old.positions)
+
+
+def test_a_time_gap_says_where_a_vehicle_enters(apply: Apply) -> None:
+    added = {"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "gap_s": 2.0}
+    applied = apply(added, builder=town_road().with_vehicles(driving(31, (150, 3.5), 10.0, 101)))
+    (key,) = applied.outcome.edits[0].vehicles
+    track, ego = applied.tracks()[key], read_scenario(applied.base).problem().initial_state
+    room_m = track.positions[0][0] - track.length_m / 2 - (ego.position[0] + 4.508 / 2)
+    assert room_m == pytest.approx(20.0, abs=0.1)
+
+
+def test_a_parked_vehicle_stands_beside_the_lane(apply: Apply) -> None:
+    applied = apply({"op": "add_vehicle", "vehicle_class": "car", "at": "1", "position": "0.8", "side": "right"})
+    (key,) = applied.outcome.edits[0].vehicles
+    (parked,) = [one for one in read_scenario(applied.xml).scenario.static_obstacles if one.obstacle_id == key]
+    assert parked.obstacle_type.value == "parkedVehicle"
+    inner_m = parked.initial_state.position[1] + parked.obstacle_shape.width / 2
+    assert inner_m == pytest.approx(-1.75 - 0.1, abs=0.01)
+    assert schema_errors(applied.xml) <= schema_errors(applied.base)
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", -1.0), ("right", 1.0)])
+def test_a_pedestrian_comes_from_either_side(apply: Apply, side: str, sign: float) -> None:
+    walker = {"op": "add_vehicle", "vehicle_class": "pedestrian", "at": "1", "position": "0.9", "side": side}
+    applied = apply(walker, builder=FREE)
+    (key,) = applied.outcome.edits[0].vehicles
+    walk = applied.tracks()[key].positions
+    assert float(np.sign(walk[-1][1] - walk[0][1])) == sign
+
+
+def test_who_would_hit_a_closed_lane_reacts(apply: Apply) -> None:
+    applied = apply({"op": "close_lane", "to": ["11"], "position": "0.9"}, builder=FREE)
+    assert applied.outcome.handed_over == ()
+    closed = apply({"op": "close_lane", "to": ["1"], "position": "0.7"}, builder=FREE)
+    assert closed.outcome.handed_over == (31,)
+    assert not closed.outcome.collisions
+
+
+def test_a_light_gets_other_phases_and_who_would_cross_at_red_stops(apply: Apply) -> None:
+    coming = town_road().with_vehicles(driving(35, (150, 0), 8.0, 101))
+    applied = apply({"op": "set_light", "to": ["1", "2"], "params": ["red=60", "green=20"]}, builder=coming)
+    assert applied.tracks()[35].front_at(100)[0] < 200.5
+    assert applied.outcome.handed_over == (35,)
+
+
+def test_who_is_told_to_run_a_red_light_crosses_it_while_it_is_red(apply: Apply) -> None:
+    coming = town_road().with_vehicles(driving(35, (150, 0), 8.0, 101))
+    light = {"op": "set_light", "to": ["1", "2"], "params": ["red=60", "green=20"]}
+    applied = apply(light, {"op": "run_red_light", "vehicles": ["35"]}, builder=coming)
+    assert applied.tracks()[35].front_at(100)[0] > 205.0
+    assert [report.verdict for report in applied.outcome.edits] == ["done", "done"]
+
+
+def test_a_mirrored_scene_drives_on_the_other_side_and_is_itself_when_mirrored_twice(apply: Apply) -> None:
+    once = apply({"op": "mirror"}, builder=ROAD)
+    assert once.tracks()[33].positions[0] == pytest.approx([60.0, -3.5])
+    lanelet = read_scenario(once.xml).scenario.lanelet_network.find_lanelet_by_id(1)
+    assert (lanelet.adj_left, lanelet.adj_right) == (None, 2)
+    twice = apply({"op": "mirror"}, {"op": "mirror"}, builder=ROAD)
+    assert twice.tracks()[34].positions == pytest.approx(twice.base_tracks()[34].positions)
+
+
+def test_edits_after_a_mirror_see_the_mirrored_scene(apply: Apply) -> None:
+    right = {"op": "change_lane", "vehicles": ["31"], "lane": "right", "lateral_s": 3.0, "time_s": 1.0}
+    track = apply({"op": "mirror"}, right, builder=FREE).tracks()[31]
+    assert track.positions[-1][1] == pytest.approx(-3.5, abs=0.2)
+
+
+def test_a_scenario_is_cut_to_a_time(apply: Apply) -> None:
+    applied = apply({"op": "crop", "time_s": 2.0, "duration_s": 6.0}, builder=FREE)
+    old, new = applied.base_tracks()[31], applied.tracks()[31]
+    assert new.positions == pytest.approx(old.positions[20:81])
+    goal = read_scenario(applied.xml).problem().goal.state_list[0].time_step
+    assert (goal.start, goal.end) == (40, 130)
+
+
+def test_a_scenario_is_cut_to_a_place(apply: Apply) -> None:
+    near = town_road().with_vehicles(
+        driving(31, (70, 0), 10.0, 101), driving(34, (280, 7), 5.0, 101, heading_rad=np.pi)
+    )
+    small = {"op": "crop", "at": "ego", "rectangle_m": [250.0, 6.0]}
+    applied = apply(small, builder=near)
+    network = read_scenario(applied.xml).scenario.lanelet_network
+    assert {int(one.lanelet_id) for one in network.lanelets} == {1, 2}
+    assert set(applied.tracks()) == {31}
+
+
+def test_a_place_without_the_goal_is_refused(apply: Apply) -> None:
+    with pytest.raises(NotPossible):
+        apply({"op": "crop", "at": "ego", "rectangle_m": [50.0, 20.0]}, builder=FREE)
+
+
+def test_new_vehicles_keep_their_number_across_an_edit_of_the_scene(apply: Apply) -> None:
+    added = {"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "offset_m": 30, "lane": "left"}
+    applied = apply(added, {"op": "mirror"}, {"op": "cut_in", "vehicles": ["new:0"], "gap_s": 1.5}, builder=FREE)
+    (key,) = applied.outcome.edits[0].vehicles
+    assert applied.outcome.edits[2].vehicles == (key,)

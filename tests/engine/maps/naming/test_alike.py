@@ -1,0 +1,76 @@
+"""Maps found by words that are only like what they show: other scripts, half-typed and compound words."""
+
+from pathlib import Path
+
+import pytest
+
+from plannerforge.engine.maps.index import Closeness, MapEntry, built_in_maps, find_maps
+from plannerforge.engine.maps.naming.alike import is_half_of, is_transliterated
+from plannerforge.schemas.errors import UnknownName
+
+
+def a_map(*streets: str, file_name: str = "a.osm", **facts: object) -> MapEntry:
+    """A map in the south-west of Manchester, which does not say where it is."""
+    here = {"south": 53.44, "north": 53.45, "west": -2.31, "east": -2.30, "country": "GBR"}
+    known = {"place": "a", "places": (), "areas": (), "refs": ("A56",), "road_names": (), "streets": streets}
+    changes = {"map_id": "map_a", "file_name": file_name, **here, **known, **facts}
+    return MapEntry(built_in_maps()[0].facts.model_copy(update=changes), Path(file_name))
+
+
+@pytest.mark.parametrize(
+    ("typed", "name"),
+    [
+        ("Leninsky Prospekt", "Ленинский проспект"),
+        ("Leninskij pr.", "Ленинский проспект"),
+        ("Odos Ermou", "Οδός Ερμού"),
+        ("Khreshchatyk", "Хрещатик"),
+        ("Невский", "Nevsky"),
+    ],
+)
+def test_a_transliteration_is_alike(typed: str, name: str) -> None:
+    assert is_transliterated(typed, name)
+
+
+@pytest.mark.parametrize(
+    ("typed", "name"),
+    [("Leninsky Street", "Ленинский проспект"), ("Pushkin", "Ленинский проспект"), ("Main Street", "Maine Street")],
+)
+def test_another_name_is_not_alike(typed: str, name: str) -> None:
+    assert not is_transliterated(typed, name)
+
+
+@pytest.mark.parametrize(
+    ("typed", "name", "half"),
+    [("Edge", "Edge Lane", True), ("Andorra la V", "Andorra la Vella", True), ("la", "Andorra la Vella", False)],
+)
+def test_half_of_a_name_is_some_of_its_words_or_their_beginning(typed: str, name: str, half: bool) -> None:
+    assert is_half_of(typed, name) is half
+
+
+@pytest.mark.parametrize("words", ["Stretford", "Манчестер", "A56 Stretford", "Stretford, Edge Lane"])
+def test_a_settlement_that_the_map_does_not_name_is_known_by_where_it_lies(words: str) -> None:
+    match = find_maps([a_map("Edge Lane")], place=words)[0]
+    assert any("GeoNames" in text for text in match.understood)
+    assert match.unnamed == ()
+
+
+def test_a_settlement_elsewhere_is_no_half_of_a_street() -> None:
+    with pytest.raises(UnknownName) as refusal:
+        find_maps([a_map("Berlin Road")], place="Berlin")
+    assert refusal.value.valid == ("Berlin Road",)
+    assert "place='Berlin Road'" in (refusal.value.next_step or "")
+    assert find_maps([a_map("Berlin Road")], place="Berlin Road")
+
+
+def test_the_closest_maps_hide_those_that_are_only_like_them() -> None:
+    same, half = a_map("Elm", map_id="map_same"), a_map("Elm Grove", map_id="map_half")
+    assert [match.entry for match in find_maps([half, same], place="Elm")] == [same]
+    assert [match.entry for match in find_maps([half], place="Elm")] == [half]
+    with pytest.raises(UnknownName):
+        find_maps([half], place="Elm", closeness=Closeness.HEARD)
+
+
+@pytest.mark.parametrize("kept", ["ring.net.xml", "ring.roads.xml", "ring.xml", "ring.osm"])
+@pytest.mark.parametrize("typed", ["ring", "ring.xodr", "ring.osm.pbf", "RING.OSM.XML.GZ"])
+def test_a_file_is_known_by_its_name_whatever_it_was_converted_to(kept: str, typed: str) -> None:
+    assert find_maps([a_map(file_name=kept)], place=typed)

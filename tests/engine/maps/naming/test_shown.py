@@ -1,0 +1,54 @@
+"""The places that a map shows, and by which of them it is called."""
+
+from plannerforge.engine.maps.naming.shown import areas_shown, places_shown
+from plannerforge.engine.maps.naming.tags import names_of, refs_of
+from plannerforge.engine.maps.osm import OsmMap, OsmNode, OsmRelation, OsmWay
+
+ROAD = OsmWay(1, (1, 2), {"highway": "residential"})
+
+
+def a_map(*tags: dict[str, str], relations: tuple[OsmRelation, ...] = ()) -> OsmMap:
+    """A street in Lower Austria with nodes around it that have these tags."""
+    ends = {number: OsmNode(number, 48.4, 15.6 + number / 1000, {}) for number in (1, 2)}
+    places = {number: OsmNode(number, 48.4, 15.6, each) for number, each in enumerate(tags, start=3)}
+    return OsmMap(ends | places, (ROAD,), relations, None)
+
+
+def test_the_most_important_place_comes_first_whatever_its_order_or_other_names() -> None:
+    village = {"place": "village", "name": "Neustift", "population": "257"}
+    town = {"place": "town", "name": "Krems an der Donau", "name:en": "Krems an der Donau", "population": "24,000"}
+    assert places_shown(a_map(village, town))[0] == "Krems an der Donau"
+    assert places_shown(a_map(town, village))[0] == "Krems an der Donau"
+
+
+def test_of_two_places_of_a_kind_the_one_with_more_inhabitants_comes_first() -> None:
+    few = {"place": "village", "name": "Aldorf", "population": "80"}
+    many = {"place": "village", "name": "Zedorf", "population": "3 000"}
+    assert places_shown(a_map(few, many, {"place": "village", "name": "Bedorf"})) == ["Zedorf", "Aldorf", "Bedorf"]
+
+
+def test_a_town_of_addresses_that_geonames_knows_is_more_than_a_village() -> None:
+    village = {"place": "village", "name": "Aldorf"}
+    assert places_shown(a_map(village, {"addr:city": "Krems an der Donau"}))[0] == "Krems an der Donau"
+    assert places_shown(a_map(village, {"addr:city": "Nirgendheim"}))[0] == "Aldorf"
+
+
+def test_districts_of_addresses_and_of_borders_are_shown() -> None:
+    border = {"boundary": "administrative", "admin_level": "9", "name": "Lerchenfeld"}
+    state = {"boundary": "administrative", "admin_level": "4", "name": "Niederösterreich"}
+    relations = (OsmRelation(1, (), border), OsmRelation(2, (), state))
+    shown = places_shown(a_map({"addr:suburb": "Stein", "addr:city": "Krems"}, relations=relations))
+    assert shown == ["Krems", "Stein", "Lerchenfeld"]
+
+
+def test_a_place_that_is_a_point_and_an_address_is_one_area() -> None:
+    areas = areas_shown(
+        a_map({"place": "suburb", "name": "Stein"}, {"place": "suburb", "name": "Stein", "alt_name": "X"})
+    )
+    assert [(area.name, area.other_names) for area in areas] == [("Stein", ("X",))]
+
+
+def test_all_names_of_a_tag_count_but_no_facts_about_names() -> None:
+    tags = {"name": "Bozen - Bolzano", "name:ru": "Больцано", "alt_name_1": "Balsan", "name:etymology:wikidata": "Q1"}
+    assert names_of(tags) == ["Bozen - Bolzano", "Больцано", "Balsan", "Bozen", "Bolzano"]
+    assert refs_of({"ref": "A 22;SS 12", "int_ref": "E 45"}) == ["A 22", "SS 12", "E 45"]

@@ -1,0 +1,25 @@
+"""The page of licences names packages that are installed, and the sources of the data that the package contains."""
+
+import re
+from pathlib import Path
+
+CHECKOUT = Path(__file__).resolve().parent.parent
+PAGE = (CHECKOUT / "docs" / "licences.md").read_text(encoding="utf-8")
+ALSO_CALLED = {"pytorch": "torch"}
+
+
+def test_every_package_of_the_page_is_installed() -> None:
+    rows = [line.split("|")[1] for line in PAGE.splitlines() if line.startswith("|")][2:]
+    named = {re.sub(r"\(.*", "", name).strip().casefold() for row in rows for name in row.split(",")}
+    pinned = (CHECKOUT / "packaging" / "requirements.txt").read_text(encoding="utf-8")
+    asked = pinned + (CHECKOUT / "pyproject.toml").read_text(encoding="utf-8")
+    known = {name.casefold() for name in re.findall(r"[A-Za-z][\w.-]+", asked)}
+    assert {ALSO_CALLED.get(name, name) for name in named} - known == set()
+
+
+def test_every_table_of_others_data_names_its_source() -> None:
+    tables = {path.name for path in (CHECKOUT / "engine" / "maps").rglob("*.json.gz")}
+    sources = {"borders.json.gz": "Natural Earth", "country_names.json.gz": "Common Locale Data Repository"}
+    sources["road_words.json.gz"] = "libpostal"
+    assert tables == set(sources)
+    assert all(source in PAGE for source in sources.values())
