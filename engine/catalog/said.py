@@ -1,7 +1,8 @@
 """Manoeuvres that a text speaks of, as conditions on what was computed from the recording.
 
 A text ranks by likeness of meaning, and every scenario is a little like every text. What happens is known exactly, so
-"truck cuts in" is a condition like any other. A manoeuvre that the text denies is left to the ranking.
+"truck cuts in" is a condition like any other. A manoeuvre that the text denies is left to the ranking, and so is all of
+the text where ``tags`` or ``features`` say already what is to happen.
 """
 
 import re
@@ -22,11 +23,8 @@ _SAID: tuple[tuple[str, str, bool], ...] = (
     ("overtaking", r"\bovert(?:ak(?:e|es|ing|en)|ook)\b", False),
     ("unprotected_left", r"\bunprotected\s+left\b", False),
     ("lead_brakes_hard", rf"\b{_FRONT}\b[\w\s-]{{0,20}}\bbrak(?:e|es|ing)\b(?:\s+\w*ly|\s+hard)?", False),
-    (
-        "lead_brakes_hard",
-        rf"\b(?:hard|emergency|sudden|harsh)\s+braking(?:\s+(?:of|by)\b[\w\s-]{{0,12}}\b{_FRONT}\b)?",
-        False,
-    ),
+    ("lead_brakes_hard", rf"\b(?:hard|sudden|harsh)\s+braking\b(?:\s+(?:of|by)\b[\w\s-]{{0,12}}\b{_FRONT}\b)?", False),
+    ("lead_brakes_hard", rf"\bbraking\s+(?:of|by)\b[\w\s-]{{0,12}}\b{_FRONT}\b", False),
     ("oncoming_turns", r"\boncoming\b[\w\s-]{0,20}\bturn(?:s|ing)?\b", False),
     ("ego_turns_back", r"\bu[\s-]?turns?\b", False),
     ("ego_turns_left", r"\bego\b[\w\s-]{0,12}\bturn(?:s|ing)?\s+left\b", False),
@@ -102,4 +100,4 @@ def _with_road_user(feature: str, text: str, begin: int, end: int) -> tuple[str,
 
 
 def _type_of(word: str) -> str | None:
-    return obstacle_type_of(word) if len(word) > 2 else None
+    return obstacle_type_of(word) if len(word) > 2 and word.casefold() != "emergency" else None

@@ -121,10 +121,10 @@ class Search:
         numbers = None if within is None else _numbers_of(connection, within).values()
         location = location_constraints(connection, arguments.country, arguments.city)
         constraints = constraints_of(arguments, location, with_circumstances=holds_circumstances(connection))
-        said = said_in(arguments.text or "")
+        said = said_in("" if arguments.tags or arguments.features else arguments.text or "")
         asked = {constraint.label for constraint in constraints}
         constraints += tuple(one for one in said.constraints if one.label not in asked)
-        self._unsaid = said.rest
+        self._unsaid = said.rest if said.constraints else arguments.text or ""
         self.funnel = Funnel(connection, constraints, numbers, arguments.text or "", postings)
 
     @property

@@ -60,7 +60,7 @@ def unprotected_left(network: "LaneletNetwork", route: EgoRoute | None, way: tup
     from shapely import LineString
 
     line = way[0]
-    if route is None or "left" not in route.turns or has_light(network, route.lanelets) or len(line) < 2:
+    if route is None or "left" not in route.turns or has_light(network, route.lanelets[:-1]) or len(line) < 2:
         return False
     own = [key for key in way[1] if key in route.lanelets]
     turning = [LineString(center_line(network, key)) for key in own if len(center_line(network, key)) > 1]

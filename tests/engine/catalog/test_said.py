@@ -23,6 +23,7 @@ from plannerforge.schemas.scenarios import ScenarioFacts
         ("pedestrian crossing the road", ["feature crossing:pedestrian"]),
         ("oncoming car turns left", ["feature oncoming_turns:car"]),
         ("an unprotected left turn", ["feature unprotected_left"]),
+        ("emergency braking of the lead", ["feature lead_brakes_hard"]),
         ("a motorcycle overtakes a truck", ["feature overtaking:motorcycle"]),
         ("a lorry merges onto the motorway", ["feature merging:truck"]),
         ("make a U-turn", ["feature ego_turns_back"]),
@@ -74,3 +75,8 @@ def test_a_feature_that_is_nothing_a_road_user_does_takes_no_type() -> None:
 def test_scenarios_from_before_manoeuvres_were_computed_are_told() -> None:
     search = Search(catalogue([facts(ALL[0]), doing(ALL[1])]), FindScenariosArguments(features=["cut_in"]))
     assert any("Of 1 scenario " in note for note in search.answer("search", search.find(None), None).notes)
+
+
+def test_where_features_say_what_happens_the_text_only_ranks() -> None:
+    search = searched(text="the overtaking bug", features=["cut_in"])
+    assert [one.label for one in search.funnel.constraints] == ["feature cut_in"]
