@@ -79,7 +79,7 @@ class FindScenariosArguments(Arguments):
     city: str | None = None
     """A town that scenarios lie in, by its name."""
     tags: list[str] = Field([], description="in the file, all of them; 'a|b' either, '!a' without")
-    features: list[str] = Field([], description="computed: ramp, ego_turns_left, oncoming_traffic …, 'ttc<=3s'")
+    features: list[str] = Field([], description="computed: ramp, ego_turns_left, cut_in:truck …, 'ttc<=3s'")
     road_net: list[str] = Field(
         [],
         description="'stop', '!yield', 'traffic_light@map', 'lanes>=2', 'speed_limit=50km/h'; on the ego's lane, "

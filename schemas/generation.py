@@ -17,15 +17,16 @@ ScenarioType = Literal["any", SiteType]
 MapChoice = Literal["auto", "local", "online"]
 """Which maps are used: ``auto``: local ones that show the place, otherwise one from the net."""
 Density = Literal["low", "medium", "high"]
-Turn = Literal["left", "right", "straight", "lane_change", "merge", "exit"]
+Turn = Literal["left", "right", "straight", "lane_change", "merge", "exit", "unprotected_left", "u_turn"]
 _AT_JUNCTIONS: tuple[Turn, ...] = ("left", "right", "straight", "lane_change")
+_WITHOUT_LIGHTS: tuple[Turn, ...] = (*_AT_JUNCTIONS, "unprotected_left")
 _ON_ROADS: tuple[Turn, ...] = ("straight", "lane_change")
 TURNS_AT: Mapping[SiteType, tuple[Turn, ...]] = MappingProxyType(
     {
-        "roundabout": _AT_JUNCTIONS,
+        "roundabout": (*_AT_JUNCTIONS, "u_turn"),
         "signalised_intersection": _AT_JUNCTIONS,
-        "intersection": _AT_JUNCTIONS,
-        "urban": _AT_JUNCTIONS,
+        "intersection": _WITHOUT_LIGHTS,
+        "urban": _WITHOUT_LIGHTS,
         "ramp": ("merge", "exit", *_ON_ROADS),
         "highway": _ON_ROADS,
         "rural": _ON_ROADS,
@@ -546,7 +547,10 @@ class GenerateScenariosArguments(Arguments):
     duration_s: float = Field(20, ge=5, le=120)
     """How long the scenario lasts, in s."""
     ego: str = Field("first", description="first, index:N (cars, from 0), type:CLASS")
-    goal: str = Field("through", description="through; steps:N, distance_m:X on its track, lanelet:ID:POSITION")
+    goal: str = Field(
+        "through",
+        description="through[:left, unprotected_left, merge …], steps:N, distance_m:X on its track, lanelet:ID:POSITION",
+    )
     count: int = Field(1, ge=1, le=5000)
     """How many scenarios; each is made at another site or with other traffic."""
     seed: int = 0

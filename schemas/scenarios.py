@@ -94,6 +94,7 @@ class EgoFacts(Model):
 
     ``lanes``: lanelets side by side in the ego's direction at its start, 0 where it stands on none;
     ``route``: lanelets to the goal, empty where the goal has no place or cannot be reached;
+    ``manoeuvres``: what the recorded traffic does on the ego's way, None in records from before it was looked at;
     ``time_to_conflict_s``: until an ego that keeps path and initial speed meets the recorded traffic, None where it
     never does; records and answers name it ``time_to_collision_s``, as they did before. Signs, light and limits are
     those of the lanelets under its start.
@@ -114,6 +115,9 @@ class EgoFacts(Model):
     route: tuple[int, ...] = ()
     time_to_conflict_s: float | None = Field(default=None, alias="time_to_collision_s")
     features: tuple[str, ...] = ()
+    manoeuvres: tuple[str, ...] | None = Field(
+        None, exclude_if=lambda found: found is None, description="what road users of which type do: 'cut_in:truck'"
+    )
     signs: tuple[str, ...] = ()
     traffic_light: bool = False
     limits_kmh: tuple[float, ...] = ()
@@ -207,20 +211,22 @@ class ReadFactsRequest(Model):
     keep: bool = True
 
 
-Detail = Literal["brief", "vehicles", "lanelets", "checks", "recipe"]
+Detail = Literal["brief", "vehicles", "motion", "lanelets", "checks", "recipe"]
 
 
 class DescribeScenarioArguments(Arguments):
-    """Ego, goal, vehicles (id, class, where relative to the ego, speed, gap), lanelets and what follows them, validity,
-    recipe: what an edit is written from."""
+    """Ego, goal, vehicles (id, class, place, speed, gap), their motion, lanelets and what follows
+    them, validity, recipe: what an edit is written from."""
 
     scenario_id: str = "latest"
     """The scenario."""
     detail: Detail = "brief"
     """What is told beside the brief description."""
-    focus: str | None = Field(None, description="ego, a vehicle selector or a lanelet id: the centre of what is listed")
+    focus: str | None = Field(None, description="ego, vehicle selector or lanelet id: the centre of what is listed")
     radius_m: float = Field(80, gt=0, le=2000)
-    """How far around the focus vehicles and lanelets are listed, in m."""
+    """How far around the focus is listed, in m."""
+    time_s: float = Field(0, ge=0)
+    """The moment."""
 
 
 class DescribeRequest(Model):
@@ -231,6 +237,7 @@ class DescribeRequest(Model):
     detail: Detail
     focus: str | None
     radius_m: float
+    time_s: float = 0.0
 
 
 class DescribedEgo(Model):
@@ -294,6 +301,59 @@ class Reach(Model):
     distance_m: float = Field(description="how far its beginning is")
 
 
+class MotionMoment(Model):
+    """A vehicle at a moment: how it moves, its lanelet, and the vehicle that it follows with the gap between them."""
+
+    time_s: float = Field(description="since the ego's start")
+    speed_mps: float
+    acceleration_mps2: float = Field(description="along its way, braking negative")
+    lanelet: int | None = Field(description="id of its lanelet; null off the road")
+    leader: int | None = Field(description="id of the nearest vehicle ahead in its lane; null without one in 100 m")
+    gap_m: float | None = Field(description="bumper to bumper; null without a leader")
+
+
+class MotionEvent(Model):
+    """Something that a vehicle does: it brakes, with what lay ahead when it began, or changes lane."""
+
+    code: Literal["brakes", "changes_lane"]
+    cause: Literal["", "leader", "crossing", "light", "turn", "limit", "unknown"] = Field(
+        description="what lay ahead when it began to brake"
+    )
+    from_s: float
+    until_s: float
+    words: str
+
+
+class DescribedMotion(Model):
+    """The whole recorded motion of a vehicle: some moments evenly spaced, and what it did."""
+
+    moments: tuple[MotionMoment, ...]
+    events: tuple[MotionEvent, ...]
+    driven_m: float = Field(description="how far it drove")
+
+    def lines(self) -> list[str]:
+        """What it did, then a line a moment."""
+        did = [f"- {_span_s(event)} s: {event.words}" for event in self.events]
+        moments = [
+            f"- {one.time_s:g} s: {one.speed_mps:.1f} m/s, {one.acceleration_mps2:+.1f} m/s², "
+            + (f"lanelet {one.lanelet}" if one.lanelet is not None else "on no lanelet")
+            + (f", follows {one.leader}, gap {one.gap_m:.1f} m" if one.gap_m is not None else "")
+            for one in self.moments
+        ]
+        return [
+            f"It drives {self.driven_m:g} m; it brakes or changes lane:"
+            if did
+            else f"It drives {self.driven_m:g} m, brakes nowhere and keeps its lane.",
+            *did,
+            "Moment by moment:",
+            *moments,
+        ]
+
+
+def _span_s(event: MotionEvent) -> str:
+    return f"{event.from_s:g}" if event.from_s == event.until_s else f"{event.from_s:g} to {event.until_s:g}"
+
+
 class DescribedFocus(Model):
     """A vehicle or lanelet that a call asked about: by which word, its recorded way, and where it can drive.
 
@@ -306,10 +366,18 @@ class DescribedFocus(Model):
     vehicle: DescribedVehicle | None = None
     route: tuple[int, ...] = ()
     reach: tuple[Reach, ...] = ()
+    motion: DescribedMotion | None = Field(
+        None,
+        exclude_if=lambda motion: motion is None,
+        description="its whole recorded motion, where detail asks for it",
+    )
 
 
 class Description(Model):
-    """What the scenario's file shows, centred on the focus; ``asked`` says what a focus other than the ego is."""
+    """What the scenario's file shows, centred on the focus; ``asked`` says what a focus other than the ego is.
+
+    ``time_s``: when the vehicles are there, from the ego's start.
+    """
 
     ego: DescribedEgo | None = Field(description="the planning problem; null where the file has none")
     focus: str = Field(description="what the list of vehicles and lanelets is centred on")
@@ -319,6 +387,7 @@ class Description(Model):
     lanelets: tuple[DescribedLanelet, ...] = Field(description="the lanelets near the focus")
     lanelets_total: int = Field(description="lanelets within the radius")
     checks: tuple[str, ...] = Field((), description="what the checks of the file found")
+    time_s: float = Field(0.0, exclude_if=lambda time_s: time_s == 0, description="when the vehicles are described")
 
 
 class DescribedGeneration(Model):
@@ -405,7 +474,8 @@ class DescribeScenarioResult(Result):
             count = counted(len(self.other_problems), "more planning problem")
             decided.append(f"The file has {count}, each with an ego of its own: {words}.")
         decided += _focus(shown.asked) if shown.asked else []
-        listed = [*self._vehicles(), *self._lanelets(), *(f"Check: {check}" for check in shown.checks)]
+        motion = shown.asked.motion.lines() if shown.asked is not None and shown.asked.motion is not None else []
+        listed = [*motion, *self._vehicles(), *self._lanelets(), *(f"Check: {check}" for check in shown.checks)]
         if self.generation is not None and self.detail in ("checks", "recipe"):
             listed += self.generation.lines()
         if self.recipe is not None:
@@ -428,6 +498,7 @@ class DescribeScenarioResult(Result):
         more = shown.vehicles_total - len(shown.vehicles)
         rest = "raise radius_m" if self.detail == "vehicles" else "detail=vehicles"
         measured = ", metres along its lane" if shown.focus == "the ego" else ""
+        measured += f", at {shown.time_s:g} s, placed as seen from the ego's start" if shown.time_s else ""
         others = f" ({more} more: {rest})" if more else ""
         head = f"Vehicles, in a straight line nearest to {shown.focus} first{measured}{others}:"
         return [head, *(_vehicle(vehicle, shown.asked) for vehicle in shown.vehicles)]
@@ -441,8 +512,22 @@ class DescribeScenarioResult(Result):
         return [head, *(_lanelet(lanelet) for lanelet in shown.lanelets)]
 
 
-VEHICLES_SHOWN: Mapping[Detail, int] = {"brief": 5, "vehicles": 40, "lanelets": 0, "checks": 0, "recipe": 0}
-LANELETS_SHOWN: Mapping[Detail, int] = {"brief": 0, "vehicles": 0, "lanelets": 30, "checks": 0, "recipe": 0}
+VEHICLES_SHOWN: Mapping[Detail, int] = {
+    "brief": 5,
+    "vehicles": 40,
+    "motion": 0,
+    "lanelets": 0,
+    "checks": 0,
+    "recipe": 0,
+}
+LANELETS_SHOWN: Mapping[Detail, int] = {
+    "brief": 0,
+    "vehicles": 0,
+    "motion": 0,
+    "lanelets": 30,
+    "checks": 0,
+    "recipe": 0,
+}
 """How many vehicles and lanelets each detail lists, at most: a description is read by a model (chosen)."""
 
 

@@ -89,7 +89,19 @@ FEATURES: Final[dict[str, str]] = {
     "ego_changes_lane": "the ego's way to its goal needs a lane change",
     "lead_vehicle": "a vehicle is ahead of the ego in its lane within 50 m at the start",
     "ego_stands_at_start": "the ego's initial speed is below 0.5 m/s",
+    "unprotected_left": "the ego's way turns left across oncoming lanes, and no light on it protects the turn",
+    "cut_in": "a vehicle changes into the ego's lane within 3 s ahead of the ego",
+    "cut_out": "a vehicle within 3 s ahead of the ego changes out of its lane",
+    "merging": "a vehicle joins the ego's lane from a road that leads into it, within 3 s ahead of the ego",
+    "overtaking": "a vehicle comes up behind another in its lane, moves beside it and passes it",
+    "lead_brakes_hard": "a vehicle in the ego's lane, within 3 s ahead, brakes by over 3.4 m/s²",
+    "crossing": "a road user crosses the ego's lane ahead of it",
+    "oncoming_turns": "an oncoming vehicle turns across the ego's lane ahead of it",
 }
+MANOEUVRES: Final[tuple[str, ...]] = (
+    *("cut_in", "cut_out", "merging", "overtaking", "lead_brakes_hard", "crossing", "oncoming_turns"),
+)
+"""Features that say what another road user does; ``cut_in:truck`` says which type does it."""
 CIRCUMSTANCES: Final[dict[str, str]] = {
     "night": "the time is between 22 and 6, or the file calls it night",
     "rush_hour": "the time is in an hour with 7 % of a working day's cars or more: 7 to 8, 16 to 19",

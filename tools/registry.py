@@ -79,7 +79,9 @@ TOOLS: tuple[ToolSpec, ...] = (
     ),
     ToolSpec("find_scenarios", "Find scenarios", "catalog"),
     ToolSpec("import_files", "Import files", "importing", essential=False),
-    ToolSpec("describe_scenario", "Describe a scenario", "scenarios", read_only=True, view="player"),
+    ToolSpec(
+        "describe_scenario", "Describe a scenario", "scenarios", read_only=True, seldom=("time_s",), view="player"
+    ),
     ToolSpec("modify_scenario", "Modify a scenario", "modification", view="player"),
     ToolSpec("list_planners", "List planners", "planning", read_only=True),
     ToolSpec("configure_planner", "Configure a planner", "planning"),

@@ -60,6 +60,7 @@ async def describe_scenario(arguments: DescribeScenarioArguments, call: ToolCall
             detail=arguments.detail,
             focus=arguments.focus,
             radius_m=arguments.radius_m,
+            time_s=arguments.time_s,
         ),
     )
     facts = record.facts if problem_id is None else record.facts.seen_by(problem_id)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from itertools import islice
 
 from ...schemas.errors import closest
-from ...schemas.vocabulary import CIRCUMSTANCES, FEATURES, ORIGINS, ROAD_NET_KEYS, TAGS
+from ...schemas.text import counted
+from ...schemas.vocabulary import CIRCUMSTANCES, FEATURES, MANOEUVRES, ORIGINS, ROAD_NET_KEYS, TAGS
 from ..maps import names_elsewhere, place_keys
 from .bm25 import words_of
 from .constraints import (
@@ -66,6 +67,21 @@ def found_elsewhere(connection: sqlite3.Connection, constraints: Sequence[Constr
                     counts = (tagged, computed) if kind == "tag" else (computed, tagged)
                     sentences.append(f"'{word}': {kind} of {counts[0]}, as asked; in {other} of {counts[1]}.")
     return sentences
+
+
+def not_computed(connection: sqlite3.Connection, constraints: Sequence[Constraint]) -> list[str]:
+    """A sentence where manoeuvres are asked for and scenarios were stored before those were computed."""
+    asked = {
+        word.partition(":")[0] for constraint in constraints for kind, word in constraint.words if kind == "feature"
+    }
+    unknown = _carriers(connection, "not computed", "manoeuvres")
+    if not unknown or not asked & _MANOEUVRES:
+        return []
+    stored = f"Of {counted(unknown, 'scenario')} that an earlier version stored, no manoeuvre is known"
+    return [f"{stored}; imported into a new workspace, their files are looked at again."]
+
+
+_MANOEUVRES = {*MANOEUVRES, "unprotected_left", "ego_turns_back"}
 
 
 @dataclass(frozen=True)

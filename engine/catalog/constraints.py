@@ -18,6 +18,7 @@ from ...schemas.text import one_line
 from ...schemas.vocabulary import (
     CIRCUMSTANCES,
     FEATURES,
+    MANOEUVRES,
     MEASURES,
     OBSTACLE_TYPES,
     ROAD_NET_KEYS,
@@ -451,7 +452,23 @@ def _circumstance_name(word: str) -> str:
 
 
 def _feature_name(word: str) -> str:
-    return _name(word, [*FEATURES, *MEASURES], {}, "feature", "describe_catalog lists the features")
+    """A feature, or for one that says what others do with the type of the road user behind it: ``cut_in:truck``."""
+    name, mark, kind = word.partition(":")
+    found = _name(name, [*FEATURES, *MEASURES], _FEATURE_WORDS, "feature", "describe_catalog lists the features")
+    if not mark:
+        return found
+    if found not in MANOEUVRES:
+        valid = [f"{one}:{kind.strip()}" for one in MANOEUVRES]
+        raise UnknownName(f"'{word.strip()}': {found} is nothing that a type of road user does", valid=valid)
+    return f"{found}:{_obstacle_name(kind)}"
+
+
+_FEATURE_WORDS = {"uturn": "ego_turns_back", "leadbrakes": "lead_brakes_hard", "hardbraking": "lead_brakes_hard"}
+
+
+def feature_constraint(name: str) -> Constraint:
+    """The condition on a feature, or a manoeuvre with the type of its road user."""
+    return _word_constraint("feature", name, _feature_name)
 
 
 def _name(word: str, known: Iterable[str], everyday: dict[str, str], what: str, next_step: str) -> str:

@@ -28,11 +28,12 @@ from ...schemas.catalog import (
 from ...schemas.errors import InvalidRequest
 from ...schemas.scenarios import ScenarioFacts
 from ...schemas.text import one_line
-from .alternatives import TextWords, emptied_note, found_elsewhere, never_carried, words_in
+from .alternatives import TextWords, emptied_note, found_elsewhere, never_carried, not_computed, words_in
 from .bm25 import reciprocal_rank_fusion
 from .constraints import EITHER, PARTICIPANTS, Constraint, constraints_of, holds_circumstances, location_constraints
 from .entry_sets import EntrySet, Postings, plain_rows
 from .funnel import Funnel
+from .said import said_in
 from .tables import facts_of
 from .words import origins_of, summary
 
@@ -120,6 +121,10 @@ class Search:
         numbers = None if within is None else _numbers_of(connection, within).values()
         location = location_constraints(connection, arguments.country, arguments.city)
         constraints = constraints_of(arguments, location, with_circumstances=holds_circumstances(connection))
+        said = said_in("" if arguments.tags or arguments.features else arguments.text or "")
+        asked = {constraint.label for constraint in constraints}
+        constraints += tuple(one for one in said.constraints if one.label not in asked)
+        self._unsaid = said.rest if said.constraints else arguments.text or ""
         self.funnel = Funnel(connection, constraints, numbers, arguments.text or "", postings)
 
     @property
@@ -204,6 +209,7 @@ class Search:
             notes=(
                 *never_carried(self._connection, self.funnel.constraints),
                 *found_elsewhere(self._connection, self.funnel.constraints),
+                *not_computed(self._connection, self.funnel.constraints),
                 *self._text_notes(ranking),
                 *self._left_out(),
             ),
@@ -225,7 +231,7 @@ class Search:
 
     @cached_property
     def _text_words(self) -> TextWords:
-        return words_in(self._connection, self.arguments.text or "", self.funnel.constraints)
+        return words_in(self._connection, self._unsaid, self.funnel.constraints)
 
     def _means_nothing(self, ranking: Ranking | None) -> bool:
         """Whether a text alone was to find something, and neither its words nor their meaning are anywhere."""
@@ -357,7 +363,8 @@ def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
             if word in (facts.tags if one == "tag" else facts.features)
         ]
         return ", ".join(held_as) or f"no {kind} {constraint.words[0][1]}"
-    held = {"tag": facts.tags, "feature": facts.features}.get(kind, facts.circumstances)
+    computed = (*facts.features, *(facts.ego.manoeuvres or () if facts.ego else ()))
+    held = {"tag": facts.tags, "feature": computed}.get(kind, facts.circumstances)
     shown = [word if word in held else f"no {word}" for _, word in constraint.words]
     if constraint.negated or len(shown) == 1:
         return f"{kind} {', '.join(shown)}"

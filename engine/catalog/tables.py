@@ -146,6 +146,8 @@ def _words(facts: ScenarioFacts) -> list[tuple[str, str]]:
     roads = facts.roads
     words = [("tag", tag) for tag in facts.tags] + [("origin", origin) for origin in origins_of(facts)]
     words += [("feature", feature) for feature in facts.features]
+    words += [("feature", typed) for typed in (facts.ego.manoeuvres or () if facts.ego else ())]
+    words += [("not computed", "manoeuvres")] if facts.ego and facts.ego.manoeuvres is None else []
     words += [("circumstance", word) for word in facts.circumstances]
     words += [("place", key) for key in sorted(place_keys(facts.location.place))]
     words += [("sign@ego", sign) for sign in roads.signs_ego] + [("sign@map", sign) for sign in roads.signs_map]

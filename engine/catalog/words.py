@@ -20,6 +20,17 @@ _MANOEUVRES = {
     "ego_changes_lane": "changes lane",
 }
 
+_DONE = {
+    "cut_in": "cuts in ahead of the ego",
+    "cut_out": "cuts out ahead of the ego",
+    "merging": "merges into the ego's lane",
+    "overtaking": "overtakes another vehicle",
+    "lead_brakes_hard": "brakes hard ahead of the ego",
+    "crossing": "crosses the ego's lane",
+    "oncoming_turns": "comes towards the ego and turns across its lane",
+}
+"""What a road user does, in words."""
+
 _RECORDINGS = re.compile(
     r"ngsim|next generation simulation|\b(?:high|in|round|exi|uni)d\b|interaction|sind\b|argoverse|nuplan|nuscenes"
     r"|waymo|opendd|pneuma|mona\b|lyft|kitti|recorded|recording|drone",
@@ -28,6 +39,10 @@ _RECORDINGS = re.compile(
 """Names of data sets of observed traffic, as CommonRoad's files state their source."""
 _SIMULATORS = re.compile(r"\bsumo\b|\bots\b|opentrafficsim|carla\b|simulated", re.IGNORECASE)
 _BY_HAND = re.compile(r"hand[- ]?(?:crafted|made)|synthesis|synthetic|scenario designer|unittest", re.IGNORECASE)
+
+
+_MANOEUVRES_SHOWN = 2
+"""Manoeuvres of others in a line for lists, at most (chosen)."""
 
 
 def origins_of(facts: ScenarioFacts) -> tuple[Origin, ...]:
@@ -57,6 +72,8 @@ def description_of(facts: ScenarioFacts) -> str:
     parts.append(_traffic_sentence(facts))
     if facts.ego:
         parts.append(_ego_sentence(facts, facts.ego))
+        typed = [found.partition(":") for found in facts.ego.manoeuvres or ()]
+        parts += [f"A {kind} {_DONE[name]}." for name, _, kind in typed]
     return " ".join(part for part in parts if part)
 
 
@@ -67,7 +84,8 @@ def summary(facts: ScenarioFacts) -> str:
     parts = [counts]
     if ego:
         parts.append(f"ego {ego.speed_mps:.1f} m/s on {_lanes(ego.lanes)}")
-        parts += [words for feature, words in _MANOEUVRES.items() if feature in facts.features]
+        parts += _ego_does(facts)
+        parts += [found.replace(":", " by ") for found in ego.manoeuvres or ()][:_MANOEUVRES_SHOWN]
     if len(facts.egos) > 1:
         others = ", ".join(f"#{other.problem_id}" for other in facts.egos[1:_PROBLEMS_SHOWN])
         parts.append(f"{len(facts.egos)} planning problems: the first is meant, the others by ID{others}")
@@ -104,9 +122,16 @@ def _traffic_sentence(facts: ScenarioFacts) -> str:
 
 def _ego_sentence(facts: ScenarioFacts, ego: EgoFacts) -> str:
     pace = "stands" if ego.speed_mps < 0.5 else f"starts at {ego.speed_mps:.0f} m/s ({ego.speed_mps * 3.6:.0f} km/h)"
-    manoeuvres = [words for feature, words in _MANOEUVRES.items() if feature in facts.features]
+    manoeuvres = _ego_does(facts)
     task = f" and {' and '.join(manoeuvres)} to its goal" if manoeuvres else ""
     return f"The ego vehicle {pace}{task}, within {facts.horizon_steps * facts.step_s:.0f} s."
+
+
+def _ego_does(facts: ScenarioFacts) -> list[str]:
+    """What the ego's way asks of it, in words."""
+    does = [words for feature, words in _MANOEUVRES.items() if feature in facts.features]
+    unprotected = "unprotected_left" in facts.features
+    return ["turns left across oncoming lanes" if unprotected and one == "turns left" else one for one in does]
 
 
 def _by_number(counts: dict[str, int]) -> list[tuple[str, int]]:

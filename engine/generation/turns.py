@@ -1,7 +1,8 @@
 """What an ego does at its site, as its recorded path to the goal shows it: turn, go straight, change lane, merge, exit.
 
 At a junction or a roundabout the heading before the first metre on what the site is about is compared with that behind
-the last one, so that a way round a ring is one turn. On a ramp the classes of the roads tell. Left is positive.
+the last one, so that a way round a ring is one turn. On a ramp the classes of the roads tell. Left is positive. A left
+turn is unprotected where it crosses a lane of the other direction and no light stands on its way.
 """
 
 import math
@@ -19,6 +20,8 @@ from .sites import SiteFocus, road_classes
 
 TURN_RAD, BACK_RAD = math.radians(30.0), math.radians(150.0)
 """A heading that changes by less is that of a car that goes straight on; by more, of one that turns back (chosen)."""
+OPPOSITE_RAD = math.radians(135.0)
+"""A lane that arrives turned by more than this comes from the other side (chosen: a quarter of a circle about it)."""
 BESIDE_M = 10.0
 """Before and behind what the site is about, where the headings are taken (chosen): lanes bend near a ring."""
 SEEN_EVERY = 5
@@ -42,7 +45,33 @@ def makes(
     if focus.kind in ("highway", "rural"):
         under = _under(car, last_step, lookup)
         return turn == "straight" and not _changes_lane(under, network) and _keeps_road(car, last_step)
+    if turn == "unprotected_left":
+        return _turned(car, last_step, focus) == "left" and _is_unprotected(car, last_step, focus, network, lookup)
     return _turned(car, last_step, focus) == turn
+
+
+def _is_unprotected(
+    car: GeneratedVehicle, last_step: int, focus: SiteFocus, network: RoadNetwork, lookup: LaneletLookup
+) -> bool:
+    """Whether a car crosses a lane of the direction opposite to its approach, and passes no light."""
+    from shapely import LineString
+
+    lit = {light.lanelet_id for light in network.lights}
+    passed = [lanelet.lanelet_id for lanelet in _under(car, last_step, lookup)]
+    under = set(passed)
+    if lit & set(passed[:-1]):  # a light stands at the end of its lanelet
+        return False
+    steps = np.flatnonzero(focus.inside(car)[: last_step + 1])
+    approach = float(car.motion.headings_rad[max(int(steps[0]) - 1, 0)])
+    driven = LineString(car.motion.positions[steps[0] : steps[-1] + 2])
+    for key, lanelet in network.lanelets.items():
+        line = lanelet.center
+        if key in under or not lanelet.internal or len(line) < 2:
+            continue
+        arriving = math.atan2(*(line[1] - line[0])[::-1])
+        if abs(wrap_angle(arriving - approach)) > OPPOSITE_RAD and driven.crosses(LineString(line)):
+            return True
+    return False
 
 
 def _turned(car: GeneratedVehicle, last_step: int, focus: SiteFocus) -> Turn | None:
@@ -56,7 +85,7 @@ def _turned(car: GeneratedVehicle, last_step: int, focus: SiteFocus) -> Turn | N
     headings = car.motion.headings_rad
     turned = wrap_angle(float(headings[behind]) - float(headings[before]))
     if abs(turned) > BACK_RAD:
-        return None
+        return "u_turn"
     if abs(turned) < TURN_RAD:
         return "straight"
     return "left" if turned > 0 else "right"

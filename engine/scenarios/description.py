@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...schemas.errors import UnknownName, closest
+from ...schemas.errors import NotPossible, UnknownName, closest
 from ...schemas.scenarios import (
     LANELETS_SHOWN,
     VEHICLES_SHOWN,
@@ -41,6 +41,7 @@ from ..scene import (
     lanelets_of_pose,
 )
 from ..vehicles import MODEL_WORDS, ego_class
+from .motion import motion_of
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
@@ -57,22 +58,28 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
 
     Raises:
         UnknownName: a focus that is no vehicle, lanelet or selector.
+        NotPossible: the motion of what has none, or a time at which no vehicle is there.
         UnsafeInput: the file is broken.
     """
     report(0.0, "reading the scenario")
     kept = scene_of(request.path, request.problem_id)
     scene = kept.scene
     ego = _describe_ego(scene)
-    center, asked = _center(scene, request.focus)
+    begin = (scene.ego.step if scene.ego else 0) + round(request.time_s / scene.step_s)
+    center, asked = _center(scene, request.focus, begin)
     name = asked.name if asked is not None else "the ego" if scene.ego is not None else "the middle of the map"
     tracks = scene.tracks | scene.standing
-    near = _near(scene, tracks, center, request.radius_m)
+    if request.time_s:
+        tracks = _there_at(scene, tracks, begin)
+    near = _near(tracks, begin, center, request.radius_m)
     own = next((key for key in near if asked is not None and asked.name == f"vehicle {key}"), None)
     shown = [key for key in near if key != own][: VEHICLES_SHOWN[request.detail]]
     roles = _roles(*kept.neighbours)
-    vehicles = _vehicles(scene, center, [*shown, *([] if own is None else [own])], roles)
+    vehicles = _vehicles(scene, center, [*shown, *([] if own is None else [own])], roles, begin)
     if asked is not None:
         asked = asked.model_copy(update={"vehicle": None if own is None else vehicles[own]})
+    if request.detail == "motion":
+        asked = _with_motion(scene, asked)
     lanelets, total = _describe_lanelets(scene, ego, center, request.radius_m, LANELETS_SHOWN[request.detail])
     return Description(
         ego=ego,
@@ -83,10 +90,52 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
         lanelets=lanelets,
         lanelets_total=total,
         checks=tuple(check(scene) for check in _CHECKS) if request.detail == "checks" else (),
+        time_s=request.time_s,
     )
 
 
-def _center(scene: Scene, focus: str | None) -> tuple[Points, DescribedFocus | None]:
+def _there_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[int, Track]:
+    """The vehicles that are there at a step.
+
+    Raises:
+        NotPossible: no vehicle is.
+    """
+    there = {key: track for key, track in tracks.items() if track.index_at(step) is not None}
+    if there or not tracks:
+        return there
+    begin = scene.ego.step if scene.ego else 0
+    last_s = (max(track.last_step for track in tracks.values()) - begin) * scene.step_s
+    raise NotPossible("no vehicle is there at that time", valid=[f"time_s from 0 to {last_s:g}"])
+
+
+def _with_motion(scene: Scene, asked: DescribedFocus | None) -> DescribedFocus:
+    """The focus with its whole motion; for the ego that of its own recording.
+
+    Raises:
+        NotPossible: a lanelet, a vehicle that stands without a recording, or an ego that was not recorded.
+    """
+    moving = [f"focus={key}" for key in list(scene.tracks)[:CHECKED_SHOWN]]
+    if asked is None:
+        own = [
+            key for key, track in scene.tracks.items() if scene.ego is not None and is_own_recording(track, scene.ego)
+        ]
+        if not own:
+            raise NotPossible(
+                "the ego has no recorded motion: a planner drives it",
+                valid=moving,
+                next_step="run_planner, or ask for the motion of another vehicle",
+            )
+        asked, key = DescribedFocus(name=f"vehicle {own[0]}", what="the ego's own recording"), own[0]
+    else:
+        word = asked.name.removeprefix("vehicle ")
+        key = int(word) if word.isdigit() else -1
+    if key not in scene.tracks:
+        raise NotPossible(f"{asked.name} has no recorded motion", valid=moving)
+    begin = scene.ego.step if scene.ego else 0
+    return asked.model_copy(update={"motion": motion_of(scene, scene.tracks[key], begin)})
+
+
+def _center(scene: Scene, focus: str | None, step: int) -> tuple[Points, DescribedFocus | None]:
     """The point (2,) around which everything is listed, and what was asked about; None for ego and map."""
     tracks = scene.tracks | scene.standing
     word = (focus or "ego").strip()
@@ -105,7 +154,7 @@ def _center(scene: Scene, focus: str | None) -> tuple[Points, DescribedFocus | N
         return middle, DescribedFocus(name=f"lanelet {word}", what=what, reach=_reach(scene, int(word), 0.0))
     meant = select([word], scene, Changes(next_id=0, driven={}))
     chosen, others = meant[0], f", the first of {len(meant)}" if len(meant) > 1 else ""
-    index = tracks[chosen].index_at(scene.ego.step if scene.ego else 0) or 0
+    index = tracks[chosen].index_at(step) or 0
     match, point = scene.matches.get(chosen), tracks[chosen].positions[index]
     described = DescribedFocus(name=f"vehicle {chosen}", what="" if word == str(chosen) else f"{word}{others}")
     if match is None:
@@ -135,9 +184,8 @@ def _reach(scene: Scene, start: int, station_m: float) -> tuple[Reach, ...]:
     return tuple(way for way in ways if way.distance_m <= _REACH_M)[:REACH_SHOWN]
 
 
-def _near(scene: Scene, tracks: Mapping[int, Track], center: Points, radius_m: float) -> list[int]:
+def _near(tracks: Mapping[int, Track], begin: int, center: Points, radius_m: float) -> list[int]:
     """Vehicles within a distance of the centre, the nearest first; each where it is described."""
-    begin = scene.ego.step if scene.ego else 0
     away = sorted((_distance_m(track, begin, center), key) for key, track in tracks.items())
     return [key for distance_m, key in away if distance_m <= radius_m]
 
@@ -148,17 +196,15 @@ def _distance_m(track: Track, begin: int, center: Points) -> float:
 
 
 def _vehicles(
-    scene: Scene, center: Points, keys: Collection[int], roles: Mapping[int, str]
+    scene: Scene, center: Points, keys: Collection[int], roles: Mapping[int, str], at_step: int
 ) -> dict[int, DescribedVehicle]:
-    """Some vehicles by id; each where it is at the ego's start, or first appears."""
+    """Some vehicles by id; each where it is at a step, or first appears."""
     if not keys:
         return {}
     lane, known = ego_lane(scene, scene.ego) if scene.ego else None, scene.tracks | scene.standing
     begin = scene.ego.step if scene.ego else 0
-    return {
-        key: _with_role(scene, _vehicle(scene, lane, known[key], begin, center, moves=key in scene.tracks), roles)
-        for key in keys
-    }
+    seen = {key: _vehicle(scene, lane, known[key], (begin, at_step), center, moves=key in scene.tracks) for key in keys}
+    return seen if at_step != begin else {key: _with_role(scene, one, roles) for key, one in seen.items()}
 
 
 def _with_role(scene: Scene, vehicle: DescribedVehicle, roles: Mapping[int, str]) -> DescribedVehicle:
@@ -185,9 +231,11 @@ def _roles(lead: int | None, follow: int | None) -> dict[int, str]:
 
 
 def _vehicle(
-    scene: Scene, lane: EgoLane | None, track: Track, begin: int, center: Points, *, moves: bool
+    scene: Scene, lane: EgoLane | None, track: Track, steps: tuple[int, int], center: Points, *, moves: bool
 ) -> DescribedVehicle:
-    index = track.index_at(begin) or 0
+    """A vehicle at the second of two steps; times are counted from the first."""
+    begin, at_step = steps
+    index = track.index_at(at_step) or 0
     match = scene.matches.get(track.obstacle_id)
     lanelet = match.at(index) if match else None
     where = lane.where(track, index, lanelet) if lane else None

@@ -37,10 +37,11 @@ from ..commonroad import (
 from ..execution import ProgressReporter
 from ..geometry import arc_length, project
 from ..network import LaneletGraph, read_net
-from ..scene import ego_route, lanelets_of_pose, path_ahead
+from ..scene import EgoRoute, ego_route, lanelets_of_pose, path_ahead
 from ..traffic import words_of_hour
 from ..vehicles import ego_class
-from .features import along_line, features, may_be_beside
+from .features import NEAR_M, along_line, features, may_be_beside
+from .manoeuvres import manoeuvres, unprotected_left
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
@@ -181,7 +182,31 @@ def _ego(recording: _Recording, problem: "PlanningProblem") -> EgoFacts:
     start_step = int(state.time_step)
     computed = features(network, recording.graph, recording.tracks, ego, route, start_step)
     conflict_s = _time_to_conflict_s(recording, ego, start_step)
-    return ego.model_copy(update={"features": computed, "time_to_conflict_s": conflict_s})
+    found, left = _manoeuvres(recording, ego, route, start_step)
+    named = {name.partition(":")[0] for name in found} | ({"unprotected_left"} if left else set())
+    return ego.model_copy(
+        update={"features": tuple(sorted({*computed, *named})), "manoeuvres": found, "time_to_conflict_s": conflict_s}
+    )
+
+
+_FARTHEST_M = 1000.0
+"""Along its way an ego is watched up to here (chosen)."""
+
+
+def _manoeuvres(
+    recording: _Recording, ego: EgoFacts, route: EgoRoute | None, start_step: int
+) -> tuple[tuple[str, ...], bool]:
+    """What the recorded traffic does on the ego's way, and whether the ego turns left unprotected."""
+    start = (ego.route or ego.lanelets or (None,))[0]
+    if start is None:
+        return (), False
+    network, graph, step_s = recording.scenario.lanelet_network, recording.graph, recording.loaded.step_s
+    driven_m = ego.speed_mps * step_s * max(recording.last_step - start_step, 0)
+    route_m = sum(graph.length_m[key] for key in ego.route)
+    way = path_ahead(network, graph, start, ego.route, min(max(driven_m + NEAR_M, route_m), _FARTHEST_M))
+    length_m = ego_class(ego.vehicle_class).vehicle.size_m[0]
+    found = manoeuvres(network, graph, recording.tracks, ego, length_m, way, start_step, step_s)
+    return found, unprotected_left(network, route, way)
 
 
 def _first_step(problems: Iterable["PlanningProblem"], tracks: Iterable[Track]) -> int:

@@ -365,8 +365,10 @@ def _turns(folder: Path, files: MadeFiles, turn: str) -> bool:
         float(problem.findtext(f"goalState/orientation/interval{end}", "nan")) for end in ("Start", "End")
     )
     turned = math.remainder(goal_rad - start_rad, 2 * math.pi)
-    if turn in ("left", "right"):
-        return _TURNED_RAD[0] < (turned if turn == "left" else -turned) < _TURNED_RAD[1]
+    if turn in ("left", "right", "unprotected_left"):
+        return _TURNED_RAD[0] < (-turned if turn == "right" else turned) < _TURNED_RAD[1]
+    if turn == "u_turn":
+        return abs(turned) > math.radians(140.0)
     if turn in ("merge", "exit"):
         start, goal = (_classes_at(files, _point(problem, path)) for path in _POINTS)
         return (bool(start & _FAST), bool(goal & _FAST)) == (turn == "exit", turn == "merge")

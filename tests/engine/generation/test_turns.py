@@ -9,8 +9,10 @@ from support.generation import make, request_for
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation.generator import generate_scenario
+from plannerforge.engine.scenarios.facts import read_facts
 from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.schemas.generation import TURNS_AT
+from plannerforge.schemas.scenarios import ReadFactsRequest
 
 
 def turned_deg(folder: Path) -> float:
@@ -41,3 +43,32 @@ def test_a_turn_that_no_such_site_has_is_refused_with_those_that_it_has(tmp_path
     request = request_for("Kreiselheim", tmp_path, scenario_type="roundabout", goal="through:merge")
     with pytest.raises(InvalidRequest, match=r"roundabout no ego makes the turn 'merge'.*through:left"):
         generate_scenario(request, silent)
+
+
+def test_an_unprotected_left_turn_has_oncoming_lanes_and_no_light(tmp_path: Path) -> None:
+    make(
+        "Quadratstadt", tmp_path, scenario_type="intersection", goal="through:unprotected_left", duration_s=15.0, seed=1
+    )
+    facts = read_facts(ReadFactsRequest(path=tmp_path / "scenario.xml"), silent)
+    assert {"ego_turns_left", "unprotected_left"} <= set(facts.features)
+
+
+def test_at_a_signalised_junction_no_left_turn_is_unprotected(tmp_path: Path) -> None:
+    request = request_for(
+        "Quadratstadt", tmp_path, scenario_type="signalised_intersection", goal="through:unprotected_left"
+    )
+    with pytest.raises(InvalidRequest):
+        generate_scenario(request, silent)
+
+
+def test_an_ego_turns_back_round_a_ring(tmp_path: Path) -> None:
+    make(
+        "Kreiselheim",
+        tmp_path,
+        scenario_type="roundabout",
+        goal="through:u_turn",
+        density="high",
+        duration_s=20.0,
+        seed=1,
+    )
+    assert abs(turned_deg(tmp_path)) > 150.0

@@ -1,0 +1,103 @@
+"""Manoeuvres that a text speaks of, as conditions on what was computed from the recording.
+
+A text ranks by likeness of meaning, and every scenario is a little like every text. What happens is known exactly, so
+"truck cuts in" is a condition like any other. A manoeuvre that the text denies is left to the ranking, and so is all of
+the text where ``tags`` or ``features`` say already what is to happen.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from ...schemas.text import one_line
+from .bm25 import words_of
+from .constraints import Constraint, feature_constraint, obstacle_type_of
+
+_NEAR_WORDS = 4
+"""Words before or behind a manoeuvre among which its road user or a denial stands, at most (chosen)."""
+_DENIALS = frozenset({"no", "not", "without", "never", "nobody", "avoid"})
+_FRONT = r"(?:lead|leader|leading|ahead|preceding|in front)"
+_SAID: tuple[tuple[str, str, bool], ...] = (
+    ("cut_in", r"\bcut(?:s|ting)?[\s-]?ins?\b", False),
+    ("cut_out", r"\bcut(?:s|ting)?[\s-]?outs?\b", False),
+    ("overtaking", r"\bovert(?:ak(?:e|es|ing|en)|ook)\b", False),
+    ("unprotected_left", r"\bunprotected\s+left\b", False),
+    ("lead_brakes_hard", rf"\b{_FRONT}\b[\w\s-]{{0,20}}\bbrak(?:e|es|ing)\b(?:\s+\w*ly|\s+hard)?", False),
+    ("lead_brakes_hard", rf"\b(?:hard|sudden|harsh)\s+braking\b(?:\s+(?:of|by)\b[\w\s-]{{0,12}}\b{_FRONT}\b)?", False),
+    ("lead_brakes_hard", rf"\bbraking\s+(?:of|by)\b[\w\s-]{{0,12}}\b{_FRONT}\b", False),
+    ("oncoming_turns", r"\boncoming\b[\w\s-]{0,20}\bturn(?:s|ing)?\b", False),
+    ("ego_turns_back", r"\bu[\s-]?turns?\b", False),
+    ("ego_turns_left", r"\bego\b[\w\s-]{0,12}\bturn(?:s|ing)?\s+left\b", False),
+    ("ego_turns_right", r"\bego\b[\w\s-]{0,12}\bturn(?:s|ing)?\s+right\b", False),
+    ("merging", r"\bmerg(?:e|es|ing)\b(?!\s+lanes?\b)", True),
+    ("crossing", r"\bcross(?:es\b|ing\b(?=\s+(?:the|its|our|ahead|before|from|in\s+front)\b))", True),
+)
+"""Feature, how English speaks of it, and whether a road user has to be named: roads merge and are crossings, too."""
+_ROAD_USERS = frozenset({"vehicle", "vehicles", "traffic", "someone", "people", "person", "road-user", "actor"})
+_TYPED = ("cut_in", "cut_out", "overtaking", "lead_brakes_hard", "merging", "crossing", "oncoming_turns")
+
+
+@dataclass(frozen=True)
+class SaidConditions:
+    """The conditions that a text speaks of, and the rest of the text."""
+
+    constraints: tuple[Constraint, ...]
+    rest: str
+
+
+def said_in(text: str) -> SaidConditions:
+    """Return the conditions on manoeuvres that a text speaks of; each says in its note what it was taken from."""
+    found: dict[str, Constraint] = {}
+    rest = text
+    for feature, begin, end in _mentions(text):
+        name, first, last = _with_road_user(feature, text, begin, end)
+        said = one_line(text[first:last])
+        note = f"'{said}' in the text is taken as the condition features={name}."
+        found.setdefault(name, replace(feature_constraint(name), note=note))
+        rest = rest.replace(text[begin:end], " ", 1)
+    typed = {name.partition(":")[0] for name in found if ":" in name}
+    kept = [one for name, one in found.items() if ":" in name or name not in typed]
+    return SaidConditions(tuple(kept), rest)
+
+
+def _mentions(text: str) -> Iterator[tuple[str, int, int]]:
+    """The features that a text speaks of and does not deny, with the places of their words; each place once."""
+    taken: list[tuple[int, int]] = []
+    for feature, pattern, needs_road_user in _SAID:
+        for match in re.finditer(pattern, text, re.IGNORECASE):
+            begin, end = match.span()
+            before = words_of(text[:begin])[-_NEAR_WORDS:]
+            if any(begin < other_end and other_begin < end for other_begin, other_end in taken):
+                continue
+            if _DENIALS & set(before):
+                continue
+            if needs_road_user and not any(_is_road_user(word) for word in before):
+                continue
+            taken.append((begin, end))
+            yield feature, begin, end
+
+
+def _is_road_user(word: str) -> bool:
+    return word in _ROAD_USERS or obstacle_type_of(word) is not None
+
+
+def _with_road_user(feature: str, text: str, begin: int, end: int) -> tuple[str, int, int]:
+    """The feature with the type of the road user that makes it, where the text names one; and where all that stands."""
+    if feature not in _TYPED:
+        return feature, begin, end
+    inside = [match.group() for match in re.finditer(r"[^\W\d_]+", text[begin:end])]
+    kind = next((kind for word in inside if (kind := _type_of(word))), None)
+    if kind is not None:
+        return f"{feature}:{kind}", begin, end
+    before = list(re.finditer(r"[^\W\d_]+", text[:begin]))[-_NEAR_WORDS:]
+    for match in reversed(before):
+        if kind := _type_of(match.group()):
+            return f"{feature}:{kind}", match.start(), end
+    behind = re.match(r"\s+(?:by|of|from)\s+(?:an?\s+|the\s+)?([^\W\d_]+)", text[end:])
+    if behind and (kind := _type_of(behind.group(1))):
+        return f"{feature}:{kind}", begin, end + behind.end()
+    return feature, begin, end
+
+
+def _type_of(word: str) -> str | None:
+    return obstacle_type_of(word) if len(word) > 2 and word.casefold() != "emergency" else None

@@ -1,0 +1,208 @@
+"""How a recorded vehicle moves over time: speed, acceleration, lane, and the vehicle that it follows, with its gap.
+
+Phases of braking come with what lay ahead when they began: a slower vehicle, one that crosses, a light, a turn of its
+own, a lower limit. That is what the recording shows and not what a driver thought.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...schemas.scenarios import DescribedMotion, MotionEvent, MotionMoment
+from ..commonroad import Track, has_light, limits_kmh, signs_of
+from ..geometry import Values, arc_length, gaussian, project, wrap_angle
+from ..scene import NOT_DRIVEN, TURN_RAD, Scene, path_ahead
+from .features import along_line, may_be_beside
+from .manoeuvres import HEADWAY_S, SAME_RAD, STANDING_GAP_M
+
+MOMENTS = 12
+"""Moments that are told, at most (chosen: a line each)."""
+LOOK_M = 100.0
+"""A vehicle ahead is looked for up to here (chosen)."""
+HALF_LANE_M = 1.75
+"""Half a lane of 3.5 m."""
+SMOOTHED_S = 0.3
+"""Standard deviation of the smoothing before speeds become accelerations (chosen: files round their speeds)."""
+BRAKES_MPS2, LOST_MPS = 1.0, 1.0
+"""A phase of braking: smoothed deceleration above this, over which the vehicle loses this much speed (chosen)."""
+STANDS_MPS = 0.3
+"""A slower vehicle stands (chosen)."""
+AHEAD_S = 3.0
+"""What a vehicle brakes for is met within this time at its speed, or where it comes to a halt (as the headway)."""
+EVENTS = 8
+"""Events that are told, at most (chosen)."""
+
+
+def motion_of(scene: Scene, track: Track, begin: int) -> DescribedMotion:
+    """The whole recorded motion of a vehicle.
+
+    Args:
+        begin: the step from which times are counted.
+    """
+    acceleration = _accelerations(track, scene.step_s)
+    every = max(math.ceil((len(track.positions) - 1) / (MOMENTS - 1)), 1)
+    indices = sorted({*range(0, len(track.positions), every), len(track.positions) - 1})
+    moments = tuple(_moment(scene, track, index, begin, acceleration) for index in indices)
+    events = sorted([*_braking(scene, track, begin, acceleration), *_lane_changes(scene, track, begin)], key=_from)
+    driven_m = float(arc_length(track.positions)[-1]) if len(track.positions) > 1 else 0.0
+    return DescribedMotion(moments=moments, events=tuple(events[:EVENTS]), driven_m=round(driven_m, 1))
+
+
+def _from(event: MotionEvent) -> float:
+    return event.from_s
+
+
+def _accelerations(track: Track, step_s: float) -> Values:
+    """Along the track in m/s², (n,), from smoothed speeds."""
+    if len(track.speeds_mps) < 2:
+        return np.zeros(len(track.speeds_mps))
+    smoothed = gaussian(track.speeds_mps.reshape(-1, 1), SMOOTHED_S / step_s)[:, 0]
+    return np.asarray(np.gradient(smoothed, step_s))
+
+
+def _moment(scene: Scene, track: Track, index: int, begin: int, acceleration: Values) -> MotionMoment:
+    match, leader = scene.matches.get(track.obstacle_id), leader_of(scene, track, index)
+    return MotionMoment(
+        time_s=_time_s(scene, track, index, begin),
+        speed_mps=round(float(track.speeds_mps[index]), 2),
+        acceleration_mps2=round(float(acceleration[index]), 2) + 0.0,
+        lanelet=match.at(index) if match else None,
+        leader=leader[0] if leader else None,
+        gap_m=round(leader[1], 1) if leader else None,
+    )
+
+
+def _time_s(scene: Scene, track: Track, index: int, begin: int) -> float:
+    return round((track.first_step + index - begin) * scene.step_s, 2)
+
+
+def leader_of(scene: Scene, track: Track, index: int) -> tuple[int, float] | None:
+    """The nearest vehicle ahead in a vehicle's lane at an index of its track, and the gap between them in m."""
+    match = scene.matches.get(track.obstacle_id)
+    if match is None:
+        return None
+    line, _ = path_ahead(scene.network, scene.lanelet_graph, match.at(index), match.sequence, LOOK_M)
+    if len(line) < 2:
+        return None
+    here, step = project(line, track.positions[index])[0], track.first_step + index
+    found: list[tuple[float, int]] = []
+    for key, other in (scene.tracks | scene.standing).items():
+        at = other.index_at(step)
+        if key == track.obstacle_id or at is None or other.kind in NOT_DRIVEN:
+            continue
+        if not may_be_beside(line, other.positions[at : at + 1], HALF_LANE_M)[0]:
+            continue
+        stations, offsets, turned = along_line(line, other.positions[at : at + 1], other.headings_rad[at : at + 1])
+        ahead_m = float(stations[0]) - here
+        if ahead_m > 0 and abs(float(offsets[0])) <= HALF_LANE_M and abs(wrap_angle(float(turned[0]))) < SAME_RAD:
+            found.append((ahead_m - (track.length_m + other.length_m) / 2, key))
+    if not found:
+        return None
+    gap_m, key = min(found)
+    return (key, gap_m) if gap_m <= LOOK_M else None
+
+
+def _braking(scene: Scene, track: Track, begin: int, acceleration: Values) -> Iterator[MotionEvent]:
+    """Each phase of braking with what lay ahead when it began."""
+    braking = np.concatenate([[False], acceleration < -BRAKES_MPS2, [False]])
+    edges = np.flatnonzero(braking[1:] != braking[:-1])
+    for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        last = min(end, len(track.speeds_mps) - 1)
+        before, after = float(track.speeds_mps[first]), float(track.speeds_mps[last])
+        if before - after < LOST_MPS:
+            continue
+        hardest = -float(acceleration[first:end].min())
+        code, cause = _cause(scene, track, first, last)
+        yield MotionEvent(
+            code="brakes",
+            cause=code,
+            from_s=_time_s(scene, track, first, begin),
+            until_s=_time_s(scene, track, last, begin),
+            words=f"brakes from {before:.1f} to {after:.1f} m/s, by up to {hardest:.1f} m/s²: {cause}",
+        )
+
+
+def _cause(scene: Scene, track: Track, first: int, last: int) -> tuple[str, str]:
+    """What lay ahead when a vehicle began to brake: a code, and words with the evidence."""
+    speed = float(track.speeds_mps[first])
+    reach_m = max(HEADWAY_S * speed, STANDING_GAP_M)
+    leader = leader_of(scene, track, first)
+    if leader is not None and leader[1] <= reach_m:
+        other = (scene.tracks | scene.standing)[leader[0]]
+        at, then = other.index_at(track.first_step + first), other.index_at(track.first_step + last)
+        slowest = min(float(other.speeds_mps[one]) for one in (at, then) if one is not None)
+        if slowest < speed:
+            now = f"{leader[1]:.1f} m ahead at {float(other.speeds_mps[at or 0]):.1f} m/s"
+            return "leader", f"vehicle {leader[0]} is {now} in its lane"
+    crossing = _crosses(scene, track, first, last)
+    if crossing is not None:
+        return "crossing", f"{other_kind(scene, crossing)} {crossing} crosses its way"
+    match = scene.matches.get(track.obstacle_id)
+    if match is not None and has_light(scene.network, [match.at(last)]) and track.speeds_mps[last] < speed / 2:
+        return "light", f"a traffic light stands at the end of lanelet {match.at(last)}"
+    behind = _index_after(track, last, 2 * STANDING_GAP_M)
+    turned = wrap_angle(float(track.headings_rad[behind] - track.headings_rad[first]))
+    if abs(turned) > TURN_RAD:
+        return "turn", f"it turns {'left' if turned > 0 else 'right'} then"
+    if match is not None:
+        now, then = (limits_kmh(signs_of(scene.network, [match.at(index)])) for index in (first, last))
+        if now and then and then[0] < now[0]:
+            return "limit", f"the limit falls from {now[0]:g} to {then[0]:g} km/h"
+    return "unknown", "the recording shows no cause within 3 s ahead"
+
+
+def other_kind(scene: Scene, key: int) -> str:
+    """The obstacle type of a road user, in a word."""
+    return (scene.tracks | scene.standing)[key].kind
+
+
+def _index_after(track: Track, index: int, further_m: float) -> int:
+    """The index at which a vehicle has driven so much farther, or its last one."""
+    driven = arc_length(track.positions)
+    return min(int(np.searchsorted(driven, driven[index] + further_m)), len(driven) - 1)
+
+
+def _crosses(scene: Scene, track: Track, first: int, last: int) -> int | None:
+    """A road user that passes across what a vehicle drives over next, until a headway after it has braked."""
+    end = min(last + round(AHEAD_S / scene.step_s), len(track.positions) - 1)
+    match = scene.matches.get(track.obstacle_id)
+    if match is None:
+        return None
+    line, _ = path_ahead(scene.network, scene.lanelet_graph, match.at(first), match.sequence, LOOK_M)
+    if len(line) < 2:
+        return None
+    here = project(line, track.positions[first])[0]
+    reach_m = max(HEADWAY_S * float(track.speeds_mps[first]), STANDING_GAP_M)
+    for key, other in scene.tracks.items():
+        begin, stop = (track.first_step + index - other.first_step for index in (first, end))
+        positions = other.positions[max(begin, 0) : max(stop + 1, 0)]
+        facing = other.headings_rad[max(begin, 0) : max(stop + 1, 0)]
+        if key == track.obstacle_id or not len(positions) or not may_be_beside(line, positions, HALF_LANE_M).any():
+            continue
+        stations, offsets, turned = along_line(line, positions, facing)
+        across = np.abs(np.cos(turned)) < math.cos(SAME_RAD)
+        ahead = (stations > here) & (stations <= here + reach_m) & (np.abs(offsets) <= HALF_LANE_M)
+        if np.any(across & ahead):
+            return key
+    return None
+
+
+def _lane_changes(scene: Scene, track: Track, begin: int) -> Iterator[MotionEvent]:
+    """Each change to a lane beside the one before."""
+    match = scene.matches.get(track.obstacle_id)
+    if match is None:
+        return
+    for place in range(1, len(match.lanelets)):
+        one, other = match.lanelets[place - 1], match.lanelets[place]
+        if other in scene.lanelet_graph.neighbours.get(one, ()):
+            lane = scene.network.find_lanelet_by_id(one)
+            side = "left" if lane.adj_left == other else "right"
+            time_s = _time_s(scene, track, match.indices[place], begin)
+            yield MotionEvent(
+                code="changes_lane",
+                cause="",
+                from_s=time_s,
+                until_s=time_s,
+                words=f"changes to the lane on its {side}, lanelet {other}",
+            )
