@@ -175,7 +175,7 @@ bench-database: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.loop.database $(addprefix --folder ,$(FOLDER)) --workers $(WORKERS)
 
 bench-peers: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.maps.peers $(addprefix --folder ,$(FOLDER)) $(addprefix --part ,$(PART)) $(addprefix --asam ,$(ASAM))
+	@$(PYTHON) -m plannerforge.evals.maps.peers.bench $(addprefix --folder ,$(FOLDER)) $(addprefix --part ,$(PART)) $(addprefix --asam ,$(ASAM))
 
 dist: $(DEV_STAMP)
 	@echo "==> Building sdist and wheel"

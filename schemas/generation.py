@@ -549,7 +549,8 @@ class GenerateScenariosArguments(Arguments):
     ego: str = Field("first", description="first, index:N (cars, from 0), type:CLASS")
     goal: str = Field(
         "through",
-        description="through[:left, unprotected_left, merge …], steps:N, distance_m:X on its track, lanelet:ID:POSITION",
+        description="through[:left, unprotected_left, merge …], steps:N, distance_m:X on its track, "
+        "lanelet:ID:POSITION",
     )
     count: int = Field(1, ge=1, le=5000)
     """How many scenarios; each is made at another site or with other traffic."""

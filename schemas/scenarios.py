@@ -305,7 +305,7 @@ class MotionMoment(Model):
     """A vehicle at a moment: how it moves, its lanelet, and the vehicle that it follows with the gap between them."""
 
     time_s: float = Field(description="since the ego's start")
-    speed_mps: float
+    speed_mps: float = Field(description="along its way")
     acceleration_mps2: float = Field(description="along its way, braking negative")
     lanelet: int | None = Field(description="id of its lanelet; null off the road")
     leader: int | None = Field(description="id of the nearest vehicle ahead in its lane; null without one in 100 m")
@@ -315,20 +315,20 @@ class MotionMoment(Model):
 class MotionEvent(Model):
     """Something that a vehicle does: it brakes, with what lay ahead when it began, or changes lane."""
 
-    code: Literal["brakes", "changes_lane"]
+    code: Literal["brakes", "changes_lane"] = Field(description="what it does")
     cause: Literal["", "leader", "crossing", "light", "turn", "limit", "unknown"] = Field(
         description="what lay ahead when it began to brake"
     )
-    from_s: float
-    until_s: float
-    words: str
+    from_s: float = Field(description="when it begins, since the ego's start")
+    until_s: float = Field(description="when it ends")
+    words: str = Field(description="the same in words, with figures")
 
 
 class DescribedMotion(Model):
     """The whole recorded motion of a vehicle: some moments evenly spaced, and what it did."""
 
-    moments: tuple[MotionMoment, ...]
-    events: tuple[MotionEvent, ...]
+    moments: tuple[MotionMoment, ...] = Field(description="the vehicle at some moments, evenly spaced")
+    events: tuple[MotionEvent, ...] = Field(description="what it did, in order")
     driven_m: float = Field(description="how far it drove")
 
     def lines(self) -> list[str]:

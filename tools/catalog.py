@@ -177,9 +177,14 @@ def _behaviours() -> FacetCounts:
 
 
 def _planners() -> FacetCounts:
-    presets = "; ".join(f"{name}: {', '.join(tuning_of(name).presets)}" for name in PLANNERS)
+    planners_of: dict[str, list[str]] = {}
+    for name in PLANNERS:
+        others = [preset for preset in tuning_of(name).presets if preset != "Default"]
+        if others:
+            planners_of.setdefault(", ".join(others), []).append(name)
+    presets = "; ".join(f"{presets} ({', '.join(names)})" for presets, names in planners_of.items())
     counts = dict.fromkeys(planner_names(), 0)
-    return FacetCounts(facet="planners", counts=counts, note=f"PLANNER:PRESET with {presets}")
+    return FacetCounts(facet="planners", counts=counts, note=f"PLANNER:PRESET with Default, or {presets}")
 
 
 async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> FindScenariosResult:

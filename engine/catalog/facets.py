@@ -78,10 +78,14 @@ def _words(
     rows = connection.execute("SELECT word, number FROM catalog_words WHERE kind = ?", (kind,))
     counts = _counted([row[0] for row in rows if row[1] in numbers])
     none = [word for word in known if word not in counts]
-    note = f"in none: {', '.join(none)}" if none else ""
     if whole:
         return [FacetCounts(facet=facet, counts={**counts, **dict.fromkeys(none, 0)}, note="0: valid, but in none")]
-    return [FacetCounts(facet=facet, counts=counts, note=note)]
+    plain = {word: count for word, count in counts.items() if ":" not in word}
+    notes = [
+        *([f"in none: {', '.join(none)}"] if none else []),
+        *(["also WORD:TYPE"] if len(plain) < len(counts) else []),
+    ]
+    return [FacetCounts(facet=facet, counts=plain, note="; ".join(notes))]
 
 
 def _circumstances(connection: sqlite3.Connection, numbers: frozenset[int]) -> list[FacetCounts]:
@@ -119,7 +123,7 @@ def _about_limits(posted: dict[str, int], scenarios: int, shown: int) -> Iterato
     """Yield what the numbers by limit are of: they need not add up to the number of scenarios with a limit."""
     yield f"km/h, on the ego's lane in {counted(scenarios, 'scenario')}"
     if sum(posted.values()) > scenarios:
-        yield "one with several limits counts at each"
+        yield "several limits count each"
     if len(posted) > shown:
         yield f"{counted(len(posted) - shown, 'more limit')} with facet road_net"
 

@@ -34,7 +34,7 @@ class _Hidden(Exception):
 
 
 @dataclass(frozen=True)
-class Way:
+class DrivenPath:
     """The way that an ego drove, and straight on after its end: points (n, 2), stations and headings (n,)."""
 
     points: Array
@@ -42,7 +42,7 @@ class Way:
     headings: Array
 
     @classmethod
-    def driven(cls, poses: Array) -> "Way":
+    def driven(cls, poses: Array) -> "DrivenPath":
         """Return the way of driven poses (n, 4)."""
         moved = np.concatenate([[True], np.hypot(*np.diff(poses[:, :2], axis=0).T) > 1e-6])
         points, headings = poses[moved, :2], np.unwrap(poses[moved, 2])
@@ -87,7 +87,7 @@ class Course:
     shown: int
 
     @classmethod
-    def of(cls, obstacle: Any, way: Way, first_step: int, count: int, step_s: float) -> "Course":
+    def of(cls, obstacle: Any, way: DrivenPath, first_step: int, count: int, step_s: float) -> "Course":
         """Return the course of an obstacle over so many steps."""
         found = [pose_of(obstacle, first_step + i) for i in range(count)]
         there = [i for i, pose in enumerate(found) if pose is not None]
@@ -174,9 +174,9 @@ class Scene:
         return np.array([self.hit.own(i) for i in range(self.hit.at + 1)])
 
     @cached_property
-    def way(self) -> Way:
+    def way(self) -> DrivenPath:
         """The way of the ego."""
-        return Way.driven(self.driven)
+        return DrivenPath.driven(self.driven)
 
     @cached_property
     def stations(self) -> Array:

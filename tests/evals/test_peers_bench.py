@@ -7,8 +7,8 @@ from support.builders import town_road
 from support.foreign_maps import two_roads
 
 from plannerforge.engine.maps.foreign.opendrive import convert_opendrive
-from plannerforge.evals.maps.peers import measure
-from plannerforge.evals.maps.peers_judges import bad_goals, commonroad_verdict, net_verdict
+from plannerforge.evals.maps.peers.bench import measure
+from plannerforge.evals.maps.peers.judges import bad_goals, commonroad_verdict, net_verdict
 
 
 def test_files_are_counted_by_format_and_judged(tmp_path: Path) -> None:

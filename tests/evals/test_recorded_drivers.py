@@ -8,7 +8,7 @@ import pytest
 from support.runs import record
 
 from plannerforge.evals.analysis.recorded import Hit
-from plannerforge.evals.analysis.recorded_drivers import DRIVERS, Way, prevented_by
+from plannerforge.evals.analysis.recorded_drivers import DRIVERS, DrivenPath, prevented_by
 from plannerforge.schemas.runs import RunSteps
 
 STEP_S = 0.1
@@ -71,6 +71,6 @@ def test_a_verdict_is_left_out_if_another_may_hide_the_one_that_was_hit() -> Non
 def test_places_on_a_way_that_comes_back_are_near_the_last_one() -> None:
     turn = np.linspace(0.0, 2 * np.pi, 60)
     lap = np.column_stack([20 * np.sin(turn), 20 - 20 * np.cos(turn), turn, np.full(60, 5.0)])
-    way = Way.driven(lap)
+    way = DrivenPath.driven(lap)
     assert way.place(np.array([0.5, 0.0]), 1.0, 5.0)[0] == pytest.approx(0.5, abs=0.1)
     assert way.place(np.array([0.5, 0.0]), 125.0, 5.0)[0] == pytest.approx(126.0, abs=0.5)

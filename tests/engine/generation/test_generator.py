@@ -150,7 +150,7 @@ def test_what_no_ego_is_joins_the_traffic_of_a_car_and_a_note_says_so(name: str,
     made = make("Fahrhausen", tmp_path, ego=f"type:{name}")
     assert made.ego.vehicle_class == "car"
     assert made.classes_realised[name] >= 1
-    assert any("the ego is a car" in note for note in made.notes)
+    assert any("so it is a car" in note for note in made.notes)
 
 
 def test_what_the_map_does_not_hold_is_refused_with_what_it_does(tmp_path: Path) -> None:

@@ -109,7 +109,7 @@ def test_going_straight_on_at_the_same_junction_is_no_unprotected_left(tmp_path:
     assert "unprotected_left" not in features
 
 
-def test_an_oncoming_vehicle_that_turns_across_the_lane_is_told_from_one_that_crosses(tmp_path: Path) -> None:
+def test_an_oncoming_vehicle_that_turns_across_is_no_crossing_one(tmp_path: Path) -> None:
     points = [*line((150, 5), (120, 5), 20), *arc((120, -10), 15, math.pi / 2, math.pi, 20)]
     steps = pairwise(points)
     poses = tuple((a[0], a[1], math.atan2(b[1] - a[1], b[0] - a[0]), 12.0) for a, b in steps if a != b)

@@ -78,7 +78,7 @@ def test_all_are_described_where_they_are_at_a_time(tmp_path: Path) -> None:
     assert shown.asked.vehicle.ahead_m == pytest.approx(50.0, abs=0.2)
 
 
-def test_a_time_at_which_nothing_is_there_and_an_ego_without_a_recording_are_refused(tmp_path: Path) -> None:
+def test_an_empty_moment_and_an_ego_without_a_recording_are_refused(tmp_path: Path) -> None:
     with pytest.raises(NotPossible):
         described(tmp_path, driving(75, (60, 0), 10.0, STEPS), focus=None, time_s=60.0)
     with pytest.raises(NotPossible):

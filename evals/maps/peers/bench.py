@@ -27,15 +27,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ...engine.maps import convert_roads, read_map_file
-from ...engine.network import build_road_network, read_net
-from ...engine.scenarios import read_facts, write_opendrive
-from ...schemas.artifacts import ForeignExportRequest
-from ...schemas.errors import PlannerForgeError
-from ...schemas.generation import ConvertMapRequest
-from ...schemas.scenarios import ReadFactsRequest
-from ..harness import Figures, drawn, existing, print_figures
-from .peers_judges import (
+from ....engine.maps import convert_roads, read_map_file
+from ....engine.network import build_road_network, read_net
+from ....engine.scenarios import read_facts, write_opendrive
+from ....schemas.artifacts import ForeignExportRequest
+from ....schemas.errors import PlannerForgeError
+from ....schemas.generation import ConvertMapRequest
+from ....schemas.scenarios import ReadFactsRequest
+from ...harness import Figures, drawn, existing, print_figures
+from .judges import (
     asam_issues,
     bad_goals,
     commonroad_verdict,

@@ -21,15 +21,14 @@ import numpy as np
 from lxml import etree
 from pyproj import Proj
 
-from ...engine.execution import silent
-from ...engine.generation.site_network import SiteNetwork, build_network
-from ...engine.maps import RoadReader, Site, jurisdiction_of, read_map_file, site_finder
-from ...engine.maps.osm import OsmMap, OsmWay
-from ...engine.network import RoadLanelet
-from ...schemas.errors import NotPossible, UnsafeInput
-from ...schemas.generation import GenerationRequest
-from ..harness import Figures, share
-from .bench import MapsBench
+from ....engine.execution import silent
+from ....engine.generation import SiteNetwork, build_network
+from ....engine.maps import OsmMap, OsmWay, RoadReader, Site, jurisdiction_of, read_map_file, site_finder
+from ....engine.network import RoadLanelet
+from ....schemas.errors import NotPossible, UnsafeInput
+from ....schemas.generation import GenerationRequest
+from ...harness import Figures, share
+from ..bench import MapsBench
 
 _CASES = Path(__file__).parent / "osm_tags.tsv"
 _LIMITS = """
