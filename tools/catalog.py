@@ -173,7 +173,7 @@ def _maps(maps: Sequence[MapFacts], arguments: DescribeCatalogArguments, call: T
 
 def _behaviours() -> FacetCounts:
     names = dict.fromkeys(sorted(behaviour_presets()), 0)
-    return FacetCounts(facet="behaviours", counts=names, note="set_behaviour presets")
+    return FacetCounts(facet="behaviours", counts=names, note="set_behaviour")
 
 
 def _planners() -> FacetCounts:
@@ -184,7 +184,7 @@ def _planners() -> FacetCounts:
             planners_of.setdefault(", ".join(others), []).append(name)
     presets = "; ".join(f"{presets} ({', '.join(names)})" for presets, names in planners_of.items())
     counts = dict.fromkeys(planner_names(), 0)
-    return FacetCounts(facet="planners", counts=counts, note=f"PLANNER:PRESET with Default, or {presets}")
+    return FacetCounts(facet="planners", counts=counts, note=f"PLANNER:PRESET, Default or {presets}")
 
 
 async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> FindScenariosResult:

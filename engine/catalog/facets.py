@@ -123,7 +123,7 @@ def _about_limits(posted: dict[str, int], scenarios: int, shown: int) -> Iterato
     """Yield what the numbers by limit are of: they need not add up to the number of scenarios with a limit."""
     yield f"km/h, on the ego's lane in {counted(scenarios, 'scenario')}"
     if sum(posted.values()) > scenarios:
-        yield "several limits count each"
+        yield "several count each"
     if len(posted) > shown:
         yield f"{counted(len(posted) - shown, 'more limit')} with facet road_net"
 
