@@ -1,12 +1,13 @@
 """Whether traffic that reacts to the ego drives every scenario to an end.
 
 A cell is *lost* if it gives no run: the operation fails, or its process ends. Road users that SUMO cannot place have to
-stay on their recordings instead, which the run reports (``on_recording``).
+stay on their recordings instead, which the run reports (``on_recording``). A file that is refused by name as unsafe is
+no cell: some of the made files miss steps in a trajectory, which CommonRoad does not allow, and have to be refused.
 
 - ``reactive_lost``: lost cells of the public scenarios of the shared folder, with reactive traffic;
 - ``reactive_lost_fresh``: lost cells of at least 200 other scenarios. They are drawn by the seed from the folder that
   ``PLANNERFORGE_DATABASE`` names (a checkout of the public CommonRoad database; the shared ones are left out),
-  or are generated if it is not set; ``reactive_fresh_from`` says which.
+  or are generated if it is not set; ``reactive_fresh_from`` says which. ``reactive_refused_fresh``: refused files.
 
 The planner is ``idm``, the cheapest: what SUMO does with the others does not depend on who drives the ego. The
 numbers of cells, and of cells with road users on their recordings, are reported too.
@@ -18,12 +19,15 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ...schemas.errors import UnsafeInput
 from ..harness import Figures, SeededBench, scenario_files
 from ..planners.outcomes import CHECKOUT, Row, cells, measured
 from ..symmetries.fresh_data import fresh_scenarios
 
 FRESH = 240
 _CONFIGURATION = "idm:Default"
+_REFUSED = f"{UnsafeInput.__name__}: "
+"""How the error of a refused file begins in a row."""
 
 
 def rows_of(files: Sequence[Path]) -> list[Row]:
@@ -52,12 +56,14 @@ def measure(bench: SeededBench) -> Figures:
     """Drive all scenarios in reactive traffic."""
     public = scenario_files(bench.shared / "data" / "commonroad", None)
     source, fresh = fresh_files(bench, public)
-    rows, fresh_rows = rows_of(public[: bench.limit]), rows_of(fresh)
+    rows, asked = rows_of(public[: bench.limit]), rows_of(fresh)
+    fresh_rows = [row for row in asked if not row.get("error", "").startswith(_REFUSED)]
     return {
         "reactive_lost": sum(row["outcome"] is None for row in rows),
         "reactive_lost_fresh": sum(row["outcome"] is None for row in fresh_rows),
         "reactive_cells": len(rows),
         "reactive_cells_fresh": len(fresh_rows),
+        "reactive_refused_fresh": len(asked) - len(fresh_rows),
         "reactive_fresh_from": source,
         "reactive_on_recording": sum(bool(row.get("on_recording")) for row in rows),
         "reactive_on_recording_fresh": sum(bool(row.get("on_recording")) for row in fresh_rows),

@@ -12,7 +12,7 @@ from typer.testing import CliRunner, Result
 from plannerforge import __version__
 from plannerforge.engine import execution
 from plannerforge.engine.workspace import Recipe, Workspace
-from plannerforge.server import assembly, command_line
+from plannerforge.server import assembly
 from plannerforge.server.command_line import application
 from plannerforge.server.commands import ui
 from plannerforge.server.http import serving
@@ -149,18 +149,16 @@ def test_prompts_are_listed_with_their_cost_and_printed() -> None:
 
 
 @pytest.mark.parametrize("command", [("serve",), ("call", "list_artifacts"), ("maps", "list")])
-def test_a_workspace_that_cannot_be_is_told_in_a_line(
-    command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_workspace_that_cannot_be_is_told_in_a_line(command: tuple[str, ...], tmp_path: Path) -> None:
+    """In a process of its own: `serve` takes over standard input and output, which a test's process needs."""
     file = tmp_path / "file"
     file.touch()
-    monkeypatch.setattr("sys.argv", ["plannerforge", *command, "--workspace", str(file)])
-    with pytest.raises(SystemExit, match="1"):
-        command_line.run(command_line.application)
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert f"workspace database {file} cannot be used" in told.err
-    assert "Traceback" not in told.err
+    program = [sys.executable, "-m", "plannerforge.server", *command, "--workspace", str(file)]
+    ended = subprocess.run(program, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
+    assert ended.returncode == 1
+    assert ended.stdout == ""
+    assert f"workspace database {file} cannot be used" in ended.stderr
+    assert "Traceback" not in ended.stderr
 
 
 @pytest.mark.parametrize("words", [["serve"], ["serve", "--http"], ["ui", "--no-open"]])
