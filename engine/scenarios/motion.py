@@ -146,9 +146,9 @@ def _cause(scene: Scene, track: Track, first: int, last: int) -> tuple[str, str]
     if abs(turned) > TURN_RAD:
         return "turn", f"it turns {'left' if turned > 0 else 'right'} then"
     if match is not None:
-        now, then = (limits_kmh(signs_of(scene.network, [match.at(index)])) for index in (first, last))
-        if now and then and then[0] < now[0]:
-            return "limit", f"the limit falls from {now[0]:g} to {then[0]:g} km/h"
+        before, after = (limits_kmh(signs_of(scene.network, [match.at(index)])) for index in (first, last))
+        if before and after and after[0] < before[0]:
+            return "limit", f"the limit falls from {before[0]:g} to {after[0]:g} km/h"
     return "unknown", "the recording shows no cause within 3 s ahead"
 
 
