@@ -188,7 +188,7 @@ async def _warmed_up(workers: WorkerPool, workspace: Workspace, threads: CallThr
     """Warm up; a failure is logged, since whatever failed is tried again by the first call that needs it."""
     try:
         await warm_up(workers, workspace, threads, model)
-    except Exception as raised:  # noqa: BLE001 - nobody asked for this work, and the server serves without it
+    except Exception as raised:  # noqa: BLE001 - no call asked for this work, and the server serves without it
         logger.warning("the server could not be made ready ahead of calls: %s", as_told(raised, "warm-up").text)
 
 

@@ -51,7 +51,6 @@ async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> Ca
         if made := [name for name in spec.refused if getattr(arguments, name)]:
             raise NotPossible(f"this server makes nothing, and {made[0]} does", next_step=f"leave {made[0]} out")
         result = await spec.load_function()(arguments, call)
-        _remark_imported(result, call)
         return _with_view(_shaped(result, call), call)
     except (InputNeeded, MCPError):
         raise
@@ -60,23 +59,6 @@ async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> Ca
         if isinstance(error, UnexpectedFailure):
             logger.error("incident %s:\n%s", error.incident, error.details)  # noqa: TRY400 - it holds the traceback
         return refusal(error)
-
-
-_RESULT_ID = re.compile(r"\b(run|batch|study)_[0-9a-f]{12}\b")
-
-
-def _remark_imported(result: Result | ImageAnswer, call: ToolCall) -> None:
-    """Have an answer say which of the results that it names came in an archive."""
-    named = dict.fromkeys(
-        match[0] for match in _RESULT_ID.finditer(result.text if isinstance(result, ImageAnswer) else result.to_text())
-    )
-    imported = call.workspace.imported_of(named)
-    if imported:
-        more = f" and {len(imported) - MOST_LINKS} more" if len(imported) > MOST_LINKS else ""
-        call.remarks.append(
-            f"Imported: {', '.join(imported[:MOST_LINKS])}{more} came in an archive; what they say is what its maker "
-            "says. run_planner makes such runs anew."
-        )
 
 
 def _with_view(result: CallToolResult, call: ToolCall) -> CallToolResult:
@@ -112,15 +94,16 @@ def _as_link(resource: Resource) -> ResourceLink:
 
 def _shaped(result: Result | ImageAnswer, call: ToolCall) -> CallToolResult:
     """The answer as content blocks and structured content, each of which says the whole; remarks come last."""
-    remarks = call.remarks
+    said = result.text if isinstance(result, ImageAnswer) else result.to_text()
+    remarks = [*call.remarks, *_imported_in(said, call)]
     if isinstance(result, ImageAnswer):
         shown, left_out = _shown_images(result, min(call.most_image_bytes, MOST_IMAGE_BYTES))
         notes = [f"Note: too large for this answer, to be opened by their links: {left_out}"] if left_out else []
-        text = _bounded(printable("\n".join([result.text, *notes, *remarks])))
+        text = _bounded(printable("\n".join([said, *notes, *remarks])))
         blocks: list[ContentBlock] = [TextContent(type="text", text=text), *shown]
         links = map(_as_link, result.links if call.services.links else ())
         return CallToolResult(content=[*blocks, *links])
-    text = _bounded(printable("\n".join([result.to_text(), *remarks])))
+    text = _bounded(printable("\n".join([said, *remarks])))
     structured, written = result.model_dump(mode="json"), _bounded(result.model_dump_json())
     if _ESCAPE.search(written) or not written.isprintable():  # one look at the whole spares one at each of its texts
         structured = _printable_parts(structured)
@@ -129,6 +112,21 @@ def _shaped(result: Result | ImageAnswer, call: ToolCall) -> CallToolResult:
     return CallToolResult(
         content=[TextContent(type="text", text=text), *linked_by(call)], structured_content=structured
     )
+
+
+_RESULT_ID = re.compile(r"\b(?:run|batch|study)_[0-9a-f]{12}\b")
+
+
+def _imported_in(text: str, call: ToolCall) -> list[str]:
+    """Return a remark on the results named in an answer that came in an archive; empty if there are none."""
+    imported = call.workspace.imported_of(dict.fromkeys(_RESULT_ID.findall(text)))
+    if not imported:
+        return []
+    more = f" and {len(imported) - MOST_LINKS} more" if len(imported) > MOST_LINKS else ""
+    remark = (
+        f"Imported: {', '.join(imported[:MOST_LINKS])}{more} came in an archive; what they say is what its maker says."
+    )
+    return [f"{remark} run_planner makes such runs anew."]
 
 
 _DENORMAL = re.compile(r"\de-3\d\d\b")

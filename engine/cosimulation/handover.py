@@ -10,6 +10,7 @@ front swings out.
 """
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -137,17 +138,11 @@ def led_track(
     centers = centers[: last_step - first_step + 1]
     if len(centers) < 3:
         return None
-    best: Motion | None = None
-    most = -1.0
-    for smoothing in (LEAST_SMOOTHING, *SMOOTHINGS):
-        motion = _led_motion(start, index, centers, 0.0, smoothing, step_s, chassis)
-        share = _drivable_share(motion, step_s, chassis)
-        if share > most:
-            best, most = motion, share
-        if most == 1.0:
-            break
-    if best is None:
-        return None
+    best = _most_drivable(
+        (_led_motion(start, index, centers, 0.0, one, step_s, chassis) for one in (LEAST_SMOOTHING, *SMOOTHINGS)),
+        step_s,
+        chassis,
+    )
     return TakenOverTrack(
         obstacle_id=start.obstacle_id,
         kind=start.kind,
@@ -169,18 +164,30 @@ def _driven_motion(start: Track, index: int, onward: Points, step_s: float) -> M
     Of those that are tried, the first that can be driven, or the one of which most can.
     """
     chassis, front = nearest_class(start.kind, start.length_m), np.vstack([start.front_at(index), onward])
-    best = _led_motion(start, index, front, start.length_m / 2, SMOOTHINGS[0], step_s, chassis)
-    most = _drivable_share(best, step_s, chassis)
-    if start.length_m <= LONG_M or most == 1.0:
-        return best
-    centers = center_track(front, float(start.headings_rad[index]), start.length_m)
-    for smoothing in SMOOTHINGS:
-        motion = _led_motion(start, index, centers, 0.0, smoothing, step_s, chassis)
+    led = _led_motion(start, index, front, start.length_m / 2, SMOOTHINGS[0], step_s, chassis)
+    if start.length_m <= LONG_M:
+        return led
+
+    def tried() -> Iterator[Motion]:
+        yield led
+        centers = center_track(front, float(start.headings_rad[index]), start.length_m)
+        yield from (_led_motion(start, index, centers, 0.0, one, step_s, chassis) for one in SMOOTHINGS)
+
+    return _most_drivable(tried(), step_s, chassis)
+
+
+def _most_drivable(motions: Iterable[Motion], step_s: float, chassis: VehicleClass) -> Motion:
+    """Return the first motion that can be driven, or the one of which most can; motions after it are not made."""
+    best: Motion | None = None
+    most = -1.0
+    for motion in motions:
         share = _drivable_share(motion, step_s, chassis)
         if share > most:
             best, most = motion, share
         if most == 1.0:
             break
+    if best is None:
+        raise ValueError("there is no motion to choose from")
     return best
 
 

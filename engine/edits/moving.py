@@ -32,7 +32,7 @@ from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
 from .placement import Place, first_place
 from .population import check_allowed, class_named
-from .references import select, target_lanelets
+from .references import select, select_one, target_lanelets
 from .scripted import achieved, line_from, motion_of
 
 _BARRIER_M, _BESIDE_BARRIER_M = 1.0, 0.2
@@ -56,14 +56,7 @@ def move(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         InvalidRequest: several vehicles, or no place.
         NotPossible: the place is taken, or the vehicle cannot be driven.
     """
-    vehicles = select(edit.vehicles, scene, changes)
-    if len(vehicles) != 1:
-        raise InvalidRequest(
-            f"move is about one vehicle, not {len(vehicles)}",
-            valid=[f"vehicles=['{key}']" for key in vehicles],
-            next_step="name one",
-        )
-    (key,) = vehicles
+    key = select_one(edit, scene, changes)
     base, earlier = motion_of(scene, changes, key)
     if earlier or key in changes.driven or key in changes.scripted:
         raise NotPossible(
@@ -101,7 +94,7 @@ def move(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         f"vehicle {key} put on lanelet {place.lanelet_id} at {place.station_m:.1f} m, {moved_m:.1f} m from where it "
         f"was, {'driven, as it would cross a red light otherwise' if obeys else 'with its recorded speeds'}"
     )
-    return EditStep(changes, vehicles, what)
+    return EditStep(changes, (key,), what)
 
 
 def _with_track(scene: Scene, track: Track, match: LaneMatch) -> Scene:

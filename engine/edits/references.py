@@ -12,7 +12,7 @@ import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 from ...schemas.grammar import SELECTORS, Selector, parse_selector
-from ...schemas.modification import AMBIGUOUS_VEHICLE
+from ...schemas.modification import AMBIGUOUS_VEHICLE, Edit
 from ...schemas.text import counted
 from ...schemas.vocabulary import vehicle_class_of
 from ..commonroad import Track
@@ -65,6 +65,22 @@ def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, .
             f"{', '.join(texts)} leaves no vehicle", valid=_listed(there), next_step="leave fewer of them out"
         )
     return left
+
+
+def select_one(edit: Edit, scene: Scene, changes: Changes) -> int:
+    """Return the id of the vehicle that an edit of a single vehicle names.
+
+    Raises:
+        InvalidRequest: its selectors mean several vehicles, or what :func:`select` raises.
+    """
+    vehicles = select(edit.vehicles, scene, changes)
+    if len(vehicles) != 1:
+        raise InvalidRequest(
+            f"{edit.op} is about one vehicle, not {len(vehicles)}",
+            valid=[f"vehicles=['{key}']" for key in vehicles],
+            next_step="name one",
+        )
+    return vehicles[0]
 
 
 def _resolve_without(selector: Selector, scene: Scene, excluded: set[int], changes: Changes) -> tuple[int, ...]:

@@ -35,7 +35,7 @@ from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
 from .placement import first_place, trigger_step
 from .population import class_named
-from .references import EGO_WORDS, select
+from .references import EGO_WORDS, select, select_one
 
 _LOOK_M = 250.0
 """A path is led on so far beyond a motion at least, and as far again as its speed takes it (chosen)."""
@@ -469,14 +469,7 @@ def cut_in(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         InvalidRequest: several vehicles, or a time at which it is not there.
         NotPossible: it is not in a lane beside, or cannot be there with that gap.
     """
-    vehicles = select(edit.vehicles, scene, changes)
-    if len(vehicles) != 1:
-        raise InvalidRequest(
-            f"cut_in is about one vehicle, not {len(vehicles)}",
-            valid=[f"vehicles=['{key}']" for key in vehicles],
-            next_step="name one",
-        )
-    (key,) = vehicles
+    key = select_one(edit, scene, changes)
     other, who = _cut_off(edit, scene, changes)
     base, earlier = motion_of(scene, changes, key)
     if earlier:
@@ -501,7 +494,7 @@ def cut_in(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
     moment_s = found.last * scene.step_s
     what = f"vehicle {key} cuts in ahead of {who}, over at {moment_s:.1f} s within {lateral_s:g} s"
-    return EditStep(changes, vehicles, what, measure=measured)
+    return EditStep(changes, (key,), what, measure=measured)
 
 
 def _cut_off(edit: Edit, scene: Scene, changes: Changes) -> tuple[Track, str]:

@@ -22,6 +22,7 @@ from ..scene import Scene
 from .changes import Changes
 from .placement import first_place
 from .references import target_lanelets
+from .writing import set_step
 
 _Element = etree._Element
 Transform = Callable[[Edit, _Element, Scene, Callable[[], Track | None]], str]
@@ -188,7 +189,7 @@ def _keeps_states(obstacle: _Element, begin: int, end: int) -> bool:
             if row not in inside and states is not None:
                 states.remove(row)
         for row in inside:
-            _set_step(row, max(_step_of(row) - begin, 0))
+            set_step(row, max(_step_of(row) - begin, 0))
         if inside and inside[0] is not initial and states is not None:
             for child in list(initial):
                 initial.remove(child)
@@ -197,7 +198,7 @@ def _keeps_states(obstacle: _Element, begin: int, end: int) -> bool:
     for occupancy in list(obstacle.iter("occupancy")):
         step = _step_of(occupancy)
         if begin <= step <= end:
-            _set_step(occupancy, step - begin)
+            set_step(occupancy, step - begin)
         else:
             occupancy.getparent().remove(occupancy)  # type: ignore[union-attr]
     if not kept_any:
@@ -208,15 +209,6 @@ def _keeps_states(obstacle: _Element, begin: int, end: int) -> bool:
 def _step_of(state: _Element) -> int:
     exact = state.findtext("time/exact")
     return int(float(exact if exact is not None else state.findtext("time/intervalStart", "0")))
-
-
-def _set_step(state: _Element, step: int) -> None:
-    time = state.find("time")
-    if time is None:
-        return
-    for child in list(time):
-        time.remove(child)
-    etree.SubElement(time, "exact").text = str(step)
 
 
 def _shift_light(light: _Element, begin: int) -> None:
@@ -256,7 +248,7 @@ def _shift_problems(root: _Element, scene: Scene, drive: Callable[[], Track | No
                 )
             _place_ego(initial, track, index)
             words = "; the ego starts where an ordinary driver has brought it by then"
-        _set_step(initial, max(start - begin, 0))
+        set_step(initial, max(start - begin, 0))
         for goal in problem.findall("goalState"):
             time = goal.find("time")
             for tag in ("intervalStart", "intervalEnd", "exact"):

@@ -309,7 +309,7 @@ def _move(obstacle: _Element, tag: str, initial_tag: str, replay: Replay) -> Non
     for state in [one for one in states if isinstance(one.tag, str)]:
         step = _state_step(state) + replay.shifted_steps
         if replay.track.first_step <= step <= replay.track.last_step:
-            _set_step(state, step)
+            set_step(state, step)
             kept.append(state)
         elif state is not initial and series is not None:
             series.remove(state)
@@ -321,7 +321,8 @@ def _move(obstacle: _Element, tag: str, initial_tag: str, replay: Replay) -> Non
     series.remove(kept[0])
 
 
-def _set_step(state: _Element, step: int) -> None:
+def set_step(state: _Element, step: int) -> None:
+    """Give a state of a file another time step; one without a time stays as it is."""
     time = state.find("time")
     if time is None:
         return

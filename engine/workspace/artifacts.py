@@ -238,8 +238,12 @@ class Workspace:
 
     def imported_of(self, artifact_ids: Iterable[str]) -> list[str]:
         """Return those of some ids, in their order, that came in an archive."""
-        marked = {row[0] for row in self.database.connection().execute("SELECT DISTINCT artifact_id FROM imported")}
-        return [artifact_id for artifact_id in artifact_ids if artifact_id in marked]
+        asked = list(artifact_ids)
+        if not asked:
+            return []
+        query = "SELECT artifact_id FROM imported WHERE artifact_id IN (SELECT value FROM json_each(?))"
+        marked = {row[0] for row in self.database.connection().execute(query, (json.dumps(asked),))}
+        return [artifact_id for artifact_id in asked if artifact_id in marked]
 
     def take_out(self, kind: ArtifactKind, artifact_id: str, kept: Path) -> None:
         """Take an artifact out of the workspace; its files and its row, as JSON, are moved to a new folder.

@@ -281,7 +281,7 @@ class _OncePerSecond(logging.Filter):
 
 
 _NOISY = ("asyncio", "uvicorn.error", __name__, "mcp.server.transport_security", "mcp.server.streamable_http_manager")
-"""Loggers of which a stranger can cause as many records as it likes."""
+"""Loggers that a stranger can make write as many records as it likes."""
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from .messages import LONGEST_MESSAGE
 
 
 class BoundedLines(io.TextIOWrapper):
-    """Text of which no line is kept longer than a message may be: a longer one is cut, and thereby unreadable."""
+    """Text with lines no longer than a message may be: a longer one is cut, and can then not be read."""
 
     def readline(self, size: int | None = -1, /) -> str:  # type: ignore[override]  # as its base class does
         """Return the next line."""
