@@ -17,7 +17,7 @@ from ...schemas.generation import MapFacts, MapList, PlaceArea, ScenarioType
 from ...schemas.maps import Box, NamedPlace
 from ...schemas.text import LONGEST_TEXT
 from ..workspace import Database, versions_of
-from .naming.alike import is_abbreviated, is_half_of, is_transliterated
+from .naming.alike import is_abbreviated, is_half_of, is_transliterated, is_with_kind
 from .naming.gazetteer import Settlement, settlements_called
 from .naming.places import country_code, fold, latin, place_keys
 from .naming.regions import region_of
@@ -517,7 +517,7 @@ def _read_alike(
     if found is None and closeness >= Closeness.KNOWN:
         found = _read_settlement(part, facts, wide=wide or settled) or _read_postal_district(part, facts)
     if found is None and closeness >= Closeness.HEARD:
-        alike = (is_transliterated, is_abbreviated)
+        alike = (is_transliterated, is_abbreviated, is_with_kind)
         readings = (read(part, facts, is_like) for is_like in alike for read in (_read_place_like, _read_road_like))
         found = next((reading for reading in readings if reading is not None), None)
     if found is None and closeness >= Closeness.PLACE_PART and (settled or not _lies_elsewhere(part, facts)):
@@ -553,7 +553,10 @@ def _read_settlement(part: str, facts: MapFacts, *, wide: bool) -> _Reading | No
 def _read_postal_district(part: str, facts: MapFacts) -> _Reading | None:
     """The words as a place of the map with the number of a district of it (``Dublin 4``, ``Praha 5``)."""
     unnumbered = _DISTRICT_NUMBER.sub("", part)
-    found = None if unnumbered == part else _read_named_place(unnumbered, facts, place_keys)
+    if unnumbered == part:
+        return None
+    found = _read_named_place(unnumbered, facts, place_keys) or _read_name_elsewhere(unnumbered, facts)
+    found = found or _read_settlement(unnumbered, facts, wide=False)
     if found is None:
         return None
     return replace(found, understood=(f"{part!r} is taken as {unnumbered}: the map names no district of that number",))
@@ -586,8 +589,9 @@ def _read_place_like(part: str, facts: MapFacts, is_like: Callable[[str, str], b
     """The words as a place of the map that is like them in the given way."""
     for area in facts.areas:
         if any(is_like(part, name) for name in (area.name, *area.other_names)):
-            found = _read_place(area.name, facts)
-            return None if found is None else replace(found, understood=(f"{part!r} is taken as {_area_text(area)}",))
+            found = _read_whole(area.name, facts)
+            taken = area.name if found is not None and found.streets else _area_text(area)
+            return None if found is None else replace(found, understood=(f"{part!r} is taken as {taken}",))
     for name in facts.places:
         if is_like(part, name):
             return _Reading(named=True, understood=(f"{part!r} is taken as {name}",))

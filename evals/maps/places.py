@@ -49,7 +49,7 @@ BEGUN = 0.6
 _SHORTEST_BEGUN = 10
 """Letters of a name of which the beginning says more than its kind (chosen)."""
 _CLOSED = ("access", "vehicle", "motor_vehicle", "motorcar")
-"""Tags of a road that no car may use where one says ``no``: it is part of no map of roads for them."""
+"""Tags of a road; where one says ``no`` or ``private``, the road is part of no map for cars."""
 _DRIVEN = re.compile(r"(motorway|trunk|primary|secondary|tertiary)(_link)?|unclassified|residential|living_street")
 _SETTLED = re.compile(
     r"city|town|village|suburb|borough|quarter|neighbourhood|hamlet|isolated_dwelling|square|locality"
@@ -165,7 +165,7 @@ def _other_names(path: Path) -> Iterator[tuple[str, bool, str, str]]:
 
 
 def _is_driven(tags: Mapping[str, str]) -> bool:
-    is_open = all(tags.get(key) != "no" for key in _CLOSED)
+    is_open = all(tags.get(key) not in ("no", "private") for key in _CLOSED)
     return is_open and _DRIVEN.fullmatch(tags.get("highway", "")) is not None
 
 

@@ -67,6 +67,14 @@ def is_abbreviated(typed: str, name: str) -> bool:
     return is_told and all(_shortens(word, whole) for word, whole in short)
 
 
+def is_with_kind(typed: str, name: str) -> bool:
+    """Whether what was typed is a name with the kind of road, which the name does not say (``Pasteur Street``)."""
+    if kinds_of_road(name) or not kinds_of_road(typed):
+        return False
+    whole = {distinctive(reading) for reading in road_readings(name)} - {frozenset()}
+    return any(distinctive(reading) in whole for reading in road_readings(typed))
+
+
 def _shortens(short: str, word: str) -> bool:
     """Whether letters are an initial or a contraction of a word, no longer than abbreviations are."""
     letters = iter(word)
