@@ -812,7 +812,7 @@ class RunLook(Model):
     did.
     """
 
-    VERSION: ClassVar[int] = 1
+    VERSION: ClassVar[int] = 2
     """Of the rules that decide; what is kept of another version is not read."""
 
     review: RunReview

@@ -464,6 +464,7 @@ class Judge:
             ),
             (rf"(?:ended as|,) {N} ({'|'.join(outcomes) or '-'})(?=[,;.])", lambda match: [outcomes[match[2]]]),
             (rf"(?<!of )(?<!\d){N} collisions[ ,]", lambda _: [hits]),
+            (rf"{N} could not be attempted and count nowhere", lambda _: [len(records) - len(valid)]),
             (rf"(?:\(|, ){N} ({'|'.join(kinds) or '-'})(?=[,)])", lambda match: [kinds[match[2]]]),
             (
                 rf"prevents {N} of the {N} that could",
