@@ -21,6 +21,7 @@ from typing import BinaryIO
 
 from ...schemas.base import Model
 from ...schemas.errors import PlannerForgeError, ResourceFailure, rebuild
+from .environment import hide_environment
 from .limits import end_with_parent, limit_memory
 
 LONGEST_LINE_BYTES = 256 * 1024**2
@@ -93,6 +94,7 @@ def main() -> None:
     os.dup2(2, 1)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # programs that an operation starts must not read the orders
     end_with_parent()
+    hide_environment()
     limit_memory(int(os.environ.get("PLANNERFORGE_WORKER_MEMORY", "0")))
     orders: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_read_orders, args=(orders_in, orders), daemon=True).start()
