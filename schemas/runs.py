@@ -145,8 +145,6 @@ class RunSteps(Model):
     others: tuple[DrivenObstacle, ...] = ()
 
 
-LONGEST_DEBUG_NAME = 60
-"""Characters of the name of a debug value, as of the name of a weight."""
 MOST_DEBUG_VALUES, MOST_DEBUG_POLYGONS, MOST_DEBUG_POINTS = 32, 8, 100
 """Debug numbers or texts, polygons, and points of a polygon that a planning step may report.
 

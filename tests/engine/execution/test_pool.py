@@ -290,7 +290,9 @@ async def test_closed_pool_leaves_no_process(tmp_path: Path, log: Path, monkeypa
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows environments in /proc")
-async def test_no_token_stands_in_the_environment_of_a_worker(pool: WorkerPool, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_no_token_stands_in_the_environment_of_a_worker(
+    pool: WorkerPool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("PLANNERFORGE_HTTP_TOKENS", "a token of the server")
     monkeypatch.setenv("API_KEY", "of the user")
     assert (await run(pool, "tell_environment", "PLANNERFORGE_HTTP_TOKENS")).text == ""
