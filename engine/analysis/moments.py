@@ -34,6 +34,7 @@ from ...schemas.runs import (
     RunSteps,
     SeenCourse,
 )
+from ...schemas.text import RESOLUTION
 from ..commonroad import Track, kept_recording
 from ..criticality import encounters, gaps_m, times_to_collision_s
 from ..execution import ProgressReporter
@@ -528,7 +529,7 @@ def _largest(motion: _Motion) -> Iterator[LargestMotion]:
         ("jerk", motion.jerk_mps3, "m/s³"),
     )
     for name, values, unit in series:
-        if len(values) and (most := float(values.max())) > 0:
+        if len(values) and (most := float(values.max())) >= RESOLUTION:
             yield LargestMotion(name=name, value=most, unit=unit, time_s=motion.time_s(int(values.argmax())))
 
 

@@ -496,7 +496,7 @@ class _Pace:
 
     @cached_property
     def _way_from_behind(self) -> tuple[Points, float]:
-        """The ego's way with the route behind its beginning, where followers are, and the station of its first point."""
+        """The ego's way with the route behind its beginning, where followers drive; and the first point's station."""
         if self._reference is None:
             return self._way, 0.0
         path = self._reference.points
