@@ -24,7 +24,7 @@ from ..engine.workspace import Artifact, Recipe
 from ..schemas.artifacts import ImportedItem
 from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnsafeInput, WorkerFailure
 from ..schemas.generation import MAP_FACTS_VERSION, ConvertMapRequest, MapFacts, ReadMapRequest
-from ..schemas.text import counted, one_line
+from ..schemas.text import counted, is_utf8, one_line
 from .call import ToolCall
 from .extracts import KnownAs, extract_index, map_recipe, start_indexing, told_of
 from .operations import CONVERT_MAP, CONVERT_ROADS, READ_MAP
@@ -106,12 +106,18 @@ def map_entry(call: ToolCall, artifact: Artifact) -> MapEntry:
 def _files(folder: Path) -> tuple[list[Path], list[str]]:
     """The map files of a folder, and notes on what is wrong with the folder."""
     try:
-        paths = sorted(entry for entry in folder.iterdir() if is_map(entry) and entry.is_file())
+        found = sorted(entry for entry in folder.iterdir() if is_map(entry) and entry.is_file())
     except OSError as error:
         return [], [f"the map folder {one_line(folder.name)} cannot be read: {error.strerror}"]
-    surplus = len(paths) - _MOST_FILES
-    left_out = f"{surplus} files of the map folder {one_line(folder.name)} were left out: {_MOST_FILES} are read"
-    return paths[:_MOST_FILES], [left_out] if surplus > 0 else []
+    paths = [path for path in found if is_utf8(str(path))]
+    notes = []
+    if len(paths) < len(found):
+        unnamed = counted(len(found) - len(paths), "file")
+        notes.append(f"{unnamed} of the map folder {one_line(folder.name)} left out: the names are not UTF-8")
+    if len(paths) > _MOST_FILES:
+        surplus = counted(len(paths) - _MOST_FILES, "file")
+        notes.append(f"{surplus} of the map folder {one_line(folder.name)} left out: {_MOST_FILES} are read")
+    return paths[:_MOST_FILES], notes
 
 
 def _left_out(path: Path, file: SeenFile) -> str:
