@@ -16,6 +16,7 @@ from ..engine.maps import (
     is_binary,
     is_large,
     is_map,
+    is_net,
     named_by_content,
     stored_name,
     unpacked,
@@ -239,7 +240,7 @@ async def _plain(call: ToolCall, path: Path, folder: Path) -> tuple[Path | None,
         return None if converted.too_large else Path(converted.path), converted.lost
     packed = await anyio.to_thread.run_sync(unpacked, path, folder)
     plain = await anyio.to_thread.run_sync(named_by_content, packed, folder)
-    if await anyio.to_thread.run_sync(foreign_format, plain) is None:
+    if not is_net(plain) and await anyio.to_thread.run_sync(foreign_format, plain) is None:
         return plain, ()
     converted = await call.run(CONVERT_ROADS, ConvertMapRequest(path=str(plain), folder=str(folder)))
     return Path(converted.path), converted.lost
