@@ -142,7 +142,10 @@ def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
         low, high = (parse_quantity(part, unit, step_s=step_s) for part in (first, between[2]))
         if low > high:
             raise InvalidRequest(
-                f"'{text}' begins above its end", valid=[f"{between[2]}..{first}"], next_step="swap its ends"
+                f"'{text}' begins above its end",
+                valid=[f"{between[2]}..{first}"],
+                next_step="swap its ends",
+                given=text,
             )
         return Interval(low, high)
     for operator in (">=", "<="):
@@ -238,7 +241,10 @@ def parse_selector(text: str) -> Selector:
     if kind in _WITH_ARGUMENT and argument:
         if kind in ("nearest", "new") and not re.fullmatch(r"\d+", argument):
             raise InvalidRequest(
-                f"'{text}' needs a whole number after '{kind}:'", valid=[f"{kind}:1"], next_step="write it like this"
+                f"'{text}' needs a whole number after '{kind}:'",
+                valid=[f"{kind}:1"],
+                next_step="write it like this",
+                given=text,
             )
         return Selector(kind, argument, negated)
     nearest = [SELECTORS[0], *closest(kind, SELECTORS[1:])]

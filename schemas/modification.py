@@ -112,7 +112,7 @@ class Edit(Arguments):
     """The class of what is added, or `pedestrian`; with `set_ego`, what the ego is: `truck`, `bus`, `motorcycle` …"""
     count: int | None = Field(None, ge=1, le=20)
     """How many are added, one behind the other."""
-    spacing_m: float | None = Field(None, gt=0)
+    spacing_m: float | None = Field(None, ge=0)
     """Between several that are added, in m."""
     at: str | None = Field(None, description="where to put: lanelet, edge, ego, vehicle:ID")
     lane: Literal["same", "left", "right", "oncoming"] | None = None
