@@ -393,7 +393,7 @@ class ModifyScenarioResult(Result):
     def _most(self, brief: int) -> tuple[int, str]:
         """How many items of a list are told, and the call that tells of the others."""
         if self.detail == "brief":
-            return brief, "detail=checks"
+            return brief, "modify_scenario with detail=checks"
         return _MOST_IN_DETAIL, "the structured answer has all"
 
     def _told(self, sentences: Sequence[str], characters: int) -> list[str]:

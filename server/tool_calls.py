@@ -49,6 +49,7 @@ _LOOKS: Mapping[str, tuple[Remedy, ...]] = {
     "describe_catalog": (calling("describe_catalog"),),
     "generate_scenarios": (calling("describe_catalog", facet="maps"),),
     "find_scenarios": (calling("describe_catalog"),),
+    "import_files": (calling("describe_catalog"),),
     "describe_scenario": (calling("describe_scenario", "scenario_id"),),
     "modify_scenario": (VEHICLES_LISTED,),
     "list_planners": (calling("list_planners"),),

@@ -126,7 +126,10 @@ async def _tried(client: Client, world: World, tool: str, kind: str, arguments: 
         verdict = "repeated" if again == suggested else "fails"
         sys.stderr.write(f"{verdict.upper()}: {head}    -> {_text_of(answer)}\n")
         return verdict
-    return "mends" if suggested.tool == tool else "looks_up"
+    if suggested.tool == tool:
+        return "mends"
+    sys.stderr.write(f"LOOKS UP: {head}")
+    return "looks_up"
 
 
 def _text_of(result: CallToolResult) -> str:
