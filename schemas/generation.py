@@ -275,6 +275,8 @@ class VehicleDemand(Model):
 Weather = Literal["light_rain", "heavy_rain", "fog", "snow", "hail"]
 WEATHERS: tuple[Weather, ...] = get_args(Weather)
 """CommonRoad's words for bad weather; for good weather its schema and commonroad-io have no word in common."""
+WEATHER_WORDS: Mapping[str, Weather] = MappingProxyType({"rain": "light_rain", "mist": "fog", "snowfall": "snow"})
+"""Everyday words for weather, by what they are taken as."""
 
 
 TripKind = Literal["usual", "fringe", "uniform", "length", "lanes", "speed"]

@@ -828,9 +828,10 @@ def _spreads(spreads: Sequence[MeasureSpread]) -> list[str]:
 
 
 def _short_words(name: str) -> str:
-    """The abbreviation of the field where there is one, else the name without what is explained behind it."""
+    """The name without what is explained behind it, with the abbreviation of the field if there is one."""
     known = measure_named(name)
-    return metric_words(name).partition(" (")[0] if known is None or not known.abbreviation else known.abbreviation
+    words = metric_words(name).partition(" (")[0]
+    return words if known is None or not known.abbreviation else f"{words} ({known.abbreviation})"
 
 
 def measured_figure(one: MeasuredValue) -> str:

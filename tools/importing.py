@@ -18,7 +18,7 @@ from ..engine.execution import Job, JobProgress, OnProgress
 from ..engine.maps import MAP_ENDINGS, is_binary, is_net, root_element
 from ..engine.workspace import Recipe
 from ..schemas.artifacts import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
-from ..schemas.errors import InvalidRequest, PlannerForgeError, UnexpectedFailure, as_told
+from ..schemas.errors import InvalidRequest, PlannerForgeError, UnexpectedFailure, as_told, closest, misspelt
 from ..schemas.jobs import JobState
 from ..schemas.text import is_utf8, one_line, quoted
 from .call import ToolCall
@@ -128,7 +128,14 @@ def _country(arguments: ImportFilesArguments, files: Sequence[tuple[Path, _Impor
 def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, _ImportKind]]:
     path = call.allowed_path(arguments.path)
     if not path.exists():
-        raise InvalidRequest(f"{quoted(arguments.path)} does not exist", next_step="name a file or folder that does")
+        beside = [entry.name for entry in sorted(path.parent.iterdir())] if path.parent.is_dir() else []
+        near = closest(path.name, beside) if path.name else []
+        raise InvalidRequest(
+            f"{quoted(arguments.path)} does not exist",
+            valid=near,
+            next_step="name a file or folder that does",
+            remedies=misspelt(path.name, near),
+        )
     if path.is_file():
         return [(path, _kind(path, arguments.kind))]
     wanted = [suffix for suffix, kind in _SUFFIXES.items() if arguments.kind in ("auto", kind)]
@@ -192,7 +199,7 @@ def _kind(path: Path, wanted: str) -> _ImportKind:
             f"{quoted(path.name)} is of no kind that can be imported", valid=[f"*{end}" for end in _SUFFIXES]
         )
     if wanted not in ("auto", known):
-        raise InvalidRequest(f"{quoted(path.name)} is a {known}, not a {wanted}", valid=[known, "auto"])
+        raise InvalidRequest(f"{quoted(path.name)} is a {known}, not a {wanted}", valid=[known, "auto"], given=wanted)
     return known
 
 

@@ -17,7 +17,7 @@ from typing import get_args
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
+from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest, with_values
 from ...schemas.generation import TURNS_AT, GenerationRequest, SiteType, Turn
 from ...schemas.vocabulary import EGO_CLASSES
 from ..geometry import (
@@ -130,6 +130,7 @@ def _check_turn(turn: Turn, kind: SiteType) -> None:
             f"at a site of the type {kind} no ego makes the turn {turn!r}",
             valid=[f"{THROUGH}:{known}" for known in TURNS_AT[kind]],
             next_step="choose one of these goals, or another scenario_type",
+            given=f"{THROUGH}:{turn}",
         )
 
 
@@ -156,7 +157,7 @@ def parse_goal(text: str, duration_s: float) -> _GoalSpec:
             size = (0.0, 0.0)
         if size is None or all(0.5 <= side <= 500 for side in size):
             return _GoalSpec(lanelet=_LaneletGoal(int(match[1]), match[2] or MIDDLE, size))
-    raise InvalidRequest(f"goal {text!r} cannot be read", valid=GOAL_FORMS)
+    raise InvalidRequest(f"goal {text!r} cannot be read", valid=GOAL_FORMS, remedies=[with_values(goal=None)])
 
 
 TIME_MARGIN_S = 1.5
@@ -220,6 +221,7 @@ def choose_task(
             f"ego index:{index} asks for car number {index}; the traffic holds {len(cars)}",
             valid=[f"index:0 to index:{len(cars) - 1}"] if cars else [],
             next_step="choose a smaller index or a higher density",
+            remedies=[with_values(ego=f"index:{len(cars) - 1}" if cars else None)],
         )
     choice = [cars[index]] if index is not None else cars
     _check_lanelet(goal, network)
@@ -234,6 +236,7 @@ def choose_task(
         f"{goal.shortest_path_m:g} m within the recording, and not around its start)",
         valid=_driven_lanelets([*choice, *others], lookup) if goal.lanelet else [],
         next_step="choose another goal, a longer duration_s, another ego or another seed",
+        remedies=[with_values(goal=None, ego=None)],
     )
 
 

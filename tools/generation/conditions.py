@@ -17,12 +17,13 @@ from ...engine.traffic import (
     vehicles_per_lane_km,
     words_of_hour,
 )
-from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest
+from ...schemas.errors import Faults, InvalidRequest, UnknownName, calling, closest, misspelt
 from ...schemas.generation import (
     COMPASS_DEG,
     NATURAL_SHARES,
     SHARES_SOURCE,
     TRIP_KINDS,
+    WEATHER_WORDS,
     WEATHERS,
     GenerateScenariosArguments,
     RoadFlow,
@@ -36,7 +37,6 @@ from ..call import ToolCall
 _TIMES = {"night": "02:30", "morning_rush": "07:30", "morning": "09:30", "noon": "12:30", "day": "11:30"}
 _TIMES |= {"afternoon": "14:30", "rush_hour": "17:30", "evening_rush": "17:30", "evening": "20:30"}
 """Times that words stand for: the middle of an hour."""
-_WEATHER_WORDS: dict[str, Weather] = {"rain": "light_rain", "mist": "fog", "snowfall": "snow"}
 _GOODS = ("truck", "trailer")
 """Classes whose share changes with the hour as that of goods vehicles does."""
 _KEYS = ("time", "weather", "drivers", "mix", "counts", "od", "trips")
@@ -137,7 +137,8 @@ def _parted(text: str) -> tuple[str, str]:
     if not mark or key not in _KEYS:
         raise UnknownName(
             f"conditions {text!r}: {key or 'nothing'} is no condition",
-            valid=[f"{known}=…" for known in _KEYS],
+            valid=[f"{known}=…" for known in closest(key, _KEYS)],
+            remedies=misspelt(key, _KEYS),
             next_step="give conditions such as time=rush_hour, weather=snow, drivers=aggressive, mix=natural",
         )
     if key in _NAMING:
@@ -153,12 +154,12 @@ def _time(value: str) -> tuple[str, str]:
     hour = -1 if found is None else int(found[1]) % 12 + 12 * (found[3] == "pm") if found[3] else int(found[1])
     minute = 0 if found is None or found[2] is None else int(found[2])
     if not (0 <= hour < 24 and 0 <= minute < 60):
-        raise InvalidRequest(f"time={value} is no time of day", valid=[*_TIMES, "17:30"])
+        raise InvalidRequest(f"time={value} is no time of day", valid=[*_TIMES, "17:30"], given=value)
     return f"{hour:02d}:{minute:02d}", ""
 
 
 def _weather(value: str) -> tuple[Weather, str]:
-    name = _WEATHER_WORDS.get(value, value)
+    name = WEATHER_WORDS.get(value, value)
     known = next((weather for weather in WEATHERS if weather == name), None)
     if known is None:
         raise UnknownName(
@@ -184,7 +185,8 @@ def _drivers(value: str) -> tuple[str, str]:
         if name not in published:
             raise UnknownName(
                 f"there is no driver preset or published calibration {name!r}",
-                valid=[*presets(), *published],
+                valid=closest(name, [*presets(), *published]),
+                remedies=[calling("describe_catalog", facet="behaviours")],
                 next_step="name one preset, or calibrations joined by +, such as drivers=gb_motorway+m25_gaps",
             )
     read = [published[name] for name in names]
@@ -201,7 +203,7 @@ def _drivers(value: str) -> tuple[str, str]:
 
 def _mix(value: str) -> tuple[bool, str]:
     if value != "natural":
-        raise InvalidRequest(f"mix={value} cannot be meant", valid=["mix=natural"])
+        raise InvalidRequest(f"mix={value} cannot be meant", valid=["mix=natural"], given=f"mix={value}")
     shares = ", ".join(f"{name} {share:.2%}" for name, share in NATURAL_SHARES.items())
     return True, f"mix: {shares}, one each at least, of goods vehicles as the hour has them ({SHARES_SOURCE})"
 

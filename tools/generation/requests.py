@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from ...engine.maps import Closeness, MapEntry, MapMatch, country_code, find_maps, resolve_road_classes
 from ...engine.vehicles import PEDESTRIAN, vehicle_classes
-from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
+from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest, with_values
 from ...schemas.generation import (
     NATURAL_SHARES,
     GenerateScenariosArguments,
@@ -350,5 +350,10 @@ def box_of(bbox: list[float] | None) -> Box | None:
         raise InvalidRequest(f"bbox has {len(bbox)} numbers", valid=["[south, west, north, east] in degrees"])
     south, west, north, east = bbox
     if not (-90 <= south < north <= 90 and -180 <= west < east <= 180):
-        raise InvalidRequest(f"bbox {bbox} is no box", valid=["[south, west, north, east] in degrees, south < north"])
+        ordered = [min(south, north), min(west, east), max(south, north), max(west, east)]
+        raise InvalidRequest(
+            f"bbox {bbox} is no box",
+            valid=["[south, west, north, east] in degrees, south < north"],
+            remedies=[with_values(bbox=ordered)],
+        )
     return south, west, north, east
