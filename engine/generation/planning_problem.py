@@ -11,7 +11,7 @@ cars cut them; a planner that follows the lanes' centre lines may find no trajec
 import itertools
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import get_args
 
@@ -196,7 +196,12 @@ class PlanningTask:
 
 
 def choose_task(
-    spec: TaskSpec, vehicles: Sequence[GeneratedVehicle], network: RoadNetwork, focus: SiteFocus, step_s: float
+    spec: TaskSpec,
+    vehicles: Sequence[GeneratedVehicle],
+    network: RoadNetwork,
+    focus: SiteFocus,
+    step_s: float,
+    accepts: Callable[[PlanningTask], bool] | None = None,
 ) -> PlanningTask:
     """Return the planning task of the requested car, or of the best vehicle of the class that can have the goal.
 
@@ -205,7 +210,7 @@ def choose_task(
 
     Cars whose recorded path can be driven come before others, of those the ones that pass on it what the site is about,
     of those, where the goal is to lie behind the site, the ones that leave it and take most of the duration, of those
-    the ones whose lanes can be followed, and of equal ones the first.
+    the ones whose lanes can be followed, and of equal ones the first. A task that ``accepts`` refuses counts for none.
 
     Raises:
         NotPossible: no car, fewer cars than the asked index, or none that reaches such a goal.
@@ -226,10 +231,10 @@ def choose_task(
     choice = [cars[index]] if index is not None else cars
     _check_lanelet(goal, network)
     lookup = LaneletLookup(network)
-    if (task := _best_task(choice, goal, network, lookup, focus, step_s)) is not None:
+    if (task := _best_task(choice, goal, network, lookup, focus, step_s, accepts)) is not None:
         return task
     others = [] if index is None else cars[index + 1 :]
-    if (task := _best_task(others, goal, network, lookup, focus, step_s)) is not None:
+    if (task := _best_task(others, goal, network, lookup, focus, step_s, accepts)) is not None:
         return replace(task, stands_in=True)
     raise NotPossible(
         f"none of the {len(choice) + len(others)} {name}(s) to choose from has a goal {goal} on its way (at least "
@@ -247,6 +252,7 @@ def _best_task(
     lookup: LaneletLookup,
     focus: SiteFocus,
     step_s: float,
+    accepts: Callable[[PlanningTask], bool] | None,
 ) -> PlanningTask | None:
     """The task of the best car, as ``choose_task`` ranks them; None where none has such a goal."""
     best: tuple[tuple[int, ...], PlanningTask] | None = None
@@ -256,7 +262,7 @@ def _best_task(
             continue
         task = _seen_from_the_site(task, goal, focus, step_s)
         merit = (car.feasible, task.focus_passed, task.focus_left, task.takes_most)
-        if best is not None and (*merit, True) <= best[0]:
+        if (best is not None and (*merit, True) <= best[0]) or (accepts is not None and not accepts(task)):
             continue
         # Where a planner has most of the duration, it does not drive as the car did: slowly where that was held up.
         evenly_mps = task.goal_distance_m / (task.goal_step * step_s) if goal.through_s is not None else 0.0
