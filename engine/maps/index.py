@@ -17,7 +17,7 @@ from ...schemas.generation import MapFacts, MapList, PlaceArea, ScenarioType
 from ...schemas.maps import Box, NamedPlace
 from ...schemas.text import LONGEST_TEXT
 from ..workspace import Database, versions_of
-from .naming.alike import is_half_of, is_transliterated
+from .naming.alike import is_abbreviated, is_half_of, is_transliterated, is_with_kind
 from .naming.gazetteer import Settlement, settlements_called
 from .naming.places import country_code, fold, latin, place_keys
 from .naming.regions import region_of
@@ -105,6 +105,7 @@ _PLACE_FRAME = re.compile(
 )
 _FILE_ENDINGS = re.compile(r"(?:\.(?:osm|pbf|xml|net|xodr|roads|pb|gz|bz2))+$", re.IGNORECASE)
 _HOUSE_NUMBER = re.compile(r"\s+\d+\s?[a-z]?$|^\d+[a-z]?\s+", re.IGNORECASE)
+_DISTRICT_NUMBER = re.compile(r"\s+(?:\d{1,2}(?:e|er|[°º.])?|[ivx]+)$", re.IGNORECASE)
 _PREPOSITIONS = frozenset(("in", "at", "near", "im", "bei", "à", "a", "en", "em", "nel", "в", "i", "w", "of", "auf"))
 _EARTH_RADIUS_M = 6_371_008.8
 _LEAST_LIKENESS, _LEAST_WORD_LIKENESS, _TELLING_LETTERS = 78, 85, 4
@@ -122,7 +123,7 @@ class Closeness(IntEnum):
 
     SAME: they are its words, in another spelling. TRANSLATED: they are what GeoNames calls one of its places in another
     language. KNOWN: they are a settlement that GeoNames knows there. HEARD: they sound like its words in another
-    script. PLACE_PART: they are a part of a place's name, or its beginning. PART: the same of a road.
+    script, or shorten them. PLACE_PART: they are a part of a place's name, or its beginning. PART: the same of a road.
     """
 
     SAME = 0
@@ -433,11 +434,12 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
         if not listed:
             return None
         reading = _Reading()
+        settled = any(country_code(part) in _countries(facts) for part in listed)
         for part in listed:
             found = (
                 _read_whole(part, facts)
                 or _read_together(part, facts, Closeness.SAME)
-                or _read_part(part, facts, closeness)
+                or _read_part(part, facts, closeness, settled=settled)
                 or _read_crossing(part, facts, closeness)
                 or _read_together(part, facts, closeness)
             )
@@ -494,9 +496,9 @@ class _Reading:
         )
 
 
-def _read_part(part: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:
+def _read_part(part: str, facts: MapFacts, closeness: Closeness, *, settled: bool = False) -> _Reading | None:
     """The words as one place or one road; None where they are neither."""
-    return _read_whole(part, facts) or _read_road(part, facts) or _read_alike(part, facts, closeness)
+    return _read_whole(part, facts) or _read_road(part, facts) or _read_alike(part, facts, closeness, settled=settled)
 
 
 def _read_whole(part: str, facts: MapFacts) -> _Reading | None:
@@ -519,9 +521,11 @@ def _read_alike(
         return None
     found = _read_name_elsewhere(part, facts)
     if found is None and closeness >= Closeness.KNOWN:
-        found = _read_settlement(part, facts, wide=wide)
+        found = _read_settlement(part, facts, wide=wide or settled) or _read_postal_district(part, facts)
     if found is None and closeness >= Closeness.HEARD:
-        found = _read_place_like(part, facts, is_transliterated) or _read_road_like(part, facts, is_transliterated)
+        alike = (is_transliterated, is_abbreviated, is_with_kind)
+        readings = (read(part, facts, is_like) for is_like in alike for read in (_read_place_like, _read_road_like))
+        found = next((reading for reading in readings if reading is not None), None)
     if found is None and closeness >= Closeness.PLACE_PART and (settled or not _lies_elsewhere(part, facts)):
         words = without_frame(part)
         found = _read_place_like(words, facts, is_half_of)
@@ -552,6 +556,18 @@ def _read_settlement(part: str, facts: MapFacts, *, wide: bool) -> _Reading | No
     return None
 
 
+def _read_postal_district(part: str, facts: MapFacts) -> _Reading | None:
+    """The words as a place of the map with the number of a district of it (``Dublin 4``, ``Praha 5``)."""
+    unnumbered = _DISTRICT_NUMBER.sub("", part)
+    if unnumbered == part:
+        return None
+    found = _read_named_place(unnumbered, facts, place_keys) or _read_name_elsewhere(unnumbered, facts)
+    found = found or _read_settlement(unnumbered, facts, wide=False)
+    if found is None:
+        return None
+    return replace(found, understood=(f"{part!r} is taken as {unnumbered}: the map names no district of that number",))
+
+
 def _is_near(settlement: Settlement, facts: MapFacts) -> bool:
     return _km_between(_as_box(settlement), _nearest_spot(settlement, facts)) <= _NEAR_KM
 
@@ -579,8 +595,9 @@ def _read_place_like(part: str, facts: MapFacts, is_like: Callable[[str, str], b
     """The words as a place of the map that is like them in the given way."""
     for area in facts.areas:
         if any(is_like(part, name) for name in (area.name, *area.other_names)):
-            found = _read_place(area.name, facts)
-            return None if found is None else replace(found, understood=(f"{part!r} is taken as {_area_text(area)}",))
+            found = _read_whole(area.name, facts)
+            taken = area.name if found is not None and found.streets else _area_text(area)
+            return None if found is None else replace(found, understood=(f"{part!r} is taken as {taken}",))
     for name in facts.places:
         if is_like(part, name):
             return _Reading(named=True, understood=(f"{part!r} is taken as {name}",))

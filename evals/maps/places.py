@@ -4,8 +4,10 @@ The folder holds OpenStreetMap extracts, such as those that public repositories 
 tests. Every extract is read as a map; then all maps are at hand, and each request has to find its own.
 
 Requests are drawn from the extracts' own tags (``name:*``, ``alt_name``, ...), at most ``PER_KEY`` of one extract and
-tag, and read from ``words_for_places.tsv``, which was written by hand before any was tried. Extracts that the file
-lists under ``tune`` were looked at while the program was made; every other one is kept aside.
+tag, and read from ``words_for_places.tsv``, which was written by hand before any was tried. Half-typed and compound
+ones are drawn too: of ``HALVES`` names of roads of an extract in turn, the beginning alone, the name and the extract's
+largest place with nothing between, and the same the other way round. Extracts that the file lists under ``tune`` were
+looked at while the program was made; every other one is kept aside.
 
 A request for a place is right if exactly the maps are found that show it, one for a road if the map is found and the
 road is among the streets that the site must carry there; other maps may have a road of that name too.
@@ -15,6 +17,8 @@ of half-typed and compound words; ``places_tuned`` and ``half_typed_tuned``, of 
 ``half_asked`` and ``languages``, how many requests and languages the first two count.
 """
 
+import hashlib
+import math
 import re
 import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
@@ -22,6 +26,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -37,10 +42,19 @@ from ..harness import Figures, existing, print_figures, share
 WORDS = Path(__file__).parent / "words_for_places.tsv"
 PER_KEY = 6
 """Requests that are drawn from one tag of one extract: a city has an ``alt_name`` for every street (chosen)."""
+HALVES = 9
+"""Half-typed and compound requests that are drawn of one extract (chosen)."""
+BEGUN = 0.6
+"""Share of the letters of a name that are typed when it is half typed (chosen)."""
+_SHORTEST_BEGUN = 10
+"""Letters of a name of which the beginning says more than its kind (chosen)."""
+_CLOSED = ("access", "vehicle", "motor_vehicle", "motorcar")
+"""Tags of a road; where one says ``no`` or ``private``, the road is part of no map for cars."""
 _DRIVEN = re.compile(r"(motorway|trunk|primary|secondary|tertiary)(_link)?|unclassified|residential|living_street")
 _SETTLED = re.compile(
     r"city|town|village|suburb|borough|quarter|neighbourhood|hamlet|isolated_dwelling|square|locality"
 )
+_LARGEST = ("city", "town", "village", "suburb")
 _NAME = re.compile(r"(name|(?:alt|official|short|loc|old|int)_name)(?::(?P<language>[a-z]{2,3}(?:[-_]\w+)*))?")
 
 
@@ -60,7 +74,7 @@ def measure(folder: Path, workers: int = 1) -> Figures:
     with TemporaryDirectory() as scratch:
         entries = _read(sorted(path for path in folder.iterdir() if is_map(path)), Path(scratch), workers)
         written, tuned = _written(frozenset(entries))
-        asked = [*written, *_drawn(entries)]
+        asked = [*written, *_drawn(entries), *_halves(entries)]
     maps = [*entries.values(), *built_in_maps()]
     stems = {entry.facts.map_id: stem for stem, entry in entries.items()}
     rights = [(one, _is_right(one, maps, stems)) for one in asked]
@@ -142,13 +156,55 @@ def _other_names(path: Path) -> Iterator[tuple[str, bool, str, str]]:
     """The main name, whether it is a road's, the tag and the name of everything in an extract with another name."""
     for element in osmium.FileProcessor(str(path)):
         tags = {tag.k: tag.v for tag in element.tags}
-        is_road = _DRIVEN.fullmatch(tags.get("highway", "")) is not None and element.is_way()
-        is_place = _SETTLED.fullmatch(tags.get("place", "")) is not None
+        is_road, is_place = element.is_way() and _is_driven(tags), _is_settled(tags)
         if "name" not in tags or not (is_road or is_place):
             continue
         for key, value in tags.items():
             if _NAME.fullmatch(key) and key != "name" and value != tags["name"] and ";" not in value:
                 yield tags["name"], is_road, key, value
+
+
+def _is_driven(tags: Mapping[str, str]) -> bool:
+    is_open = all(tags.get(key) not in ("no", "private") for key in _CLOSED)
+    return is_open and _DRIVEN.fullmatch(tags.get("highway", "")) is not None
+
+
+def _is_settled(tags: Mapping[str, str]) -> bool:
+    return _SETTLED.fullmatch(tags.get("place", "")) is not None
+
+
+def _halves(entries: Mapping[str, MapEntry]) -> list[_Asked]:
+    """Half-typed and compound requests for roads of each extract; which roads is told by a digest of their names."""
+    asked = []
+    for stem, entry in entries.items():
+        roads: dict[str, None] = {}
+        settled: list[tuple[int, str]] = []
+        for element in osmium.FileProcessor(str(entry.path)):
+            tags = {tag.k: tag.v for tag in element.tags}
+            name = tags.get("name", "")
+            if len(name) >= 2 and element.is_way() and _is_driven(tags):
+                roads[name] = None
+            elif name and tags.get("place") in _LARGEST:
+                settled.append((_LARGEST.index(tags["place"]), name))
+        largest = min(settled, default=(0, ""))[1]
+        chosen = sorted(roads, key=lambda name: (hashlib.sha256(name.encode()).digest(), name))
+        kinds = [_begun, _before, _behind] if largest else [_begun]
+        words = [(kinds[index % len(kinds)](name, largest), name) for index, name in enumerate(chosen)]
+        half = ((text, name) for text, name in words if text and text != name)
+        asked += [_Asked(text, frozenset([stem]), name, half=True, language="") for text, name in islice(half, HALVES)]
+    return asked
+
+
+def _begun(name: str, _: str) -> str:
+    return name[: math.ceil(BEGUN * len(name))] if len(name) >= _SHORTEST_BEGUN else ""
+
+
+def _before(name: str, place: str) -> str:
+    return f"{name} {place}"
+
+
+def _behind(name: str, place: str) -> str:
+    return f"{place} {name}"
 
 
 def _is_right(asked: _Asked, maps: Sequence[MapEntry], stems: Mapping[str, str]) -> bool:

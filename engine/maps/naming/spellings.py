@@ -8,7 +8,7 @@ left, in whatever order.
 import gzip
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cache, lru_cache
 from itertools import islice, product
 from pathlib import Path
@@ -16,7 +16,7 @@ from pathlib import Path
 from .places import fold, latin
 
 _ABBREVIATIONS = Path(__file__).parent / "road_words.json.gz"
-"""What libpostal knows of abbreviations (``scripts/make_road_words.py``)."""
+"""What libpostal knows of abbreviations and of the words for numbers (``scripts/make_road_words.py``)."""
 _SAME_WORDS = """
 street: street st str strasse straat strada stradal rue ulitsa
 street: ulica ul vulitsya vulytsya calle via rruga rr gata gatan
@@ -56,18 +56,6 @@ northwest: northwest nw
 southeast: southeast se
 southwest: southwest sw
 middle: middle mid zhong
-1: first fst one yi
-2: second two er
-3: third three san
-4: fourth four si
-5: fifth five wu
-6: sixth six liu
-7: seventh seven qi
-8: eighth eight ba
-9: ninth nine jiu
-10: tenth ten shi
-11: eleventh
-12: twelfth
 i: i interstate
 us: us usroute ushighway ushwy
 general: general gen gral
@@ -171,8 +159,8 @@ _LETTERED = {
 """The letters of a road number by the words that are said for them."""
 _ELIDED = re.compile(r"\b(?:d|l|s|dell|dall|all|nell|sull)['’](?=\w)", re.IGNORECASE)
 """Articles and prepositions before a vowel, in Catalan, French and Italian: ``Port d'Envalira``."""
-_CONTRACTED = re.compile(r"\b(\w{1,2})\.(\w{2,3})\b(?!\.)")
-"""Contractions with a point inside: ``P.za``, ``C.so``, ``V.le``."""
+_CONTRACTED = re.compile(r"\b(\w{1,2}(?=\.)|[^\W\d_](?=-))[.-](\w{2,3})\b(?!\.)")
+"""Contractions with a point or a hyphen inside: ``P.za``, ``C.so``, ``V.le``, ``B-dul``, ``пр-т``."""
 _MOST_READINGS = 32
 """Readings of one name that are compared: ``St`` has two, and a name has few such words (chosen)."""
 MOST_KEPT = 50_000
@@ -184,7 +172,7 @@ def _meanings() -> dict[str, tuple[str, ...]]:
     """The words that a spelling may stand for.
 
     Our own words, which are one for all languages, and libpostal's abbreviations: they stand for one of ours if that is
-    written like them, otherwise for the word that they abbreviate.
+    written like them, otherwise for the word that they abbreviate. A number's word stands for itself and the number.
     """
     found: dict[str, tuple[str, ...]] = {}
     for line in _SAME_WORDS.strip().splitlines():
@@ -201,6 +189,9 @@ def _meanings() -> dict[str, tuple[str, ...]]:
         for spelling in abbreviated:
             itself = () if spelling in own else (spelling,)
             found[spelling] = tuple(dict.fromkeys((*found.get(spelling, itself), *meanings)))
+    for word, values in table["numbers"].items():
+        if word not in _PARTICLES:
+            found[word] = (*found.get(word, (word,)), *map(str, values))
     return found
 
 
@@ -253,6 +244,11 @@ def kinds_of_road(name: str) -> frozenset[str]:
 def words_of_name(name: str) -> tuple[str, ...]:
     """The words of a name in their order, in Latin letters without accents."""
     return tuple(word for word in map(latin, _split(_ELIDED.sub("", name))) if word)
+
+
+def without_particles(words: Sequence[str]) -> tuple[str, ...]:
+    """The words without articles and prepositions; all of them if there are no others."""
+    return tuple(word for word in words if word not in _PARTICLES) or tuple(words)
 
 
 def _split(name: str) -> list[str]:

@@ -5,7 +5,7 @@ from ..naming.regions import regions_at
 from ..road_tags.limits import Jurisdiction
 
 _STATES = ("USA", "AUS")
-"""Countries of which the short names of the states are those of ISO 3166-2."""
+"""Countries in which the states have limits of their own."""
 
 
 def jurisdiction_of(country: str | None, position: tuple[float, float]) -> Jurisdiction:
@@ -15,7 +15,7 @@ def jurisdiction_of(country: str | None, position: tuple[float, float]) -> Juris
     known = countries_by_alpha3.get(country or "")
     if known is None or country is None:
         return Jurisdiction()
-    names = regions_at(country, *position) if country in _STATES else ()
-    states = tuple(f"{known.alpha2}-{name.upper()}" for name in names)
+    codes = [region.code for region in regions_at(country, *position)] if country in _STATES else []
+    states = tuple(f"{known.alpha2}-{code}" for code in codes)
     name = country_name(country)
-    return Jurisdiction(known.alpha2, states, f"{name} ({names[0].upper()})" if len(names) == 1 else name)
+    return Jurisdiction(known.alpha2, states, f"{name} ({codes[0]})" if len(codes) == 1 else name)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.maps.index import Closeness, MapEntry, built_in_maps, find_maps
-from plannerforge.engine.maps.naming.alike import is_half_of, is_transliterated
+from plannerforge.engine.maps.naming.alike import is_abbreviated, is_half_of, is_transliterated, is_with_kind
 from plannerforge.schemas.errors import UnknownName
 
 
@@ -25,6 +25,9 @@ def a_map(*streets: str, file_name: str = "a.osm", **facts: object) -> MapEntry:
         ("Odos Ermou", "Οδός Ερμού"),
         ("Khreshchatyk", "Хрещатик"),
         ("Невский", "Nevsky"),
+        ("포르투", "Porto"),
+        ("ポルト", "Porto"),
+        ("कियोतो", "Kyoto"),
     ],
 )
 def test_a_transliteration_is_alike(typed: str, name: str) -> None:
@@ -37,6 +40,61 @@ def test_a_transliteration_is_alike(typed: str, name: str) -> None:
 )
 def test_another_name_is_not_alike(typed: str, name: str) -> None:
     assert not is_transliterated(typed, name)
+
+
+@pytest.mark.parametrize(
+    ("typed", "name"),
+    [
+        ("V. del Corso", "Via del Corso"),
+        ("R. da Consolação", "Rua da Consolação"),
+        ("Av. D. Pedro I", "Avenida Dom Pedro I"),
+        ("Avenida Brig. Luis Antonio", "Avenida Brigadeiro Luís Antônio"),
+        ("B-dul Decebal", "Bulevardul Decebal"),
+    ],
+)
+def test_words_may_be_shortened(typed: str, name: str) -> None:
+    assert is_abbreviated(typed, name)
+
+
+@pytest.mark.parametrize(
+    ("typed", "name"),
+    [("Kent Street", "Kensington Street"), ("Av. Dom Pedro I", "Avenida Dom Pedro IV"), ("Via Corso", "Via del Mare")],
+)
+def test_another_name_is_not_shortened(typed: str, name: str) -> None:
+    assert not is_abbreviated(typed, name)
+
+
+def test_a_kind_of_road_may_be_added_to_a_name_without_one() -> None:
+    assert is_with_kind("Dien Bien Phu St", "Điện Biên Phủ")
+    assert not is_with_kind("Pasteur Street", "Pasteur Avenue")
+    assert not is_with_kind("Pasteur", "Pasteur")
+
+
+@pytest.mark.parametrize("words", ["Lille, Belgium", "Lille België"])
+def test_a_settlement_named_with_its_country_is_known_where_its_outskirts_lie(words: str) -> None:
+    outskirts = a_map("Kerkstraat", south=51.254, west=4.774, north=51.276, east=4.804, country="BEL")
+    match = find_maps([outskirts], place=words)[0]
+    assert any("Lille (GeoNames)" in text for text in match.understood)
+
+
+@pytest.mark.parametrize("words", ["Dublin 4", "Dublin 6"])
+def test_the_number_of_a_district_that_the_map_does_not_name_is_told(words: str) -> None:
+    dublin = a_map("Amiens Street", place="Dublin", places=("Dublin",))
+    assert find_maps([dublin], place=words)[0].understood == (
+        f"{words!r} is taken as Dublin: the map names no district of that number",
+    )
+
+
+def test_the_number_of_a_district_is_told_of_a_place_in_another_language() -> None:
+    praha = a_map("Odborů", place="Praha", places=("Praha",), country="CZE")
+    assert find_maps([praha], place="Prague 2")[0].understood == (
+        "'Prague 2' is taken as Prague: the map names no district of that number",
+    )
+
+
+@pytest.mark.parametrize("words", ["Via IV Novembre", "Via Quattro Novembre", "via 4 novembre"])
+def test_numbers_of_any_language_are_words_or_figures(words: str) -> None:
+    assert find_maps([a_map("Via Quattro Novembre")], place=words)[0].streets == (("Via Quattro Novembre",),)
 
 
 @pytest.mark.parametrize(

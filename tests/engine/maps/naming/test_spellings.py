@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.maps.index import MapEntry, built_in_maps, find_maps, same_street
-from plannerforge.engine.maps.naming.regions import region_of
+from plannerforge.engine.maps.naming.regions import region_of, regions_at
 from plannerforge.engine.maps.naming.spellings import route_number
 from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.generation import PlaceArea
@@ -111,6 +111,10 @@ def test_a_state_is_checked_by_where_the_map_lies() -> None:
     assert region_of("WA", "USA", 47.6, -122.3)
     assert not region_of("WA", "USA", 30.0, -90.0)
     assert region_of("Bayern", "DEU", 48.1, 11.6)
+    assert region_of("Ontario", "CAN", 43.7, -79.4)
+    assert [region.code for region in regions_at("USA", 39.95, -75.16)] == ["PA"]
+    assert {region.code for region in regions_at("USA", 36.9, -116.76)} >= {"NV", "CA"}
+    assert regions_at("ZAM", 54.6, 5.2) == ()
     seattle = a_map(south=47.5, north=47.7, west=-122.4, east=-122.2)
     assert find_maps([seattle], place="Seattle, WA")
     with pytest.raises(UnknownName):
