@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -139,6 +139,7 @@ class ExportArtifactsArguments(Arguments):
     """
 
     longest_texts: ClassVar[Mapping[str, int]] = {"folder": LONGEST_PATH}
+    usual_values: ClassVar[Mapping[str, Any]] = {"folder": "plannerforge-export"}
 
     ids: list[str] = Field(min_length=1, max_length=200)
     """What is to be written."""

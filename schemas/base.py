@@ -35,6 +35,8 @@ class Arguments(Model):
 
     longest_texts: ClassVar[Mapping[str, int]] = {}
     """Characters that an argument's text may have where it is no name or id, which have 200 at most."""
+    usual_values: ClassVar[Mapping[str, Any]] = {}
+    """What a refusal proposes for an argument that must be given and is not."""
 
 
 @dataclass(frozen=True)

@@ -275,6 +275,8 @@ class VehicleDemand(Model):
 Weather = Literal["light_rain", "heavy_rain", "fog", "snow", "hail"]
 WEATHERS: tuple[Weather, ...] = get_args(Weather)
 """CommonRoad's words for bad weather; for good weather its schema and commonroad-io have no word in common."""
+WEATHER_WORDS: Mapping[str, Weather] = MappingProxyType({"rain": "light_rain", "mist": "fog", "snowfall": "snow"})
+"""Everyday words for weather, by what they are taken as."""
 
 
 TripKind = Literal["usual", "fringe", "uniform", "length", "lanes", "speed"]
@@ -350,7 +352,8 @@ class GenerationRequest(Model):
 
     ``streets``: for every road that the site must carry its names or numbers, as the map has them. ``road_classes``:
     OSM's ``highway`` values; empty: all roads, with links where the site is a ramp or a motorway. A recipe does not
-    hold ``conditions`` of None.
+    hold ``conditions`` of None. ``others``: a manoeuvre that another road user has to make on the ego's way, such as
+    ``cut_in`` or ``cut_in:truck``.
     """
 
     map_path: str
@@ -375,6 +378,7 @@ class GenerationRequest(Model):
     most_rounds: int | None = Field(None, ge=1, exclude_if=lambda rounds: rounds is None)
     benchmark_number: int = 1
     conditions: TrafficConditions | None = Field(None, exclude_if=lambda conditions: conditions is None)
+    others: str = Field("", exclude_if=lambda manoeuvre: not manoeuvre)
     folder: str
 
 
@@ -504,6 +508,7 @@ class GeneratedScenario(Model):
 
     ``vehicle_classes``: the class of the request by CommonRoad's obstacle id, because CommonRoad has fewer types.
     ``unsigned_limits_kmh``: posted limits by lanelet, where CommonRoad has no sign for them in the country.
+    ``others``: the manoeuvre that was asked for of another road user: who makes it, when, and how it came about.
     """
 
     benchmark_id: str
@@ -524,6 +529,7 @@ class GeneratedScenario(Model):
     attribution: str
     vehicle_classes: dict[int, str] = Field(default_factory=dict)
     unsigned_limits_kmh: dict[int, float] = Field(default_factory=dict)
+    others: str = Field("", exclude_if=lambda words: not words)
 
 
 class GenerateScenariosArguments(Arguments):
@@ -557,7 +563,9 @@ class GenerateScenariosArguments(Arguments):
     seed: int = 0
     """The same arguments with the same seed give the same bytes."""
     trial_run: bool = Field(False, description="run a planner too")
-    conditions: list[str] = Field([], description="time=rush_hour or 17:30, weather=rain, drivers=PRESET, mix=natural")
+    conditions: list[str] = Field(
+        [], description="time=rush_hour or 17:30, weather=rain, drivers=PRESET, mix=natural, others=cut_in"
+    )
     cover: list[str] = Field([], description="combine: 'density=low|high', 'turn=left|right'")
     source: MapChoice = Field("auto", description="auto: online where no local map shows it")
 
@@ -586,6 +594,11 @@ class ScenarioSummary(Model):
     checks_failed: list[str] = Field(description="checks that it does not pass")
     planners_refuse: str = Field("", description="why the built-in planners refuse this ego; empty if they drive it")
     trial_run: str = Field("", description="outcome of the default planner, where asked")
+    others: str = Field(
+        "",
+        exclude_if=lambda words: not words,
+        description="who makes the manoeuvre asked of others, when, and whether scripted",
+    )
     notes: list[str]
 
     @property
@@ -614,6 +627,7 @@ class ScenarioSummary(Model):
             decided=[
                 f"{self.recorded_s:g} s, {self.traffic}.",
                 f"{self.ego[0].upper()}{self.ego[1:]}; goal {self.goal}.",
+                *([f"Others: {self.others}."] if self.others else []),
             ],
             figures=[f"Traffic: {self.density}.", *(f"Note: {note}" for note in (*remarks, *notes))],
             warnings=[
@@ -629,7 +643,9 @@ class ScenarioSummary(Model):
         tried = f"; trial run: {self.trial_run}" if self.trial_run else ""
         made = f"- {self.scenario_id}{' (made before)' if self.reused else ''}"
         refused = f"; {self.planners_refuse}" if self.planners_refuse else ""
-        return f"{made}: {self.where}; {self.recorded_s:g} s, {self.traffic}; {self.density}{tried}{failed}{refused}"
+        others = f"; {self.others}" if self.others else ""
+        shown = f"{self.recorded_s:g} s, {self.traffic}; {self.density}"
+        return f"{made}: {self.where}; {shown}{others}{tried}{failed}{refused}"
 
 
 class PlanRecord(Model):

@@ -1,6 +1,6 @@
 """The small grammar of tool arguments: conditions, assignments, selectors, quantities and intervals.
 
-    condition    truck>=1 · bus=2 · car=2..5 · bicycle · !yield · traffic_light@map · speed_limit=50km/h
+    condition    truck>=1 · bus=2 · car=2..5 · bicycle · !yield · traffic_light@map · speed_limit=50km/h@map
     assignment   tau=0.7 · jerk*2 · jerk+0.1 · jerk-0.1 · jerk=lateral_jerk
     selector     12 · all · one:truck · class:truck · nearest:3 · lead · new:0 · !12
     quantity     50km/h · 30mph · 13.9 · 35m · 8s · 90steps
@@ -14,7 +14,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-from .errors import InvalidRequest, UnknownName, closest
+from .errors import InvalidRequest, UnknownName, closest, instead
 
 _NAME = r"[A-Za-z_][A-Za-z0-9_.\-]*"
 _NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
@@ -107,6 +107,10 @@ def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
             f"'{text}' has the unit '{match[2]}'",
             valid=list(units) or ["a number without a unit"],
             next_step="write it in one of these units" if units else "leave the unit out",
+            remedies=[
+                *(instead(text, f"{match[1]}{one}") for one in units if one.startswith(match[2].lower())),
+                *([] if units else [instead(text, match[1])]),
+            ],
         )
     value = float(match[1]) * factor
     if not math.isfinite(value):
@@ -142,7 +146,10 @@ def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
         low, high = (parse_quantity(part, unit, step_s=step_s) for part in (first, between[2]))
         if low > high:
             raise InvalidRequest(
-                f"'{text}' begins above its end", valid=[f"{between[2]}..{first}"], next_step="swap its ends"
+                f"'{text}' begins above its end",
+                valid=[f"{between[2]}..{first}"],
+                next_step="swap its ends",
+                given=text,
             )
         return Interval(low, high)
     for operator in (">=", "<="):
@@ -159,6 +166,12 @@ def _with_unit(quantity: str, other: str) -> str:
     return quantity if unit is None or re.search(r"[A-Za-z]$", quantity.strip()) else quantity + unit[0]
 
 
+def scope_first(text: str) -> str:
+    """A condition with its scope behind its name, if it stands behind its value: ``speed_limit=50km/h@map``."""
+    found = re.fullmatch(rf"(\s*!?\s*{_NAME})\s*((?:>=|<=|==|=|>|<)[^@]+?)(@[a-z]+)\s*", text)
+    return text if found is None else f"{found[1]}{found[3]}{found[2]}"
+
+
 def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False, words: bool = False) -> Condition:
     """A condition such as ``truck>=1``, ``car=2..5``, ``!yield``, ``speed_limit=50km/h`` or ``outcome=collision``.
 
@@ -171,7 +184,7 @@ def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False, word
     Raises:
         InvalidRequest: malformed.
     """
-    match = re.fullmatch(rf"\s*(!?)\s*({_NAME})(?:@([a-z]+))?\s*(?:(>=|<=|==|=|>|<)\s*(.+?))?\s*", text)
+    match = re.fullmatch(rf"\s*(!?)\s*({_NAME})(?:@([a-z]+))?\s*(?:(>=|<=|==|=|>|<)\s*(.+?))?\s*", scope_first(text))
     if match is None:
         raise InvalidRequest(
             f"'{text}' is no condition",
@@ -238,7 +251,10 @@ def parse_selector(text: str) -> Selector:
     if kind in _WITH_ARGUMENT and argument:
         if kind in ("nearest", "new") and not re.fullmatch(r"\d+", argument):
             raise InvalidRequest(
-                f"'{text}' needs a whole number after '{kind}:'", valid=[f"{kind}:1"], next_step="write it like this"
+                f"'{text}' needs a whole number after '{kind}:'",
+                valid=[f"{kind}:1"],
+                next_step="write it like this",
+                given=text,
             )
         return Selector(kind, argument, negated)
     nearest = [SELECTORS[0], *closest(kind, SELECTORS[1:])]

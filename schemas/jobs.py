@@ -1,6 +1,7 @@
 """Arguments and answer of the tools that look at long work."""
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -25,6 +26,8 @@ class GetJobArguments(Arguments):
 
 class CancelJobArguments(Arguments):
     """Stop a job; what is finished stays."""
+
+    usual_values: ClassVar[Mapping[str, Any]] = {"job_id": "latest"}
 
     job_id: str
     """The job."""

@@ -5,7 +5,8 @@ are fields of ``RunMetrics`` and are compared between runs; the others are compu
 driven steps and the tracks of the others (``engine/analysis/measures.py``).
 """
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -567,6 +568,34 @@ _BY_NAME = {measure.name: measure for measure in MEASURES}
 def measure_named(name: str) -> Measure | None:
     """The measure of a name; None where there is none."""
     return _BY_NAME.get(name)
+
+
+def metric_meant(text: str) -> str:
+    """The name of the measure that a text is as an answer, a table or a legend prints it; else the text itself.
+
+    Printed are the name, its words with and without what explains them in brackets, and the abbreviation of the field;
+    case, spaces and signs do not matter.
+    """
+    return _BY_PRINTED_NAME.get(_letters(text), text)
+
+
+def _letters(text: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", text.casefold())
+
+
+def _printed_names(measure: Measure) -> Iterator[str]:
+    short = measure.words.partition(" (")[0]
+    yield from (measure.name, measure.words, short)
+    if measure.abbreviation:
+        yield from (
+            measure.abbreviation,
+            f"{measure.words} ({measure.abbreviation})",
+            f"{short} ({measure.abbreviation})",
+        )
+
+
+_BY_PRINTED_NAME = {_letters(printed): one.name for one in reversed(MEASURES) for printed in _printed_names(one)}
+"""Of two measures that are printed alike the first in the list."""
 
 
 def metric_words(name: str) -> str:

@@ -112,7 +112,7 @@ class Edit(Arguments):
     """The class of what is added, or `pedestrian`; with `set_ego`, what the ego is: `truck`, `bus`, `motorcycle` …"""
     count: int | None = Field(None, ge=1, le=20)
     """How many are added, one behind the other."""
-    spacing_m: float | None = Field(None, gt=0)
+    spacing_m: float | None = Field(None, ge=0)
     """Between several that are added, in m."""
     at: str | None = Field(None, description="where to put: lanelet, edge, ego, vehicle:ID")
     lane: Literal["same", "left", "right", "oncoming"] | None = None
@@ -393,7 +393,7 @@ class ModifyScenarioResult(Result):
     def _most(self, brief: int) -> tuple[int, str]:
         """How many items of a list are told, and the call that tells of the others."""
         if self.detail == "brief":
-            return brief, "detail=checks"
+            return brief, "modify_scenario with detail=checks"
         return _MOST_IN_DETAIL, "the structured answer has all"
 
     def _told(self, sentences: Sequence[str], characters: int) -> list[str]:

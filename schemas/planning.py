@@ -5,12 +5,19 @@ import json
 import re
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, StringConstraints, field_validator, model_validator
 
 from .base import Answer, Arguments, Model, Result
 from .runs import LostCell, Outcome, Prediction, RunRecord, RunReview, RunSeries, RunSteps, RunTiming, Traffic, ending
 
 WEIGHT_NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
+LONGEST_NAME = 60
+"""Characters of the name of a weight, a cost term, a constraint or a debug value."""
+PrintedName = Annotated[str, StringConstraints(pattern=rf"^[A-Za-z0-9_][A-Za-z0-9_ .:/-]{{0,{LONGEST_NAME - 1}}}$")]
+"""A name that a program gives a cost term, a constraint or a debug value. It is printable and fits on a line,
+because it becomes a column of a table, a row of the player, and a word of an answer that a model reads."""
+MOST_TERMS = 64
+"""Cost terms or constraints of a plan; Frenetix, which has the most of the built-in planners, has 13."""
 """Names of weights that assignments can name."""
 LISTED_RUNS, LISTED_FAILURES, LISTED_CONFIGURATIONS = 20, 3, 8
 """How many runs, failures and configurations an answer lists; chosen to keep it short."""
@@ -566,8 +573,10 @@ class CommandAnswer(Model):
     scenario_id: str = Field(description="as in the request")
     problem_id: int = Field(description="as in the request")
     trajectory: CommandTrajectory | None
-    costs: dict[str, float] = Field(default_factory=dict, description="weighted cost term: value")
-    rejected: dict[str, Annotated[int, Field(ge=0)]] = Field(
-        default_factory=dict, description="constraint: candidates that it rejected"
+    costs: dict[PrintedName, float] = Field(
+        default_factory=dict, max_length=MOST_TERMS, description="weighted cost term: value"
+    )
+    rejected: dict[PrintedName, Annotated[int, Field(ge=0)]] = Field(
+        default_factory=dict, max_length=MOST_TERMS, description="constraint: candidates that it rejected"
     )
     candidates: int = Field(1, ge=0)

@@ -25,8 +25,8 @@ from .runs import (
     ending,
     excesses_in_words,
 )
+from .text import counted, measured, p_figure, p_in_words
 from .text import figure as figure
-from .text import measured, p_figure, p_in_words
 
 SIGNIFICANCE_LEVEL = 0.05
 """The level of every test and of every interval (95 %), in answers, reports, charts and searches: the usual one (Fisher
@@ -77,11 +77,14 @@ class Rate(Model):
     scenarios: int | None = None
 
     def in_words(self) -> str:
-        """``6/8 = 75 % (95 %: 41–93 %)``, with the number of scenarios where it is another one."""
+        """``6/8 = 75 % (95 %: 41–93 %)``, with the number of scenarios if it is another one; edited ones are their
+        original's.
+        """
         if self.share is None or self.low is None or self.high is None:
             return f"{self.count}/{self.of}"
         span = f"95 %: {100 * self.low:.0f}–{100 * self.high:.0f} %"
-        scenarios = f", {self.scenarios} scenarios" if self.scenarios not in (None, self.of) else ""
+        counted_by_scenario = self.scenarios is not None and self.scenarios != self.of
+        scenarios = f", {counted(self.scenarios or 0, 'original scenario')}" if counted_by_scenario else ""
         return f"{self.count}/{self.of} = {_percent(self.share)} ({span}{scenarios})"
 
 
@@ -825,9 +828,10 @@ def _spreads(spreads: Sequence[MeasureSpread]) -> list[str]:
 
 
 def _short_words(name: str) -> str:
-    """The abbreviation of the field where there is one, else the name without what is explained behind it."""
+    """The name without what is explained behind it, with the abbreviation of the field if there is one."""
     known = measure_named(name)
-    return metric_words(name).partition(" (")[0] if known is None or not known.abbreviation else known.abbreviation
+    words = metric_words(name).partition(" (")[0]
+    return words if known is None or not known.abbreviation else f"{words} ({known.abbreviation})"
 
 
 def measured_figure(one: MeasuredValue) -> str:

@@ -145,8 +145,6 @@ class RunSteps(Model):
     others: tuple[DrivenObstacle, ...] = ()
 
 
-LONGEST_DEBUG_NAME = 60
-"""Characters of the name of a debug value, as of the name of a weight."""
 MOST_DEBUG_VALUES, MOST_DEBUG_POLYGONS, MOST_DEBUG_POINTS = 32, 8, 100
 """Debug numbers or texts, polygons, and points of a polygon that a planning step may report.
 
@@ -616,6 +614,12 @@ class Contact(Model):
         return ", not braking" if self.braked_since_s is None else f", braking since {self.braked_since_s:.1f} s"
 
     @property
+    def _beside(self) -> str:
+        """Whether both were side by side, or one came in at an angle, as where lanes merge."""
+        sides = {self.ego_side, self.other_side}
+        return "alongside" if sides <= {"left", "right"} else "of the same direction"
+
+    @property
     def _what(self) -> str:
         other, came = self._other, "" if self.came_in_s is None else f", in the way since {self.came_in_s:.1f} s"
         whence = {"front": "ahead", "rear": "behind", "left": "the left", "right": "the right", None: "nowhere"}
@@ -626,7 +630,7 @@ class Contact(Model):
             "cut_in_by_ego": f"cut in ahead of {other}{came}, and was hit by it",
             "oncoming": f"met oncoming {other}, ego's {self.ego_side} to its {self.other_side}",
             "crossing": f"met crossing {other}, ego's {self.ego_side} to its {self.other_side}",
-            "side": f"touched {other} alongside, ego's {self.ego_side} to its {self.other_side}",
+            "side": f"touched {other} {self._beside}, ego's {self.ego_side} to its {self.other_side}",
             "into_standing": f"drove into standing {other}, ego's {self.ego_side} to its {self.other_side}",
             "onto_standing_ego": f"hit while standing by {other} from {whence[self.ego_side]}",
             "road_boundary": "left the road",
@@ -812,7 +816,7 @@ class RunLook(Model):
     did.
     """
 
-    VERSION: ClassVar[int] = 1
+    VERSION: ClassVar[int] = 3
     """Of the rules that decide; what is kept of another version is not read."""
 
     review: RunReview

@@ -223,7 +223,7 @@ class DescribeScenarioArguments(Arguments):
     detail: Detail = "brief"
     """What is told beside the brief description."""
     focus: str | None = Field(None, description="ego, vehicle selector or lanelet id: the centre of what is listed")
-    radius_m: float = Field(80, gt=0, le=2000)
+    radius_m: float = Field(80, ge=0.1, le=2000)
     """How far around the focus is listed, in m."""
     time_s: float = Field(0, ge=0)
     """The moment."""

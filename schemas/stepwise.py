@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, StringConstraints, model_validator
 
 from .base import Model
-from .planning import CommandTrajectory
-from .runs import LONGEST_DEBUG_NAME, MOST_DEBUG_POINTS, MOST_DEBUG_POLYGONS, MOST_DEBUG_VALUES
+from .planning import MOST_TERMS, CommandTrajectory, PrintedName
+from .runs import MOST_DEBUG_POINTS, MOST_DEBUG_POLYGONS, MOST_DEBUG_VALUES
 
 PROTOCOL = 1
 """The version of the messages in this module; it changes when a program for an older one would no longer work."""
@@ -19,11 +19,6 @@ MOST_SHOWN_CANDIDATES, MOST_CANDIDATE_POINTS = 16, 200
 """Other candidates that a plan may show, and the points of each: as many as the player draws."""
 MOST_STATES = 10_000
 """States of a plan: 1,000 s in steps of 0.1 s, longer than any recording, so that no answer is an endless one."""
-MOST_TERMS = 64
-"""Cost terms or constraints of a plan; Frenetix, which has the most of the built-in planners, has 13."""
-
-_Name = Annotated[str, StringConstraints(pattern=rf"^[A-Za-z0-9_][A-Za-z0-9_ .:/-]{{0,{LONGEST_DEBUG_NAME - 1}}}$")]
-"""A name is printable and fits on a line, because it becomes a column of a table and a row of the player."""
 _Step = Annotated[int, Field(ge=0)]
 
 
@@ -210,11 +205,11 @@ class StepMessage(Model):
 class DebugMessage(Model):
     """What the planner wants to keep of this step, by name; shown in the player and exported with the run."""
 
-    numbers: dict[_Name, float] = Field(default_factory=dict, max_length=MOST_DEBUG_VALUES)
-    texts: dict[_Name, Annotated[str, StringConstraints(max_length=2000)]] = Field(
+    numbers: dict[PrintedName, float] = Field(default_factory=dict, max_length=MOST_DEBUG_VALUES)
+    texts: dict[PrintedName, Annotated[str, StringConstraints(max_length=2000)]] = Field(
         default_factory=dict, max_length=MOST_DEBUG_VALUES
     )
-    polygons: dict[_Name, Polygon] = Field(default_factory=dict, max_length=MOST_DEBUG_POLYGONS)
+    polygons: dict[PrintedName, Polygon] = Field(default_factory=dict, max_length=MOST_DEBUG_POLYGONS)
 
 
 class PlanMessage(Model):
@@ -227,10 +222,10 @@ class PlanMessage(Model):
     type: Literal["plan"] = "plan"
     step: _Step = Field(description="as in the question")
     trajectory: PlannedStates | None
-    costs: dict[_Name, float] = Field(
+    costs: dict[PrintedName, float] = Field(
         default_factory=dict, max_length=MOST_TERMS, description="weighted cost term: value"
     )
-    rejected: dict[_Name, Annotated[int, Field(ge=0)]] = Field(
+    rejected: dict[PrintedName, Annotated[int, Field(ge=0)]] = Field(
         default_factory=dict, max_length=MOST_TERMS, description="constraint: candidates that it rejected"
     )
     candidates: int = Field(1, ge=0, description="how many were looked at")

@@ -43,6 +43,15 @@ def quoted(value: Any, longest: int = LONGEST_TEXT) -> str:
     return "'" + one_line(str(value), longest).replace("'", "’") + "'"
 
 
+def is_utf8(text: str) -> bool:
+    """Return whether a text can be written as UTF-8. Linux allows file names that cannot; no answer can hold them."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def counted(count: int, noun: str) -> str:
     """A number with its noun, ``16 buses``; obstacle types of two words are written apart."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", noun).lower() if noun.isalpha() else noun

@@ -249,7 +249,7 @@ class PlannerForgeServer(MCPServer[Services]):
             with named_call(spec.name, client.name) as names:
                 outcome = "cancelled"
                 try:
-                    result = await self._answered(spec, arguments, call)
+                    result = await self._answered(spec, arguments, call, self._specs_for(client))
                     outcome = outcome_of(result)
                 except InputNeeded:
                     outcome = "asks"
@@ -273,10 +273,12 @@ class PlannerForgeServer(MCPServer[Services]):
             )
         return result
 
-    async def _answered(self, spec: ToolSpec, arguments: Mapping[str, Any], call: ToolCall) -> CallToolResult:
+    async def _answered(
+        self, spec: ToolSpec, arguments: Mapping[str, Any], call: ToolCall, offered: Mapping[str, ToolSpec]
+    ) -> CallToolResult:
         """Answer in a thread of the call's own; if no thread can be had, the answer says so."""
         try:
-            return await self._threads.run(answer, spec, arguments, call)
+            return await self._threads.run(answer, spec, arguments, call, offered)
         except ResourceFailure as error:
             return refusal(error)
 

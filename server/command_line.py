@@ -92,10 +92,11 @@ def serve(
 ) -> None:
     """Serve MCP over standard input and output, or over HTTP. Every setting is a flag, except tokens."""
     gc.disable()  # imports make nothing that could be collected, and a sixth of the start was looking for it
-    from ..engine.execution import limit_memory, share_heaps
+    from ..engine.execution import hide_environment, limit_memory, share_heaps
     from .assembly import create_server
 
     settings = settings_of(context)
+    hide_environment()
     limit_memory(settings.server_memory_mb * 1024**2)
     threading.stack_size(_THREAD_STACK_BYTES)
     share_heaps()

@@ -5,6 +5,7 @@ import logging
 import re
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from mcp import MCPError
@@ -13,11 +14,24 @@ from mcp.types import CallToolResult, ContentBlock, ImageContent, Resource, Reso
 from ..resources.apps import VIEW_KEY, view_uri
 from ..resources.templates import artifact_link, job_link
 from ..schemas.base import Result
-from ..schemas.errors import NotPossible, PlannerForgeError, UnexpectedFailure, as_told
+from ..schemas.errors import (
+    VEHICLES_LISTED,
+    InvalidRequest,
+    NextCall,
+    NotPossible,
+    PlannerForgeError,
+    Remedy,
+    UnexpectedFailure,
+    as_told,
+    calling,
+    differences,
+    followed,
+)
 from ..schemas.text import printable
 from ..tools.call import ImageAnswer, Question, ToolCall
-from ..tools.registry import ToolSpec
+from ..tools.registry import TOOLS, ToolSpec
 from .arguments.checking import read_arguments
+from .arguments.loose_reading import read_loosely
 
 logger = logging.getLogger(__name__)
 LONGEST_ANSWER = 400_000
@@ -31,6 +45,28 @@ _ESCAPE = re.compile(r"\\[ubfr]")
 """Stands in JSON for a character that is not printed; line breaks and tabulators are."""
 
 
+_LOOKS: Mapping[str, tuple[Remedy, ...]] = {
+    "describe_catalog": (calling("describe_catalog"),),
+    "generate_scenarios": (calling("describe_catalog", facet="maps"),),
+    "find_scenarios": (calling("describe_catalog"),),
+    "import_files": (calling("describe_catalog"),),
+    "describe_scenario": (calling("describe_scenario", "scenario_id"),),
+    "modify_scenario": (VEHICLES_LISTED,),
+    "list_planners": (calling("list_planners"),),
+    "configure_planner": (calling("list_planners"),),
+    "run_planner": (calling("list_planners"),),
+    "get_job": (calling("list_artifacts", kind="job"),),
+    "cancel_job": (calling("list_artifacts", kind="job"),),
+    "analyze_results": (calling("list_artifacts", kind="run"),),
+    "compare_results": (calling("list_artifacts", kind="run"),),
+    "optimize_planner": (calling("list_planners"),),
+    "render": (calling("list_artifacts"),),
+    "list_artifacts": (calling("list_artifacts"),),
+    "export_artifacts": (calling("list_artifacts"),),
+}
+"""By tool, what shows from what its arguments are written: for refusals of which nothing else is known that helps."""
+
+
 class InputNeeded(Exception):
     """A call has a question whose answer only its next attempt can bring; ``key`` names it there."""
 
@@ -39,8 +75,16 @@ class InputNeeded(Exception):
         self.key, self.question = key, question
 
 
-async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> CallToolResult:
+async def answer(
+    spec: ToolSpec, given: Mapping[str, Any], call: ToolCall, offered: Mapping[str, ToolSpec] | None = None
+) -> CallToolResult:
     """Call a tool; whatever goes wrong becomes a result that says what was wrong and what to do next.
+
+    Args:
+        spec: the tool.
+        given: the arguments as they were sent.
+        call: what the call may use.
+        offered: the tools that the client may call, which alone a refusal proposes; all if it is None.
 
     Raises:
         InputNeeded: the tool has a question that only the next attempt of the call can answer.
@@ -58,7 +102,38 @@ async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> Ca
         error = as_told(raised, spec.name)
         if isinstance(error, UnexpectedFailure):
             logger.error("incident %s:\n%s", error.incident, error.details)  # noqa: TRY400 - it holds the traceback
-        return refusal(error)
+        return refusal(error, _next_call(error, spec, given, offered))
+
+
+def _next_call(
+    error: PlannerForgeError, spec: ToolSpec, given: Mapping[str, Any], offered: Mapping[str, ToolSpec] | None
+) -> NextCall | None:
+    """The first call that an error proposes, that the client may make, and that has valid arguments; None if none is.
+
+    Of a corrected call it is looked whether its arguments are valid, not yet whether it can be carried out.
+    """
+    tools = {tool.name: tool for tool in TOOLS} if offered is None else offered
+    read = read_loosely(spec.arguments_type, given).values
+    for remedy in (*error.remedies, *(_LOOKS.get(spec.name, ()) if isinstance(error, InvalidRequest) else ())):
+        following = followed(remedy, spec.name, read)
+        if following is None or following.tool not in tools:
+            continue
+        try:
+            arguments = read_arguments(tools[following.tool].arguments_type, following.arguments)
+        except PlannerForgeError:
+            continue
+        written = _as_written(arguments.model_dump(mode="json", exclude_unset=True))
+        return replace(following, arguments=written, changed=following.changed and dict(differences(read, written)))
+    return None
+
+
+def _as_written(value: Any) -> Any:
+    """The same with whole numbers without a fraction."""
+    if isinstance(value, dict):
+        return {name: _as_written(part) for name, part in value.items()}
+    if isinstance(value, list):
+        return [_as_written(part) for part in value]
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _with_view(result: CallToolResult, call: ToolCall) -> CallToolResult:
@@ -170,9 +245,20 @@ def _shown_images(result: ImageAnswer, most_bytes: int) -> tuple[list[ImageConte
     return shown, len(result.images) - len(shown)
 
 
-def refusal(error: PlannerForgeError) -> CallToolResult:
-    """Return an error as a result: its text holds code, message, valid values and next step."""
-    return CallToolResult(content=[TextContent(type="text", text=printable(error.text))], is_error=True)
+NEXT_CALL_KEY = "plannerforge/next_call"
+"""In the metadata of a refusal: the call that its text proposes, as ``{"tool": …, "arguments": …}``."""
+
+
+def refusal(error: PlannerForgeError, following: NextCall | None = None) -> CallToolResult:
+    """Return an error as a result: its text holds code, message, valid values and next step.
+
+    The next step is a call if there is one that helps; programs find it in the metadata.
+    """
+    text = printable(error.told(following))
+    meta = None
+    if following is not None:
+        meta = {NEXT_CALL_KEY: {"tool": following.tool, "arguments": dict(following.arguments)}}
+    return CallToolResult(content=[TextContent(type="text", text=text)], is_error=True, _meta=meta)
 
 
 def _printable_parts(value: Any) -> Any:

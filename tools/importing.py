@@ -18,9 +18,9 @@ from ..engine.execution import Job, JobProgress, OnProgress
 from ..engine.maps import MAP_ENDINGS, is_binary, is_net, root_element
 from ..engine.workspace import Recipe
 from ..schemas.artifacts import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
-from ..schemas.errors import InvalidRequest, PlannerForgeError, UnexpectedFailure, as_told
+from ..schemas.errors import InvalidRequest, PlannerForgeError, UnexpectedFailure, as_told, closest, misspelt
 from ..schemas.jobs import JobState
-from ..schemas.text import one_line, quoted
+from ..schemas.text import is_utf8, one_line, quoted
 from .call import ToolCall
 from .configurations import import_configuration
 from .maps import import_map, known_country
@@ -128,18 +128,29 @@ def _country(arguments: ImportFilesArguments, files: Sequence[tuple[Path, _Impor
 def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, _ImportKind]]:
     path = call.allowed_path(arguments.path)
     if not path.exists():
-        raise InvalidRequest(f"{quoted(arguments.path)} does not exist", next_step="name a file or folder that does")
+        beside = [entry.name for entry in sorted(path.parent.iterdir())] if path.parent.is_dir() else []
+        near = closest(path.name, beside) if path.name else []
+        raise InvalidRequest(
+            f"{quoted(arguments.path)} does not exist",
+            valid=near,
+            next_step="name a file or folder that does",
+            remedies=misspelt(path.name, near),
+        )
     if path.is_file():
         return [(path, _kind(path, arguments.kind))]
     wanted = [suffix for suffix, kind in _SUFFIXES.items() if arguments.kind in ("auto", kind)]
     paths = sorted(entry for entry in path.rglob("*") if entry.name.lower().endswith(tuple(wanted)) and entry.is_file())
-    paths = [entry for entry in paths if not call.workspace.owns(entry)]
+    paths = [entry for entry in paths if is_utf8(str(entry)) and not call.workspace.owns(entry)]
     if arguments.kind != "map":  # networks lie beside scenarios; they are taken in where maps are asked for
         paths = [entry for entry in paths if not is_net(entry)]
     if arguments.kind != "auto":
         paths = [entry for entry in paths if _kind_of(entry, arguments.kind) == arguments.kind]
     if not paths:
-        raise InvalidRequest(f"{quoted(arguments.path)} holds no file to import", valid=[f"*{end}" for end in wanted])
+        passed_over = _passed_over(call, arguments, ())
+        raise InvalidRequest(
+            f"{quoted(arguments.path)} holds no file to import{f'; {passed_over}' if passed_over else ''}",
+            valid=[f"*{end}" for end in wanted],
+        )
     if len(paths) > _MOST_FILES:
         raise InvalidRequest(
             f"{quoted(arguments.path)} holds {len(paths):,} files; at most {_MOST_FILES:,} are taken in by one call",
@@ -155,17 +166,19 @@ def _passed_over(call: ToolCall, arguments: ImportFilesArguments, files: Sequenc
         return ""
     taken = {entry for entry, _ in files}
     others = islice((entry for entry in path.rglob("*") if entry not in taken and entry.is_file()), _MOST_COUNTED)
-    kinds = Counter(
-        one_line(entry.suffix.lower())[:_LONGEST_ENDING] or "without ending"
-        for entry in others
-        if not call.workspace.owns(entry)
-    )
+    kinds = Counter(_kind_in_words(entry) for entry in others if not call.workspace.owns(entry))
     if not kinds:
         return ""
     shown = ", ".join(f"{ending} {count}" for ending, count in kinds.most_common(_KINDS_SHOWN))
     more = f", other kinds {sum(kinds.values()) - sum(count for _, count in kinds.most_common(_KINDS_SHOWN))}"
     protobuf = f"; {_PROTOBUF}" if kinds[PROTOBUF_ENDING] else ""
     return f"passed over: {shown}{more if len(kinds) > _KINDS_SHOWN else ''}{protobuf}"
+
+
+def _kind_in_words(path: Path) -> str:
+    if not is_utf8(str(path)):
+        return "names that are not UTF-8"
+    return one_line(path.suffix.lower())[:_LONGEST_ENDING] or "without ending"
 
 
 _KINDS_SHOWN, _LONGEST_ENDING, _MOST_COUNTED = 6, 12, 50_000
@@ -186,7 +199,7 @@ def _kind(path: Path, wanted: str) -> _ImportKind:
             f"{quoted(path.name)} is of no kind that can be imported", valid=[f"*{end}" for end in _SUFFIXES]
         )
     if wanted not in ("auto", known):
-        raise InvalidRequest(f"{quoted(path.name)} is a {known}, not a {wanted}", valid=[known, "auto"])
+        raise InvalidRequest(f"{quoted(path.name)} is a {known}, not a {wanted}", valid=[known, "auto"], given=wanted)
     return known
 
 

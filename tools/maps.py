@@ -16,6 +16,7 @@ from ..engine.maps import (
     is_binary,
     is_large,
     is_map,
+    is_net,
     named_by_content,
     stored_name,
     unpacked,
@@ -24,7 +25,7 @@ from ..engine.workspace import Artifact, Recipe
 from ..schemas.artifacts import ImportedItem
 from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnsafeInput, WorkerFailure
 from ..schemas.generation import MAP_FACTS_VERSION, ConvertMapRequest, MapFacts, ReadMapRequest
-from ..schemas.text import counted, one_line
+from ..schemas.text import counted, is_utf8, one_line
 from .call import ToolCall
 from .extracts import KnownAs, extract_index, map_recipe, start_indexing, told_of
 from .operations import CONVERT_MAP, CONVERT_ROADS, READ_MAP
@@ -106,12 +107,18 @@ def map_entry(call: ToolCall, artifact: Artifact) -> MapEntry:
 def _files(folder: Path) -> tuple[list[Path], list[str]]:
     """The map files of a folder, and notes on what is wrong with the folder."""
     try:
-        paths = sorted(entry for entry in folder.iterdir() if is_map(entry) and entry.is_file())
+        found = sorted(entry for entry in folder.iterdir() if is_map(entry) and entry.is_file())
     except OSError as error:
         return [], [f"the map folder {one_line(folder.name)} cannot be read: {error.strerror}"]
-    surplus = len(paths) - _MOST_FILES
-    left_out = f"{surplus} files of the map folder {one_line(folder.name)} were left out: {_MOST_FILES} are read"
-    return paths[:_MOST_FILES], [left_out] if surplus > 0 else []
+    paths = [path for path in found if is_utf8(str(path))]
+    notes = []
+    if len(paths) < len(found):
+        unnamed = counted(len(found) - len(paths), "file")
+        notes.append(f"{unnamed} of the map folder {one_line(folder.name)} left out: the names are not UTF-8")
+    if len(paths) > _MOST_FILES:
+        surplus = counted(len(paths) - _MOST_FILES, "file")
+        notes.append(f"{surplus} of the map folder {one_line(folder.name)} left out: {_MOST_FILES} are read")
+    return paths[:_MOST_FILES], notes
 
 
 def _left_out(path: Path, file: SeenFile) -> str:
@@ -233,7 +240,7 @@ async def _plain(call: ToolCall, path: Path, folder: Path) -> tuple[Path | None,
         return None if converted.too_large else Path(converted.path), converted.lost
     packed = await anyio.to_thread.run_sync(unpacked, path, folder)
     plain = await anyio.to_thread.run_sync(named_by_content, packed, folder)
-    if await anyio.to_thread.run_sync(foreign_format, plain) is None:
+    if not is_net(plain) and await anyio.to_thread.run_sync(foreign_format, plain) is None:
         return plain, ()
     converted = await call.run(CONVERT_ROADS, ConvertMapRequest(path=str(plain), folder=str(folder)))
     return Path(converted.path), converted.lost

@@ -2,10 +2,12 @@
 
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from ..engine.catalog import open_catalogue
 from ..engine.commonroad import derived_benchmark_id
 from ..engine.workspace import Artifact, Recipe, versions_of
-from ..schemas.errors import InvalidRequest, NotPossible
+from ..schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, followed
 from ..schemas.grammar import parse_selector
 from ..schemas.modification import (
     AMBIGUOUS_VEHICLE,
@@ -22,21 +24,49 @@ from .scenario_storage import store_scenario
 from .scenarios import one_scenario
 
 _TOOL = "modify_scenario"
+_MOST_TRIED = 4
+"""What a refusal proposes and is tried, each for as long as the edit itself takes; chosen."""
 _MOST_QUESTIONS = 5
 """Questions of one call; chosen: whoever names more vehicles by unclear words better looks at the scenario first."""
 
 
 async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) -> ModifyScenarioResult:
     """Edit a scenario; where words fit several vehicles, the person at the client may say which one is meant."""
-    for _ in range(_MOST_QUESTIONS):
+    try:
+        for _ in range(_MOST_QUESTIONS):
+            try:
+                return await _modified(arguments, call)
+            except NotPossible as refusal:
+                meant = await _with_vehicle_meant(refusal, arguments, call)
+                if meant is None:
+                    raise
+                arguments = meant
+        return await _modified(arguments, call)
+    except InvalidRequest as refusal:
+        await _keep_what_helps(refusal, arguments, call)
+        raise
+
+
+async def _keep_what_helps(refusal: InvalidRequest, arguments: ModifyScenarioArguments, call: ToolCall) -> None:
+    """Try what a refusal proposes without storing anything, and leave the first that is carried out, or none.
+
+    If none of them is, the refusal proposes to look at what an edit is written from.
+    """
+    given = arguments.model_dump(mode="json", exclude_unset=True)
+    looks = [remedy for remedy in refusal.remedies if remedy.tool]
+    changing = [remedy for remedy in refusal.remedies if not remedy.tool]
+    for remedy in changing[:_MOST_TRIED]:
+        following = followed(remedy, _TOOL, given)
+        if following is None:
+            continue
         try:
-            return await _modified(arguments, call)
-        except NotPossible as refusal:
-            meant = await _with_vehicle_meant(refusal, arguments, call)
-            if meant is None:
-                raise
-            arguments = meant
-    return await _modified(arguments, call)
+            tried = ModifyScenarioArguments.model_validate(following.arguments)
+            await _modified(tried.model_copy(update={"dry_run": True}), call)
+        except (PlannerForgeError, ValidationError):
+            continue
+        refusal.remedies = (remedy,)
+        return
+    refusal.remedies = tuple(looks)
 
 
 async def _with_vehicle_meant(

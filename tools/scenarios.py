@@ -13,7 +13,7 @@ from ..engine.catalog import MOST_ENTRIES, Postings, Search, entries_of, open_ca
 from ..engine.generation import PlanRows
 from ..engine.workspace import Artifact
 from ..schemas.catalog import FindScenariosArguments, SearchRecord
-from ..schemas.errors import Faults, InvalidRequest, NotPossible, UnknownName
+from ..schemas.errors import Faults, InvalidRequest, NotPossible, UnknownName, instead
 from ..schemas.scenarios import (
     DescribeRequest,
     DescribeScenarioArguments,
@@ -107,7 +107,11 @@ def one_scenario(word: str, call: ToolCall) -> tuple[Artifact, int | None]:
         return artifact, None
     known = [ego.problem_id for ego in artifact.read(ScenarioRecord).facts.egos]
     if not re.fullmatch(r"\d+", problem) or int(problem) not in known:
-        raise UnknownName(f"{artifact.artifact_id} has no planning problem '{problem}'", valid=known)
+        raise UnknownName(
+            f"{artifact.artifact_id} has no planning problem '{problem}'",
+            valid=known,
+            remedies=[instead(word, scenario)],
+        )
     return artifact, int(problem)
 
 
@@ -163,7 +167,7 @@ def _preset(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]
     """The first N scenarios with a planning problem, in an order that looks random but is always the same."""
     number = word.removeprefix("preset:")
     if not re.fullmatch(r"\d+", number) or not 1 <= int(number) <= _LARGEST_PRESET:
-        raise InvalidRequest(f"'{word}' names no size", valid=[f"preset:{size}" for size in _PRESET_SIZES])
+        raise InvalidRequest(f"'{word}' names no size", valid=[f"preset:{size}" for size in _PRESET_SIZES], given=word)
     stored = call.workspace.newest(kind="scenario", limit=100_000)
     runnable = [artifact.artifact_id for artifact in stored if artifact.read(ScenarioRecord).facts.egos]
     ordered = sorted(runnable, key=lambda key: hashlib.sha256(key.encode()).hexdigest())

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Sequence
 
-from ...schemas.errors import InvalidRequest, UnknownName, closest
+from ...schemas.errors import InvalidRequest, UnknownName, closest, with_values
 from ...schemas.grammar import Condition, Interval, parse_condition
+from ...schemas.measures import metric_meant
 from ...schemas.runs import RunRecord, configuration_id
 from ..commonroad import parse_benchmark_id
 from .run_set import METRICS, MetricSpec, RunSet
@@ -78,7 +79,7 @@ def window_of(conditions: Sequence[str]) -> tuple[tuple[str, ...], Interval | No
 
 
 def _test(runs: RunSet, condition: Condition, text: str) -> Callable[[RunRecord], bool]:
-    name = condition.name
+    name = metric_meant(condition.name)
     if name in _WORDS:
         if condition.value is None:
             raise InvalidRequest(f"'{text}' compares {name}, which is a word", valid=[f"{name}=…"])
@@ -97,8 +98,10 @@ def _test(runs: RunSet, condition: Condition, text: str) -> Callable[[RunRecord]
 
 
 def _word_test(runs: RunSet, name: str, value: str) -> Callable[[RunRecord], bool]:
-    wanted = value.casefold()
+    wanted = {part.strip().casefold() for part in value.split("|")}
     words = {word for record in runs.records for word in _WORDS[name](record)}
-    if wanted not in {word.casefold() for word in words}:
-        raise UnknownName(f"no run here has {name} '{value}'", valid=closest(value, sorted(words)))
-    return lambda record: wanted in {word.casefold() for word in _WORDS[name](record)}
+    if wanted.isdisjoint(word.casefold() for word in words):
+        raise UnknownName(
+            f"no run here has {name} '{value}'", valid=closest(value, sorted(words)), remedies=[with_values(where=None)]
+        )
+    return lambda record: not wanted.isdisjoint(word.casefold() for word in _WORDS[name](record))

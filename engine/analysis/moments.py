@@ -34,6 +34,7 @@ from ...schemas.runs import (
     RunSteps,
     SeenCourse,
 )
+from ...schemas.text import RESOLUTION
 from ..commonroad import Track, kept_recording
 from ..criticality import encounters, gaps_m, times_to_collision_s
 from ..execution import ProgressReporter
@@ -55,6 +56,8 @@ _SAME_RAD, _AGAINST_RAD = math.pi / 4, 3 * math.pi / 4
 """Chosen as in the criticality figures: headings that differ by less, or by more, are of one or of opposite ways."""
 _STANDING_MPS = 0.1
 """Slower than this is standing, as in the time headway."""
+_ROUNDING_M = 1e-6
+"""Motion across by less is left by rounding: a straight drive has none."""
 _CAME_IN_S = 3.0
 """Chosen: who was in the way for longer did not cut in. UN Regulation 157 and most cut-in studies look at 1 to 3 s."""
 _BRAKING_MPS2 = -1.0
@@ -398,10 +401,12 @@ class _Drive:
             return heading, None
         if sides[0] == "rear" or (sides[1] == "front" and sides[0] != "front"):
             came = self._came_in(index, ahead=(self._ego, index), behind=(other, at))
-            return ("rear_end_by_other" if came is None else "cut_in_by_ego"), came
+            kind: ContactKind = "rear_end_by_other" if sides[0] == "rear" else "side"
+            return (kind if came is None else "cut_in_by_ego"), came
         if sides[0] == "front":
             came = self._came_in(index, ahead=(other, at), behind=(self._ego, index))
-            return ("rear_end_by_ego" if came is None else "cut_in"), came
+            kind = "rear_end_by_ego" if sides[1] == "rear" else "side"
+            return (kind if came is None else "cut_in"), came
         return "side", None
 
     def _came_in(self, index: int, *, ahead: tuple[Track, int], behind: tuple[Track, int]) -> float | None:
@@ -418,7 +423,10 @@ class _Drive:
         end = way[-1] + 100.0 * _along(float(rear.headings_rad[rear_at]))
         away = _distances(front.positions[front_at - back : front_at + 1], np.vstack([way, end]))
         outside = np.flatnonzero(away > (front.width_m + rear.width_m) / 2)
-        if not len(outside) or abs(_sideways_m(front, front_at, back)) <= abs(_sideways_m(rear, rear_at, back)):
+        if not len(outside):
+            return None
+        farther_m = abs(_sideways_m(front, front_at, back)) - abs(_sideways_m(rear, rear_at, back))
+        if farther_m <= _ROUNDING_M:
             return None
         return round((index - back + int(outside[-1]) + 1) * self._record.step_s, 9)
 
@@ -521,7 +529,7 @@ def _largest(motion: _Motion) -> Iterator[LargestMotion]:
         ("jerk", motion.jerk_mps3, "m/s³"),
     )
     for name, values, unit in series:
-        if len(values) and (most := float(values.max())) > 0:
+        if len(values) and (most := float(values.max())) >= RESOLUTION:
             yield LargestMotion(name=name, value=most, unit=unit, time_s=motion.time_s(int(values.argmax())))
 
 

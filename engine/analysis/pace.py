@@ -19,17 +19,7 @@ from ...schemas.errors import UnknownName
 from ...schemas.runs import PaceCode, PaceMoment, RunRecord, RunSteps
 from ..commonroad import Track, kept_recording, signs_of
 from ..criticality import SAME_DIRECTION_RAD
-from ..geometry import (
-    Points,
-    Values,
-    arc_length,
-    curvatures,
-    headings,
-    project_all,
-    project_along,
-    wrap_angle,
-    wrap_angles,
-)
+from ..geometry import Points, Values, arc_length, curvatures, headings, project_all, project_along, wrap_angles
 from ..planners import Goal, ReferencePath, goal_with_path
 from .ruled_drive import Ahead, RuledDrive, meeting_m
 from .run_set import RunSet, ego_track, tracks_in
@@ -72,10 +62,12 @@ LATERAL_MPS2 = 3.0
 STOP_SIGN_S = 3.0
 """As in CommonRoad's own monitor: how long a stop sign asks to stand."""
 SLOWER = 0.9
-"""Chosen: a vehicle ahead that is a tenth slower than the ego needs to be makes the ego late."""
-_AHEAD_M, _ASIDE_M, _ONTO_M = 80.0, 0.5, 4.0
-"""Chosen: how far the way continues after the driven end, how near to the ego's body another is in its way, and how far
-from the reference path an ego is on another way."""
+"""Chosen: a vehicle ahead that is a tenth slower than the ego needs to be makes the ego late. An ego that is more than
+a tenth slower than the vehicle ahead is not held up by it."""
+_AHEAD_M, _ASIDE_M, _ONTO_M, _APART_M = 80.0, 0.5, 4.0, 2.0
+"""Chosen: how far the way continues after the driven end, how near to the ego's body another is in its way, how far
+from the reference path an ego is on another way, and how far apart the driven way and its continuations are, so that
+they join without a kink."""
 
 
 def pace_of(runs: RunSet, record: RunRecord) -> tuple[PaceMoment, ...]:
@@ -146,7 +138,7 @@ def _onward(reference: ReferencePath, ego: Track) -> Points | None:
     if abs(float(offsets[-1])) > _ONTO_M:
         return None
     stations, here = arc_length(path), float(driven[-1])
-    return path[(stations > here + 2.0) & (stations < here + 2.0 + _AHEAD_M)]
+    return path[(stations > here + _APART_M) & (stations < here + _APART_M + _AHEAD_M)]
 
 
 @dataclass(frozen=True)
@@ -182,8 +174,19 @@ class _Cause:
 
 
 @dataclass(frozen=True)
+class _Course:
+    """Another by the ego's way, at each step since the ego's first: where, and whether it heads along the way.
+
+    Stations are those of the ego's way, negative behind its beginning, and NaN at steps without the other.
+    """
+
+    station_m: Values
+    along: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
 class _InWay:
-    """Another in the ego's way at some time: by step whether it is there, where, and whether it heads along it."""
+    """Another in the ego's way at some time: by step whether it is there, and its course."""
 
     track: Track
     inside: NDArray[np.bool_]
@@ -201,6 +204,7 @@ class _Pace:
         self._way = drive.path.positions
         self._along = arc_length(self._way)
         self._stations = self._along[: drive.count]
+        self._courses: dict[int, _Course] = {}
 
     def moments(self) -> tuple[PaceMoment, ...]:
         """Return all stretches, in order of their beginning."""
@@ -254,14 +258,18 @@ class _Pace:
             yield self._moment(cause, first + run[0], first + run[-1])
 
     def _followed(self) -> Iterator[PaceMoment]:
-        """Yield where a slower vehicle was ahead within the time gap that a follower keeps, while the ego drove."""
+        """Yield where a slower vehicle was ahead within the time gap that a follower keeps, while the ego drove.
+
+        A vehicle that pulls away from the ego does not hold it up, however near it is.
+        """
         wanted = self.wanted_mps
         slow = np.zeros(self._drive.count, dtype=bool)
         ids = np.full(self._drive.count, -1)
         for index in range(self._drive.count):
             leader = self._leader(index)
             if leader is not None and self._follows(index, leader) and leader.speed_mps[index] < SLOWER * wanted:
-                slow[index] = self._speeds[index] >= STANDING_MPS
+                keeps_up = self._speeds[index] >= SLOWER * leader.speed_mps[index]
+                slow[index] = keeps_up and self._speeds[index] >= STANDING_MPS
                 ids[index] = leader.obstacle_id
         for first, last in _stretches(slow):
             if (last - first) * self._step_s >= START_UP_S - 1e-9:
@@ -455,16 +463,49 @@ class _Pace:
         return line is not None and self._stops(line, index) and self._before_m(line, index) > gap
 
     def _is_behind(self, obstacle_id: int, index: int) -> bool:
-        """Return whether another drives behind the ego in its direction, if it is there."""
-        track = self._drive.others[obstacle_id]
-        at = track.index_at(self._ego.first_step + index)
-        if at is None:
-            return False
-        heading = float(self._ego.headings_rad[index])
-        away = track.positions[at] - self._ego.positions[index]
-        turned = abs(wrap_angle(float(track.headings_rad[at]) - heading))
-        behind = float(away @ np.array([math.cos(heading), math.sin(heading)])) < 0
-        return behind and turned < SAME_DIRECTION_RAD
+        """Return whether another follows: it is behind the ego by the ego's way and heads along that way there."""
+        course = self._course(obstacle_id)
+        return bool(course.along[index]) and float(course.station_m[index]) < float(self._stations[index])
+
+    def _course(self, obstacle_id: int) -> _Course:
+        """Return the course of another until some time after the run."""
+        if obstacle_id not in self._courses:
+            self._courses[obstacle_id] = self._course_of(self._drive.others[obstacle_id])
+        return self._courses[obstacle_id]
+
+    def _course_of(self, track: Track) -> _Course:
+        import shapely
+
+        shift = track.first_step - self._ego.first_step
+        first, last = max(shift, 0), min(shift + len(track.positions), self._looked_at)
+        station, along = np.full(self._looked_at, np.nan), np.zeros(self._looked_at, dtype=bool)
+        points, begins_m = self._way_from_behind
+        if first < last and len(points) > 1:
+            theirs = slice(first - shift, last - shift)
+            located = shapely.line_locate_point(shapely.LineString(points), shapely.points(track.positions[theirs]))
+            directions, stations = headings(points), arc_length(points)
+            segment = np.clip(np.searchsorted(stations, located, side="right") - 1, 0, len(directions) - 1)
+            turned = wrap_angles(track.headings_rad[theirs] - directions[segment])
+            station[first:last], along[first:last] = located + begins_m, np.abs(turned) < SAME_DIRECTION_RAD
+        return _Course(station, along)
+
+    @cached_property
+    def _looked_at(self) -> int:
+        """How many steps since the ego's first the others are looked at: some time after the run too."""
+        return self._ego.last_step + round(CRITICAL_HEADWAY_S / self._step_s) - self._ego.first_step + 1
+
+    @cached_property
+    def _way_from_behind(self) -> tuple[Points, float]:
+        """The ego's way with the route behind its beginning, where followers drive; and the first point's station."""
+        if self._reference is None:
+            return self._way, 0.0
+        path = self._reference.points
+        start_m, offset_m = self._reference.follower().place(self._ego.positions[0])
+        behind = path[arc_length(path) < start_m - _APART_M]
+        if not len(behind) or abs(offset_m) > _ONTO_M:
+            return self._way, 0.0
+        points = np.concatenate([behind, self._way])
+        return points, -float(arc_length(points)[len(behind)])
 
     @cached_property
     def _in_way(self) -> list[_InWay]:
@@ -472,35 +513,29 @@ class _Pace:
         import shapely
 
         line = shapely.LineString(self._way) if len(self._way) > 1 and self._along[-1] > 0 else None
-        last = self._ego.last_step + round(CRITICAL_HEADWAY_S / self._step_s)
+        last = self._ego.first_step + self._looked_at - 1
         found: list[_InWay] = []
         if line is None:
             return found
         reach = self._ego.width_m / 2 + _ASIDE_M
         low, high = self._way.min(axis=0) - reach, self._way.max(axis=0) + reach
-        directions = headings(self._way)
         for track in self._drive.others.values():
             if len(track.positions) < 2:
                 continue
             begin, end = max(self._ego.first_step - track.first_step, 0), last - track.first_step + 1
-            positions, turned = track.positions[begin:end], track.headings_rad[begin:end]
+            positions = track.positions[begin:end]
             margin = math.hypot(*track.size_m) / 2
             near = ((positions >= low - margin) & (positions <= high + margin)).all(axis=1)
             if not near.any():
                 continue
-            steps = np.arange(last - self._ego.first_step + 1) + self._ego.first_step
-            inside, station = np.zeros(len(steps), dtype=bool), np.full(len(steps), np.nan)
-            along = np.zeros(len(steps), dtype=bool)
             at = np.flatnonzero(near) + begin
             corners = np.array([track.corners_at(int(index)) for index in at])
-            touching = shapely.distance(line, shapely.polygons(corners)) <= reach
+            inside = np.zeros(self._looked_at, dtype=bool)
             place = at + track.first_step - self._ego.first_step
-            inside[place] = touching
-            station[place] = shapely.line_locate_point(line, shapely.points(track.positions[at]))
-            segment = np.clip(np.searchsorted(self._along, station[place], side="right") - 1, 0, len(directions) - 1)
-            along[place] = np.abs(wrap_angles(turned[at - begin] - directions[segment])) < SAME_DIRECTION_RAD
+            inside[place] = shapely.distance(line, shapely.polygons(corners)) <= reach
             if inside.any():
-                found.append(_InWay(track, inside, station, along))
+                course = self._course(track.obstacle_id)
+                found.append(_InWay(track, inside, course.station_m, course.along))
         return found
 
     def _who_crosses(self, index: int) -> int | None:

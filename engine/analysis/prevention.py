@@ -175,11 +175,8 @@ class _Encounters:
             )
 
     def _full_braking(self, start: DriverStart, scene: DriverScene) -> DriverVerdict:
-        """Return the latest moment at which full braking keeps clear of the one that was hit, tried one by one."""
-        latest = next(
-            (step for step in range(self._last, -1, -1) if scene.is_clear_of_met(scene.drive(FullBraking(), step))),
-            None,
-        )
+        """Return the latest moment from which full braking prevents the collision; each moment is tried."""
+        latest = next((step for step in range(self._last, -1, -1) if scene.prevents(FullBraking(), step)), None)
         return DriverVerdict(
             driver="full_braking",
             start=start,

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.errors import InvalidRequest, NotPossible, with_values
 from ...schemas.results import (
     AnalyseRequest,
     AnalysisDetail,
@@ -58,17 +58,28 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
     conditions, window = window_of(request.where)
     runs = matching(RunSet(request.runs, request.configs, request.scenarios, request.lineage), conditions)
     if not runs.sources:
-        raise NotPossible(f"no run meets {', '.join(request.where) or 'the request'}", next_step="drop a condition")
+        raise NotPossible(
+            f"no run meets {', '.join(request.where) or 'the request'}",
+            next_step="drop a condition",
+            remedies=[with_values(where=None)],
+        )
     detail: AnalysisDetail = request.detail
     if detail == "measures" and not runs.valid:
         raise NotPossible("none of the runs could be attempted, so there is nothing to measure")
     if window is not None and detail != "timeline":
-        raise InvalidRequest("time_s narrows a timeline only", next_step="add detail=timeline, for one run")
+        raise InvalidRequest(
+            "time_s narrows a timeline only",
+            next_step="add detail=timeline, for one run",
+            remedies=[
+                with_values(detail="timeline", results=[record.run_id]) for record in (*runs.failures, *runs.successes)
+            ][:1],
+        )
     if detail == "timeline" and len(runs.sources) > 1:
         raise NotPossible(
             f"a timeline shows one run, these are {len(runs.sources)}",
             valid=[record.run_id for record in (*runs.failures, *runs.successes)],
             next_step="name one run in results",
+            remedies=[with_values(results=[record.run_id]) for record in (*runs.failures, *runs.successes)][:1],
         )
     if detail == "rows" and request.offset >= len(runs.sources) > 1:
         raise InvalidRequest(

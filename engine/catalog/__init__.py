@@ -14,6 +14,7 @@
 ``known_places``: The countries and the places of the catalogue's scenarios, each with its country.
 ``Postings``: The entries that conditions hold for, kept in memory while the catalogue stays as it is.
 ``Ranking``: Scenario ids by likeness of their text, best first, with their scores.
+``manoeuvres_in``: The manoeuvres that a text speaks of, such as ``cut_in:truck``.
 ``Search``: A search against the tables of the catalogue, with its answer.
 ``entries_of``: The entries of these numbers by their ids.
 ``ARCHIVE``: The name of the archive with the starter scenarios.
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from .facets import scenario_facets
     from .intake import ID_TAKEN, ReadFile, ScenarioIntake, net_beside, put_scenario
     from .ranking import build_index, rank
+    from .said import manoeuvres_in
     from .search import Ranking, Search, entries_of
     from .starter import ARCHIVE, open_catalogue, starter_files
     from .tables import MOST_ENTRIES, add_facts, descriptions, facts_of, is_ready, listed_version, prepare, refresh

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from ...schemas.catalog import FindScenariosArguments, Stage
-from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest
-from ...schemas.grammar import Condition, Interval, parse_condition, parse_interval
+from ...schemas.errors import Faults, InvalidRequest, UnknownName, calling, closest
+from ...schemas.grammar import Condition, Interval, parse_condition, parse_interval, scope_first
 from ...schemas.text import one_line
 from ...schemas.vocabulary import (
     CIRCUMSTANCES,
@@ -123,8 +123,8 @@ def constraints_of(
     makers: list[tuple[Callable[[str], Constraint], str]] = [
         *((partial(_taken, "tags", with_circumstances), text) for text in arguments.tags),
         *((partial(_taken, "features", with_circumstances), text) for text in arguments.features),
-        *((partial(_taken, "road_net", with_circumstances), text) for text in arguments.road_net),
-        *((partial(_taken, "obstacles", with_circumstances), text) for text in arguments.obstacles),
+        *((partial(_any_of, "road_net", with_circumstances), text) for text in arguments.road_net),
+        *((partial(_any_of, "obstacles", with_circumstances), text) for text in arguments.obstacles),
     ]
     constraints, faults = list(location), Faults()
     for make, text in makers:
@@ -138,6 +138,34 @@ def constraints_of(
             constraints.append(_ego_speed(arguments.ego_speed))
     faults.raise_all()
     return tuple(constraints)
+
+
+def _any_of(argument: str, with_circumstances: bool, text: str) -> Constraint:
+    """The condition of an argument; of conditions that stand between ``|`` one has to hold, or none behind a ``!``.
+
+    Raises:
+        UnknownName: a word of no vocabulary.
+        InvalidRequest: one of them is malformed, or denies by itself.
+    """
+    parts = text.strip().removeprefix("!").split("|")
+    if len(parts) == 1:
+        return _taken(argument, with_circumstances, text)
+    read = [_taken(argument, with_circumstances, part.strip()) for part in parts]
+    # What a negated condition selects are the scenarios that do not hold it.
+    every = "SELECT number FROM catalog_scenarios"
+    queries = [f"{every} WHERE number NOT IN ({one.query})" if one.negated else one.query for one in read]
+    negated = text.strip().startswith("!")
+    return Constraint(
+        read[0].stage,
+        read[0].subject,
+        ("!" if negated else "") + "|".join(one.label for one in read),
+        f"SELECT number FROM ({' UNION '.join(queries)}) WHERE 1",  # noqa: S608 - queries of ours
+        tuple(value for one in read for value in one.values),
+        negated,
+        tuple(word for one in read for word in one.words),
+        everywhere=any(one.everywhere for one in read),
+        note=" ".join(one.note for one in read if one.note),
+    )
 
 
 def _taken(argument: str, with_circumstances: bool, text: str) -> Constraint:
@@ -224,6 +252,7 @@ def _feature(text: str) -> Constraint:
 
 
 def _road_net(text: str) -> Constraint:
+    text = scope_first(text)
     name = _name(
         _parse_name(text), ROAD_NET_KEYS, _ROAD_NET_WORDS, "road_net key", "describe_catalog lists the road_net keys"
     )
@@ -335,7 +364,9 @@ def _operators(text: str) -> str:
 
 def _refuse_without_unit(text: str, name: str, valid: list[str]) -> None:
     if not any(letter.isalpha() for letter in text.rpartition("=")[2].lstrip("<>").replace("speed_limit", "")):
-        raise InvalidRequest(f"'{text}' gives {name} without a unit", valid=valid, next_step="say km/h, m/s or mph")
+        raise InvalidRequest(
+            f"'{text}' gives {name} without a unit", valid=valid, next_step="say km/h, m/s or mph", given=text
+        )
 
 
 def _scope(condition: Condition, allowed: tuple[str, ...]) -> str:
@@ -399,21 +430,28 @@ def location_constraints(connection: sqlite3.Connection, country: str | None, ci
     """
     constraints = []
     if country is not None:
-        code = country_code(country)
-        if code is None:
-            raise UnknownName(
-                f"'{country}' is no country",
-                valid=closest(country, known_places(connection).countries),
-                next_step="give the ISO 3166-1 alpha-3 code, ZAM for artificial networks",
-            )
-        query = "SELECT number FROM catalog_scenarios WHERE country = ?"
-        constraints.append(Constraint("location", "country", f"country {code}", query, (code,)))
+        codes = tuple(dict.fromkeys(_country_code(connection, part.strip()) for part in country.split("|")))
+        holes = ", ".join("?" * len(codes))
+        query = f"SELECT number FROM catalog_scenarios WHERE country IN ({holes})"  # noqa: S608 - only ? marks
+        constraints.append(Constraint("location", "country", f"country {'|'.join(codes)}", query, codes))
     if city is not None:
-        keys = _keys_of_place(connection, city)
+        keys = tuple(sorted({key for part in city.split("|") for key in _keys_of_place(connection, part.strip())}))
         holes = ", ".join("?" * len(keys))
         query = f"SELECT DISTINCT number FROM catalog_words WHERE kind = 'place' AND word IN ({holes})"  # noqa: S608 - only ? marks
         constraints.append(Constraint("location", "city", f"city {one_line(city)}", query, keys))
     return constraints
+
+
+def _country_code(connection: sqlite3.Connection, country: str) -> str:
+    code = country_code(country)
+    if code is None:
+        raise UnknownName(
+            f"'{country}' is no country",
+            valid=closest(country, known_places(connection).countries),
+            next_step="give the ISO 3166-1 alpha-3 code, ZAM for artificial networks",
+            remedies=[calling("describe_catalog", facet="places")],
+        )
+    return code
 
 
 def _keys_of_place(connection: sqlite3.Connection, city: str) -> tuple[str, ...]:
@@ -471,6 +509,10 @@ def feature_constraint(name: str) -> Constraint:
     return _word_constraint("feature", name, _feature_name)
 
 
+_FACETS = {"tag": "tags", "feature": "features", "road_net key": "road_net", "obstacle type": "obstacles"}
+"""What lists the names of each kind, as a facet of describe_catalog."""
+
+
 def _name(word: str, known: Iterable[str], everyday: dict[str, str], what: str, next_step: str) -> str:
     """The name of the vocabulary that a word means, or an UnknownName with the nearest names."""
     names = list(known)
@@ -479,7 +521,12 @@ def _name(word: str, known: Iterable[str], everyday: dict[str, str], what: str, 
     for spelling in (key, key.removesuffix("s")):
         if spelling in by_key:
             return by_key[spelling]
-    raise UnknownName(f"'{word.strip()}' is no {what}", valid=closest(word, names), next_step=next_step)
+    raise UnknownName(
+        f"'{word.strip()}' is no {what}",
+        valid=closest(word, names),
+        next_step=next_step,
+        remedies=[calling("describe_catalog", facet=facet) for name, facet in _FACETS.items() if name == what],
+    )
 
 
 def _stems(text: str) -> set[str]:

@@ -10,31 +10,35 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from ...schemas.text import one_line
+from ...schemas.vocabulary import MANOEUVRES
 from .bm25 import words_of
 from .constraints import Constraint, feature_constraint, obstacle_type_of
 
 _NEAR_WORDS = 4
 """Words before or behind a manoeuvre among which its road user or a denial stands, at most (chosen)."""
 _DENIALS = frozenset({"no", "not", "without", "never", "nobody", "avoid"})
-_FRONT = r"(?:lead|leader|leading|ahead|preceding|in front)"
+_FRONT = r"\b(?:lead|leader|leading|ahead|preceding|in front)\b"
+_BRAKES, _TURNS = r"\bbrak(?:e|es|ing)\b", r"\bturn(?:s|ing)?\b"
+_BETWEEN = r"[\w\s-]{0,20}"
+"""Up to three words between two that belong together."""
 _SAID: tuple[tuple[str, str, bool], ...] = (
     ("cut_in", r"\bcut(?:s|ting)?[\s-]?ins?\b", False),
     ("cut_out", r"\bcut(?:s|ting)?[\s-]?outs?\b", False),
     ("overtaking", r"\bovert(?:ak(?:e|es|ing|en)|ook)\b", False),
     ("unprotected_left", r"\bunprotected\s+left\b", False),
-    ("lead_brakes_hard", rf"\b{_FRONT}\b[\w\s-]{{0,20}}\bbrak(?:e|es|ing)\b(?:\s+\w*ly|\s+hard)?", False),
-    ("lead_brakes_hard", rf"\b(?:hard|sudden|harsh)\s+braking\b(?:\s+(?:of|by)\b[\w\s-]{{0,12}}\b{_FRONT}\b)?", False),
-    ("lead_brakes_hard", rf"\bbraking\s+(?:of|by)\b[\w\s-]{{0,12}}\b{_FRONT}\b", False),
-    ("oncoming_turns", r"\boncoming\b[\w\s-]{0,20}\bturn(?:s|ing)?\b", False),
+    ("lead_brakes_hard", rf"{_FRONT}{_BETWEEN}{_BRAKES}(?:\s+\w*ly|\s+hard)?", False),
+    ("lead_brakes_hard", rf"\b(?:hard|sudden|harsh)\s+{_BRAKES}(?:\s+(?:of|by)\b{_BETWEEN}{_FRONT})?", False),
+    ("lead_brakes_hard", rf"{_BRAKES}\s+(?:of|by)\b{_BETWEEN}{_FRONT}", False),
+    ("oncoming_turns", rf"\boncoming\b{_BETWEEN}{_TURNS}", False),
     ("ego_turns_back", r"\bu[\s-]?turns?\b", False),
-    ("ego_turns_left", r"\bego\b[\w\s-]{0,12}\bturn(?:s|ing)?\s+left\b", False),
-    ("ego_turns_right", r"\bego\b[\w\s-]{0,12}\bturn(?:s|ing)?\s+right\b", False),
+    ("ego_turns_left", rf"\bego\b{_BETWEEN}{_TURNS}\s+left\b", False),
+    ("ego_turns_right", rf"\bego\b{_BETWEEN}{_TURNS}\s+right\b", False),
     ("merging", r"\bmerg(?:e|es|ing)\b(?!\s+lanes?\b)", True),
     ("crossing", r"\bcross(?:es\b|ing\b(?=\s+(?:the|its|our|ahead|before|from|in\s+front)\b))", True),
 )
-"""Feature, how English speaks of it, and whether a road user has to be named: roads merge and are crossings, too."""
+"""Features, how English speaks of each, and whether a road user must be named: roads merge and are crossings, too."""
 _ROAD_USERS = frozenset({"vehicle", "vehicles", "traffic", "someone", "people", "person", "road-user", "actor"})
-_TYPED = ("cut_in", "cut_out", "overtaking", "lead_brakes_hard", "merging", "crossing", "oncoming_turns")
+_WORD = re.compile(r"[^\W\d_]+")
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,11 @@ class SaidConditions:
 
     constraints: tuple[Constraint, ...]
     rest: str
+
+
+def manoeuvres_in(text: str) -> tuple[str, ...]:
+    """Return the features that a text speaks of, such as ``cut_in:truck``."""
+    return tuple(_with_road_user(feature, text, begin, end)[0] for feature, begin, end in _mentions(text))
 
 
 def said_in(text: str) -> SaidConditions:
@@ -82,21 +91,22 @@ def _is_road_user(word: str) -> bool:
 
 
 def _with_road_user(feature: str, text: str, begin: int, end: int) -> tuple[str, int, int]:
-    """The feature with the type of the road user that makes it, where the text names one; and where all that stands."""
-    if feature not in _TYPED:
+    """Return the feature, with the type of the road user that makes it if the text names one, and its place there.
+
+    The road user stands inside the words of the manoeuvre, before them, or behind them after "by", "of" or "from".
+    """
+    if feature not in MANOEUVRES:
         return feature, begin, end
-    inside = [match.group() for match in re.finditer(r"[^\W\d_]+", text[begin:end])]
-    kind = next((kind for word in inside if (kind := _type_of(word))), None)
-    if kind is not None:
-        return f"{feature}:{kind}", begin, end
-    before = list(re.finditer(r"[^\W\d_]+", text[:begin]))[-_NEAR_WORDS:]
-    for match in reversed(before):
-        if kind := _type_of(match.group()):
-            return f"{feature}:{kind}", match.start(), end
-    behind = re.match(r"\s+(?:by|of|from)\s+(?:an?\s+|the\s+)?([^\W\d_]+)", text[end:])
-    if behind and (kind := _type_of(behind.group(1))):
-        return f"{feature}:{kind}", begin, end + behind.end()
-    return feature, begin, end
+    before = list(_WORD.finditer(text, 0, begin))[-_NEAR_WORDS:]
+    behind = re.compile(r"\s+(?:by|of|from)\s+(?:(?:an?|the)\s+)?([^\W\d_]+)").match(text, end)
+    places = [
+        *((word.group(), begin, end) for word in _WORD.finditer(text, begin, end)),
+        *((word.group(), word.start(), end) for word in reversed(before)),
+        *([(behind.group(1), begin, behind.end())] if behind else []),
+    ]
+    named = ((kind, first, last) for word, first, last in places if (kind := _type_of(word)))
+    kind, first, last = next(named, ("", begin, end))
+    return f"{feature}:{kind}" if kind else feature, first, last
 
 
 def _type_of(word: str) -> str | None:

@@ -21,6 +21,8 @@ from ..workspace import STARTER_TOOL, NewArtifact, Recipe, Workspace, disk_failu
 from .tables import refresh
 
 ARCHIVE = "starter.zip"
+_BUS_AHEAD = "ZAM_Landmoor-31_1_T-1"
+"""The starter scenario that shows whether a planner looks at others. A test holds what happens in it."""
 THREADS = 4
 """Unpacking and waiting for the disk release the interpreter's lock (chosen)."""
 _MARK = "CREATE TABLE IF NOT EXISTS catalog_starter (content TEXT PRIMARY KEY)"
@@ -39,13 +41,19 @@ def open_catalogue(workspace: Workspace, *, with_starter: bool = True) -> None:
 
 @contextmanager
 def starter_files(count: int) -> Iterator[tuple[Path, ...]]:
-    """So many of the starter scenarios, of towns as different as there are, in a temporary folder while the block runs.
+    """So many of the starter scenarios in a temporary folder while the block runs.
+
+    In the first one, an ego that keeps its lane and speed runs into a bus ahead. The others are of towns as different
+    as there are.
 
     Raises:
         ResourceFailure: the disk is full.
     """
     with as_file(files("plannerforge.engine.catalog") / ARCHIVE) as path, zipfile.ZipFile(path) as opened:
-        names = sorted(name for name in opened.namelist() if name.endswith("_T-1.xml"))
+        names = sorted(
+            (name for name in opened.namelist() if name.endswith("_T-1.xml")),
+            key=lambda name: (Path(name).stem != _BUS_AHEAD, name),
+        )
         towns = sorted(names, key=lambda name: [other for other in names if _town(other) == _town(name)].index(name))
         with tempfile.TemporaryDirectory(prefix="plannerforge-") as folder:
             copies = [Path(folder, Path(name).name) for name in towns[:count]]

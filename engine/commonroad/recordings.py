@@ -2,8 +2,10 @@
 
 A recording is a file named by the digest of the XML and by the versions of everything that it depends on. It begins
 with the digest of what follows: one that is damaged, foreign or of another version counts for nothing, and is made
-again. What follows is a pickle that may name plain data alone (``_ALLOWED``), so that nothing is run by reading it. The
-folder may be deleted at any time; the recordings that were not used for longest go when it holds too much.
+again. What follows is a pickle that may name plain data alone (``_ALLOWED``), so that nothing is run by reading it.
+NumPy's own form is not read, because a data type can be forged in it that reads memory: an array is its kind of number,
+its shape and its bytes (``_array``). The folder may be deleted at any time; the recordings that were not used for
+longest go when it holds too much.
 """
 
 import hashlib
@@ -11,6 +13,7 @@ import io
 import logging
 import os
 import pickle
+import re
 import sys
 import tempfile
 from collections.abc import Mapping
@@ -27,6 +30,7 @@ from .plain_states import PlainStates
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblemSet
     from commonroad.scenario.scenario import Scenario
+    from numpy.typing import NDArray
 
 logger = logging.getLogger(__name__)
 FOLDER_VARIABLE = "PLANNERFORGE_RECORDINGS"
@@ -59,12 +63,14 @@ _DATA_MODULES: Final = (
 _ALLOWED: Final[Mapping[str, tuple[str, ...]]] = {
     "builtins": ("complex", "dict", "frozenset", "list", "set", "slice", "tuple"),
     "collections": ("OrderedDict", "defaultdict"),
-    "numpy": ("dtype", "ndarray"),
-    "numpy._core.multiarray": ("_reconstruct", "scalar"),
-    "numpy._core.numeric": ("_frombuffer",),
+    __name__: ("_array", "_number"),
     "shapely.io": ("from_wkb",),
     PlainStates.__module__: (PlainStates.__name__,),
 }
+
+
+_NUMBERS: Final = re.compile(r"[<>|=][biuf][1248]")
+"""Kinds of numbers by NumPy's array protocol: booleans, integers and floating-point numbers of up to 8 bytes."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +123,9 @@ class RecordingStore:
             dict(recording.plain_states),
             dict(recording.ego_classes),
         )
-        payload = pickle.dumps(parts, protocol=5)
+        packed = io.BytesIO()
+        _PlainPickler(packed, protocol=5).dump(parts)
+        payload = packed.getvalue()
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             handle, name = tempfile.mkstemp(dir=self.folder, suffix=_UNFINISHED)
@@ -163,6 +171,39 @@ def _versions() -> str:
     sources = (files(__package__).joinpath(f"{name}.py").read_bytes() for name in _READERS)
     said += [hashlib.sha256(source).hexdigest() for source in sources]
     return hashlib.sha256("; ".join(said).encode()).hexdigest()[:12]
+
+
+def _array(kind: str, shape: tuple[int, ...], data: bytearray) -> "NDArray[Any]":
+    """Return an array of numbers of a kind, such as ``<f8``, over its bytes.
+
+    Raises:
+        pickle.UnpicklingError: it is no kind of number.
+        ValueError: the bytes do not fit the kind and the shape.
+    """
+    import numpy as np
+
+    if not _NUMBERS.fullmatch(kind):
+        raise pickle.UnpicklingError(f"an array of {kind!r} holds no numbers")
+    return np.frombuffer(data, dtype=kind).reshape(shape)
+
+
+def _number(kind: str, data: bytearray) -> Any:
+    """Return a NumPy number of a kind; see :func:`_array`."""
+    return _array(kind, (), data)[()]
+
+
+class _PlainPickler(pickle.Pickler):
+    """A pickler that writes NumPy's arrays and numbers as their kind, shape and bytes."""
+
+    def reducer_override(self, written: Any) -> Any:
+        """Return how NumPy's objects are written; others as they say themselves."""
+        import numpy as np
+
+        if isinstance(written, np.ndarray):
+            return _array, (written.dtype.str, written.shape, bytearray(np.ascontiguousarray(written).tobytes()))
+        if isinstance(written, np.generic):
+            return _number, (written.dtype.str, bytearray(written.tobytes()))
+        return NotImplemented
 
 
 class _PlainData(pickle.Unpickler):

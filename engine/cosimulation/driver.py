@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ...schemas.errors import InvalidRequest, UnknownName, closest
+from ...schemas.errors import InvalidRequest, UnknownName, closest, instead
 from ...schemas.grammar import Assignment, parse_assignment
 from ..vehicles import VehicleClass, vehicle_classes
 
@@ -25,6 +25,12 @@ class _ParameterRange:
     def contains(self, value: float) -> bool:
         """Whether the value is allowed."""
         return (value > self.low if self.above else value >= self.low) and value <= self.high
+
+    def nearest(self, value: float) -> float:
+        """The allowed value that is nearest to one outside; a hundredth of the range above an end that is not."""
+        if value > self.high:
+            return self.high
+        return self.low + (self.high - self.low) / 100 if self.above else self.low
 
     def __str__(self) -> str:
         """The range in interval notation."""
@@ -110,8 +116,8 @@ def behaviour_from(
     twice = sorted({parameter for parameter in assigned if assigned.count(parameter) > 1})
     if twice:
         raise InvalidRequest(f"{', '.join(twice)} is set twice in params", next_step="name every parameter once")
-    for assignment in assignments:
-        values[assignment.name] = _assigned(values, assignment)
+    for assignment, text in zip(assignments, params, strict=True):
+        values[assignment.name] = _assigned(values, assignment, text)
     return Behaviour(name, values)
 
 
@@ -135,7 +141,7 @@ def values_set(params: Sequence[str], made: Sequence[Behaviour]) -> list[str]:
     return notes
 
 
-def _assigned(values: Mapping[str, float], assignment: Assignment) -> float:
+def _assigned(values: Mapping[str, float], assignment: Assignment, text: str) -> float:
     allowed = PARAMETERS.get(assignment.name)
     if allowed is None:
         raise UnknownName(
@@ -148,6 +154,7 @@ def _assigned(values: Mapping[str, float], assignment: Assignment) -> float:
             f"{assignment.name} needs a number",
             valid=[f"{assignment.name} in {allowed}"],
             next_step=f"write '{assignment.name}=NUMBER'",
+            remedies=[instead(text, f"{assignment.name}={values[assignment.name]:g}")],
         )
     before = values[assignment.name]
     operations = {"=": assignment.operand, "*": before * assignment.operand, "+": before + assignment.operand}
@@ -155,7 +162,8 @@ def _assigned(values: Mapping[str, float], assignment: Assignment) -> float:
     if not math.isfinite(value) or not allowed.contains(value):
         raise InvalidRequest(
             f"{assignment.name}={value:g} is out of range ({allowed.meaning})",
-            valid=[f"{assignment.name} in {allowed}"],
+            valid=[f"{assignment.name}={allowed.nearest(value):g}", f"{assignment.name} in {allowed}"],
             next_step="choose a value within the range",
+            given=text,
         )
     return value

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from ...schemas.errors import Faults, InvalidRequest, NotPossible
+from ...schemas.errors import Faults, InvalidRequest, NotPossible, with_values
 from ...schemas.modification import EDITS, Edit, EditOperation, EditReport, ModificationOutcome, ModificationRequest
 from ..commonroad import ScenarioDocument, Track
 from ..cosimulation import (
@@ -81,11 +81,12 @@ class _Stage:
     """What edits before leave to those of a stage.
 
     ``added``: the ids that each edit before added; ``yielding_to``: the lanelets whose lights were changed, at which
-    vehicles that would cross at red are driven.
+    vehicles that would cross at red are driven; ``first``: the number in the call of the first edit that is new.
     """
 
     added: tuple[tuple[int, ...], ...] = ()
     yielding_to: frozenset[int] = frozenset()
+    first: int = 0
 
 
 def _apply_in_stages(request: ModificationRequest, report: ProgressReporter, folder: Path) -> ModificationOutcome:
@@ -108,16 +109,18 @@ def _apply_in_stages(request: ModificationRequest, report: ProgressReporter, fol
             }
         )
         if own or stage.yielding_to or is_last:
+            stage = replace(stage, first=max(begin - request.earlier, 0))
             outcome, added = _apply_stage(part, silent if not is_last else report, stage)
             outcomes.append(outcome)
             xml, stage = outcome.xml or xml, _Stage((*stage.added, *added))
         if is_last:
             return _joined_outcome(request, outcomes)
         index, edit = rest[0]
-        where = f"edit {index - request.earlier} ({edit.op})" if len(request.edits) - request.earlier > 1 else ""
+        number = index - request.earlier
+        where = f"edit {number} ({edit.op})" if len(request.edits) - request.earlier > 1 else ""
         changed = folder / f"changed{index}.xml"
         faults = Faults()
-        with faults.collecting(where):
+        with faults.collecting(where, ("edits", number)):
             _check_arguments(edit)
             what = _transformed(edit, xml, request, changed)
         faults.raise_all()
@@ -190,7 +193,7 @@ def _apply_stage(
             added_by_edit=stage.added,
             ego_drive=partial(_ego_track, kept, setup),
         )
-        resolved = _resolved_edits(request.edits, base, start, request.earlier)
+        resolved = _resolved_edits(request.edits, base, start, request.earlier, stage.first)
         report(0.4, "simulating")
         before = kept.ego_before(setup)
         simulated = _Run(request, base, setup, before, start).simulate(resolved)
@@ -233,11 +236,13 @@ def _ego_track(kept: KeptScene, setup: SimulationSetup) -> Track | None:
     return None if drive is None else drive.track
 
 
-def _resolved_edits(edits: tuple[Edit, ...], base: Scene, start: Changes, earlier: int = 0) -> _ResolvedEdits:
+def _resolved_edits(
+    edits: tuple[Edit, ...], base: Scene, start: Changes, earlier: int = 0, first: int = 0
+) -> _ResolvedEdits:
     """Apply edits in order; any refusal refuses them all. Every edit sees the scene as those before it leave it.
 
     ``start``: what is changed before the first of them. ``earlier``: how many edits come from earlier calls; the others
-    are counted from 0 in errors.
+    are counted in errors from ``first`` on.
 
     Raises:
         InvalidRequest: edits that cannot be meant, or that the scenario does not allow; all that are wrong at once.
@@ -247,12 +252,14 @@ def _resolved_edits(edits: tuple[Edit, ...], base: Scene, start: Changes, earlie
         if faults and edit.names_added:  # whom it is about may be what a refused edit was to add
             continue
         step = None
-        where = f"edit {index - earlier} ({edit.op})" if len(edits) - earlier > 1 else ""
-        with faults.collecting(where):
+        number = index - earlier + first
+        where = f"edit {number} ({edit.op})" if first or len(edits) - earlier > 1 else ""
+        place = ("edits", number)
+        with faults.collecting(where, place):
             _check_arguments(edit)
             step = OPERATIONS[edit.op](edit, scene, changes)
         if step is None:
-            with faults.collecting(where):
+            with faults.collecting(where, place):
                 _other_faults(edit, scene, changes).raise_all()
             changes = replace(changes, added_by_edit=(*changes.added_by_edit, ()))
             continue
@@ -295,6 +302,7 @@ def _check_arguments(edit: Edit) -> None:
             f"{', '.join(foreign)} does not belong to op {edit.op}",
             valid=allowed,
             next_step="leave it out, or make it an edit of its own",
+            remedies=[with_values(**dict.fromkeys(foreign))],
         )
 
 
@@ -376,6 +384,7 @@ def _check(request: ModificationRequest, simulated: SimulatedEdits) -> None:
             f"the edits cause collisions: {'; '.join(pairs)}",
             valid=["on_conflict=report"],
             next_step="accept them with on_conflict=report, or change the edit",
+            remedies=[with_values(on_conflict="report")],
         )
 
 

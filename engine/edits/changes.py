@@ -4,13 +4,14 @@
 counted from its start.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.errors import InvalidRequest, NotPossible, Remedy, with_values
 from ...schemas.modification import Achieved
 from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, recorded_plan, usual_behaviour
@@ -198,7 +199,24 @@ def check_speed(speed_mps: float, largest_mps: float, refusal: str, next_step: s
         InvalidRequest: the refusal, with the speeds that are valid.
     """
     if not 0.0 <= speed_mps <= largest_mps:
-        raise InvalidRequest(refusal, valid=[f"0 … {largest_mps:g} m/s"], next_step=next_step)
+        nearest_mps = math.floor(10 * largest_mps) / 10 if speed_mps > 0.0 else 0.0
+        raise InvalidRequest(
+            refusal,
+            valid=[f"0 … {largest_mps:g} m/s"],
+            next_step=next_step,
+            remedies=[with_values(speed=f"{nearest_mps:g}m/s")],
+        )
+
+
+_TIMES_TRIED = (0.0, 0.2, 0.5)
+"""Shares of the time in which something is possible, from its nearer end, at which a refusal proposes it (chosen)."""
+
+
+def within_time(asked: int, first: int, last: int, scene: Scene) -> list[Remedy]:
+    """Times between two steps that a refusal of another one proposes, those near the step that was asked for first."""
+    nearer, farther = (first, last) if asked < first else (last, first)
+    steps = [round(nearer + share * (farther - nearer)) for share in _TIMES_TRIED]
+    return [with_values(time_s=round(step * scene.step_s, 3)) for step in steps if last >= first]
 
 
 def named_vehicles(vehicles: tuple[int, ...]) -> str:

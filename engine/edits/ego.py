@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.errors import InvalidRequest, NotPossible, Remedy, with_values
 from ...schemas.grammar import parse_interval, parse_quantity
 from ...schemas.modification import Edit
 from ...schemas.vocabulary import vehicle_class_of
@@ -88,6 +88,7 @@ def _ways_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ...]
             "set_goal takes either a lanelet in 'to' or a 'turn' at the next fork",
             valid=near,
             next_step="name one that the ego reaches, or turn=left, right or straight",
+            remedies=[with_values(turn=None, to=[str(key)]) for key in near[:_AHEAD_TRIED]],
         )
     if edit.turn is None:
         return [route_to(scene, starts, target_lanelets(edit.to, scene, changes), "the ego")]
@@ -106,6 +107,18 @@ def _first_that_can_be(
         except NotPossible as error:
             refused = refused or error
     raise refused or NotPossible("the ego has no way to a goal", next_step="name a lanelet in 'to'")
+
+
+_AHEAD_TRIED = 3
+"""Lanelets that the ego reaches of which a refusal proposes one as the goal (chosen)."""
+_SECONDS_MORE = (1, 5)
+"""How much later than a car can be at a goal at the earliest a refusal proposes its time to end (chosen)."""
+
+
+def _farther_on(scene: Scene, ego: Ego) -> list[Remedy]:
+    """Goals that are not behind the ego: the end of the lanelet that was named, or of one that the ego reaches."""
+    ahead = reachable_lanelets(scene, ego.lanelets)[:_AHEAD_TRIED]
+    return [with_values(position="final"), *(with_values(turn=None, to=[str(key)], position="final") for key in ahead)]
 
 
 def _station_m(edit: Edit, scene: Scene, route: tuple[int, ...]) -> float:
@@ -127,6 +140,7 @@ def _goal_at_end_of_way(
         raise NotPossible(
             f"lanelet {place.lanelet_id} at {place.station_m:.1f} m lies {-distance:.1f} m behind the ego",
             next_step="choose a later position or a lanelet ahead",
+            remedies=_farther_on(scene, ego),
         )
     size_m, steps, speed_mps = _size(edit.rectangle_m), _steps(edit, scene, ego), _speeds(edit.goal_speed, ego)
     goal = GoalChange(ego.problem_id, place.lanelet_id, *place.pose(scene), size_m, steps, speed_mps)
@@ -143,6 +157,7 @@ def _size(rectangle_m: list[float] | None) -> tuple[float, float] | None:
             f"rectangle_m={rectangle_m} is no goal region",
             valid=[f"[length, width] in m, both above 0 and at most {_LARGEST_RECTANGLE_M:g}"],
             next_step="give both sides, as in [8, 3]",
+            remedies=[with_values(rectangle_m=[8.0, 3.0])],
         )
     return rectangle_m[0], rectangle_m[1]
 
@@ -162,6 +177,7 @@ def _steps(edit: Edit, scene: Scene, ego: Ego) -> tuple[int, int] | None:
             f"goal_time '{edit.goal_time}' begins after the scenario's end at {end * scene.step_s:.1f} s",
             valid=[f"'<={end * scene.step_s:.1f}s'"],
             next_step="choose an earlier goal_time",
+            remedies=[with_values(goal_time=f"<={end * scene.step_s:.1f}s")],
         )
     if not 0 <= first <= last or last <= ego.step:
         raise InvalidRequest(
@@ -415,6 +431,7 @@ class _GoalTask:
             raise NotPossible(
                 f"the goal lies {-self.ahead_m:.1f} m behind the ego",
                 next_step="choose a later position or a lanelet ahead",
+                remedies=[with_values(position="final")],
             )
         if self.window_s is not None:
             least = least_time_s(self.speed_mps, nearest, self.vehicle)
@@ -425,6 +442,9 @@ class _GoalTask:
                     f"{self.vehicle.vehicle_class} from {self.speed_mps:.1f} m/s",
                     valid=[f"goal_time of at least {math.ceil((self.start_s + least) * 10) / 10:.1f} s"],
                     next_step="name a later goal_time, or choose a nearer place",
+                    remedies=[
+                        with_values(goal_time=f"<={math.ceil(self.start_s + least) + more}s") for more in _SECONDS_MORE
+                    ],
                 )
             if latest < self.window_s[0] - 1e-9 and not self.comes_back:
                 raise NotPossible(
@@ -433,6 +453,7 @@ class _GoalTask:
                     "brakes",
                     valid=[f"goal_time that begins by {math.floor((self.start_s + latest) * 10) / 10:.1f} s"],
                     next_step="let the time begin earlier, or choose a place farther ahead",
+                    remedies=[with_values(goal_time=f"<={math.floor((self.start_s + latest) * 10) / 10:.1f}s")],
                 )
         if self.speeds_mps is not None:
             self._check_speeds(*self.speeds_mps)
@@ -448,7 +469,7 @@ class _GoalTask:
         raise NotPossible(
             f"no {self.vehicle.vehicle_class} that starts at {self.speed_mps:.1f} m/s is {self.ahead_m:.1f} m ahead "
             f"{self}",
-            valid=[f"goal_speed '{possible[0]:.1f}..{possible[-1]:.1f}m/s'"] if len(possible) else [],
+            valid=[f"goal_speed='{possible[0]:.1f}..{possible[-1]:.1f}m/s'"] if len(possible) else [],
             next_step="choose another goal_speed, a place farther ahead or more time",
         )
 

@@ -233,8 +233,8 @@ def gaps_in_words(
     ahead = min((one for one in neighbours if one.distance_m > 0), key=lambda one: one.distance_m, default=None)
     behind = max((one for one in neighbours if one.distance_m <= 0), key=lambda one: one.distance_m, default=None)
     return (
-        "nobody near ahead in its lane" if ahead is None else f"ahead {_gap_text(ahead, vehicle_class, speed_mps)}",
-        "nobody near behind" if behind is None else f"behind {_gap_text(behind, vehicle_class, behind.speed_mps)}",
+        "to no vehicle ahead in its lane" if ahead is None else f"{_gap_text(ahead, vehicle_class, speed_mps)} ahead",
+        "to no vehicle behind" if behind is None else f"{_gap_text(behind, vehicle_class, behind.speed_mps)} behind",
     )
 
 
@@ -242,7 +242,7 @@ def _gap_text(neighbour: _Neighbour, vehicle_class: VehicleClass, follower_mps: 
     gap_m = neighbour.gap_m(vehicle_class)
     headway = f", {gap_m / follower_mps:.1f} s" if follower_mps > _STANDS_MPS else ""
     who = "the ego" if neighbour.vehicle_id == _EGO_ID else f"vehicle {neighbour.vehicle_id}"
-    return f"{who} by {gap_m:.1f} m{headway}"
+    return f"{gap_m:.1f} m{headway} to {who}"
 
 
 def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[_Neighbour]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.errors import LANELETS_LISTED, VEHICLES_LISTED, InvalidRequest, NotPossible, with_values
 from ...schemas.grammar import parse_quantity
 from ...schemas.modification import Achieved, Edit
 from ..commonroad import Track
@@ -27,7 +27,7 @@ from ..geometry import Points, arc_length, interpolate, point_at, project
 from ..network import Signal, station_m
 from ..scene import LaneMatch, Scene
 from ..vehicles import VehicleClass
-from .changes import Changes, EditStep, check_speed, named_vehicles, plan_of
+from .changes import Changes, EditStep, check_speed, named_vehicles, plan_of, within_time
 from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
 from .placement import Place, first_place
@@ -195,6 +195,7 @@ def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
                 f"the light of lanelet {lanelet} is not red when vehicle {key} can be at it",
                 valid=["set_light with params=['red=60'] before", "another vehicle"],
                 next_step="make the light red with set_light, or choose another vehicle",
+                remedies=[VEHICLES_LISTED],
             )
         order = Manoeuvre(plan.from_step, speed_mps=speed_mps)
         changes = changes.with_plan(replace(plan, manoeuvres=(*plan.manoeuvres, order), ignores_lights=True))
@@ -292,7 +293,9 @@ def close_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """
     lanelets = sorted(target_lanelets(edit.to, scene, changes)) if edit.to else []
     if not lanelets:
-        raise InvalidRequest("close_lane needs lanelets", valid=["to=['595']"], next_step="name them in 'to'")
+        raise InvalidRequest(
+            "close_lane needs lanelets", valid=["to=['595']"], next_step="name them in 'to'", remedies=[LANELETS_LISTED]
+        )
     begin = 0 if edit.time_s is None else round(edit.time_s / scene.step_s)
     last = scene.last_step if edit.duration_s is None else begin + round(edit.duration_s / scene.step_s)
     last = min(last, scene.last_step)
@@ -301,6 +304,7 @@ def close_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             f"nothing is closed from {begin * scene.step_s:g} s on",
             valid=[f"time_s in 0 … {(scene.last_step - 1) * scene.step_s:g}"],
             next_step="choose another time",
+            remedies=within_time(begin, 0, scene.last_step - 1, scene),
         )
     is_always = begin == 0 and last == scene.last_step
     added = []
@@ -315,6 +319,7 @@ def close_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
                 f"lanelet {lanelet} cannot be closed at {place.station_m:.1f} m: {occupant} is there",
                 valid=["another position", "a later time_s"],
                 next_step="choose one of these",
+                remedies=[with_values(position=word) for word in ("final", "beginning", "quarter", "three_quarter")],
             )
         track = _barrier(changes.next_id, center, heading, size, (begin, last), is_always=is_always)
         match = scene.matcher.match(track)

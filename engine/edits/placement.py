@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
+from ...schemas.errors import LANELETS_LISTED, InvalidRequest, NotPossible, UnknownName, closest, with_values
 from ...schemas.grammar import SELECTORS, parse_quantity, parse_selector
 from ...schemas.modification import Edit
 from ..commonroad import Track
@@ -23,6 +23,12 @@ _STANDING_MPS = 0.5
 """Below this speed a road user stands, and a time is no gap (chosen)."""
 _ONCOMING_REACH_M = 15.0
 """How far beside its own lane a vehicle's oncoming lane may lie: a median is narrower (chosen)."""
+
+
+_USUAL_OFFSETS_M = (30.0, 50.0, -30.0)
+"""How far from the ego a vehicle is proposed to be put if no place was named (chosen)."""
+_SHARES_OF_ROOM = (0.95, 0.8, 0.5)
+"""Shares of the way to the end of the road at which a place is proposed if the road ends before (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +67,7 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
             "add_vehicle needs a place",
             valid=["at=LANELET with position", "at=ego with lane and offset_m", "at=VEHICLE with lane and offset_m"],
             next_step="name one in 'at'",
+            remedies=[with_values(at="ego", offset_m=far) for far in _USUAL_OFFSETS_M],
         )
     lanelet = _lanelet(edit.at, scene, changes)
     if lanelet is not None:
@@ -69,6 +76,7 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
                 f"lane is relative to the ego or a vehicle; '{edit.at}' is a lanelet",
                 valid=["position"],
                 next_step="leave lane out, and name the lanelet that is meant in 'at'",
+                remedies=[with_values(lane=None)],
             )
         lane_length = scene.layout.table.lanes[lanelet].length_m
         station = station_m(edit.position or "middle", lanelet, lane_length, length_m / 2)
@@ -78,6 +86,7 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
             f"position is for lanelets; '{edit.at}' is none",
             valid=["lane", "offset_m"],
             next_step="leave position out, or name a lanelet in 'at'",
+            remedies=[with_values(position=None)],
         )
     reference = _reference(edit.at, scene, changes)
     offset_m = _offset_m(edit, reference, length_m)
@@ -105,6 +114,7 @@ def _offset_m(edit: Edit, reference: _Reference, length_m: float) -> float:
             "gap_s and offset_m both say where" if edit.offset_m is not None else stands,
             valid=["offset_m", *([] if edit.offset_m is None else ["gap_s"])],
             next_step="name offset_m alone" if edit.offset_m is None else "name one of them",
+            remedies=[with_values(gap_s=None, offset_m=edit.offset_m or _USUAL_OFFSETS_M[0])],
         )
     room_m = abs(edit.gap_s) * reference.speed_mps + (reference.length_m + length_m) / 2
     return math.copysign(room_m, edit.gap_s)
@@ -151,10 +161,16 @@ def trigger_step(text: str, scene: Scene, changes: Changes, place_at: Callable[[
             f"'{text}' is no trigger",
             valid=["ego@LANELET:35m", "gap<=2s", "time_s=3 for a time"],
             next_step="write it like one of these",
+            remedies=[*(with_values(when=f"gap<={gap}s") for gap in (2, 4)), with_values(when=None)],
         )
     step = next(holds, None)
     if step is None:
-        raise NotPossible(never, valid=["another place", "a larger gap", "time_s"], next_step="choose one of these")
+        raise NotPossible(
+            never,
+            valid=["another place", "a larger gap", "time_s"],
+            next_step="choose one of these",
+            remedies=[*(with_values(when=f"gap<={gap}s") for gap in (2, 4)), with_values(when=None)],
+        )
     return step
 
 
@@ -195,6 +211,7 @@ def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: f
                 f"the road ends before {distance_m:+.6g} m from lanelet {place.lanelet_id} at {place.station_m:.1f} m",
                 valid=[f"up to {room_m:+.1f} m, where lanelet {key} {'ends' if forward else 'begins'}"],
                 next_step="choose a place within the road",
+                remedies=[with_values(offset_m=round(share * room_m, 1)) for share in _SHARES_OF_ROOM],
             )
         before, current = lanes[key].length_m, lanes[key].center
         if forward:
@@ -260,6 +277,7 @@ def _vehicles_meant(text: str, selector: str, scene: Scene, changes: Changes) ->
             f"'{text}' is no lanelet, edge or vehicle",
             valid=closest(text, known),
             next_step="name a lanelet or an edge, the ego, or a vehicle by its id",
+            remedies=[LANELETS_LISTED],
         ) from error
     return select([selector], scene, changes)
 
@@ -283,6 +301,7 @@ def _oncoming(reference: _Reference, offset_m: float, scene: Scene) -> Place:
             f"{reference.name} has no oncoming lane beside its own {offset_m:+.6g} m along it",
             valid=["lane=same, left or right", "another offset_m"],
             next_step="choose another place",
+            remedies=[with_values(lane="same")],
         )
     *_, key, station = min(candidates)
     return Place(key, station)
@@ -309,5 +328,6 @@ def _lane_beside(reference: _Reference, side: str, scene: Scene) -> int:
             f"{reference.name} has no lane of its direction to its {side}",
             valid=["same", *there],
             next_step="choose another lane",
+            remedies=[with_values(lane=word) for word in (*there, "same")],
         )
     return there[side]

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
+from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest, with_values
 from ...schemas.grammar import parse_quantity
 from ...schemas.modification import Edit
 from ...schemas.vocabulary import vehicle_class_of
@@ -23,7 +23,7 @@ from ..geometry import Points, length_m, point_at, project, without_repeats
 from ..network import station_m
 from ..scene import Scene
 from ..vehicles import VehicleClass, vehicle_classes
-from .changes import Changes, EditStep, check_speed, listed
+from .changes import Changes, EditStep, check_speed, listed, within_time
 from .entries import CLEARANCE_M, PLACE_TAKEN, OccupiedPlaces, entry_speed, gaps_in_words
 from .placement import Place, advance_along_lane, first_place, trigger_step
 from .references import drive_to, nearest_driven, select, target_lanelets
@@ -144,7 +144,7 @@ def _no_more(error: NotPossible, number: int, count: int, spacing_m: float, vehi
     return NotPossible(
         f"{number} of {count} vehicles have a place, {spacing_m:g} m apart; of the next: {error.message}",
         reason=error.reason,
-        valid=[f"spacing_m={least_m:g} or more"] if too_near else [f"count={number}"],
+        valid=[f"spacing_m={least_m:g}"] if too_near else [f"count={number}"],
         next_step="choose a larger spacing_m" if too_near else "add fewer, or choose another place or spacing_m",
     )
 
@@ -172,7 +172,10 @@ def class_named(word: str | None) -> VehicleClass:
     classes = vehicle_classes()
     if word is None:
         raise InvalidRequest(
-            "the edit needs a vehicle_class", valid=[*classes, "pedestrian"], next_step="name one in 'vehicle_class'"
+            "the edit needs a vehicle_class",
+            valid=[*classes, "pedestrian"],
+            next_step="name one in 'vehicle_class'",
+            remedies=[with_values(vehicle_class="car")],
         )
     known = vehicle_class_of(word)
     if known is not None:
@@ -235,6 +238,7 @@ def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehicl
             f"departure at {first * scene.step_s:.1f} s is not before the scenario's end",
             valid=[f"0 … {(scene.last_step - 1) * scene.step_s:.1f} s"],
             next_step="choose an earlier time_s",
+            remedies=within_time(first, 0, scene.last_step - 1, scene),
         )
     steps = range(first, scene.last_step if edit.time_s else first + 1)
     free = (step for step in steps if OccupiedPlaces.at(scene, step, changes).occupant(place, size) is None)
@@ -277,6 +281,7 @@ def _add_parked(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehic
             f"{', '.join(foreign)} is for vehicles that drive; side parks one at the kerb",
             valid=["at", "position", "lane", "offset_m", "count", "spacing_m", "side"],
             next_step="leave it out, or leave side out",
+            remedies=[with_values(**dict.fromkeys(foreign))],
         )
     place, side = first_place(edit, scene, changes, vehicle_class.length_m), edit.side or "right"
     count = edit.count or 1

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
+from ...schemas.errors import LANELETS_LISTED, InvalidRequest, NotPossible, UnknownName, closest, instead
 from ...schemas.grammar import SELECTORS, Selector, parse_selector
 from ...schemas.modification import AMBIGUOUS_VEHICLE, Edit
 from ...schemas.text import counted
@@ -267,13 +267,17 @@ def _number(selector: Selector, there: int) -> int:
     count = int(selector.argument)
     if count == 0:
         raise InvalidRequest(
-            f"'{selector}' asks for nobody", valid=["nearest:1", "nearest:3"], next_step="ask for one at least"
+            f"'{selector}' selects no vehicle",
+            valid=["nearest:1", "nearest:3"],
+            next_step="ask for one at least",
+            given=str(selector),
         )
     if count > there:
         raise NotPossible(
             f"'{selector}' asks for more vehicles than are there when the ego starts",
             valid=[f"nearest:{there}", "all"],
             next_step="ask for fewer",
+            given=str(selector),
         )
     return count
 
@@ -350,9 +354,19 @@ def known_lanelet(text: str, scene: Scene) -> int:
     if text.isdigit():
         every = {lanelet.lanelet_id for lanelet in scene.network.lanelets}
         what = "is no lanelet that vehicles drive on" if int(text) in every else "is no lanelet of the scenario"
-        raise UnknownName(f"{text} {what}", valid=nearest_ids(int(text), list(lanes)), next_step=_NAME_A_LANELET)
+        raise UnknownName(
+            f"{text} {what}",
+            valid=nearest_ids(int(text), list(lanes)),
+            next_step=_NAME_A_LANELET,
+            remedies=[LANELETS_LISTED],
+        )
     known = [*map(str, lanes), *scene.layout.edges]
-    raise UnknownName(f"'{text}' is no lanelet or edge", valid=closest(text, known), next_step=_NAME_A_LANELET)
+    raise UnknownName(
+        f"'{text}' is no lanelet or edge",
+        valid=closest(text, known),
+        next_step=_NAME_A_LANELET,
+        remedies=[LANELETS_LISTED],
+    )
 
 
 def route_to(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: str) -> tuple[int, ...]:
@@ -364,11 +378,13 @@ def route_to(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: s
     begin, wanted = tuple(starts), sorted(targets)
     route = scene.lanelet_graph.shortest_route(begin, wanted)
     if route is None:
+        nearest = _by_distance_to(wanted, reachable_lanelets(scene, begin), scene)
         raise NotPossible(
             f"lanelet {' or '.join(map(str, wanted))} cannot be reached by {who}"
             f" from lanelet {', '.join(map(str, begin))}: no successors or lane changes lead there",
-            valid=_by_distance_to(wanted, reachable_lanelets(scene, begin), scene),
+            valid=nearest,
             next_step="choose a lanelet that can be reached",
+            remedies=[instead(str(wanted[0]), key) for key in nearest[:_MOST_MEANT]] if len(wanted) == 1 else [],
         )
     return route
 
@@ -389,11 +405,13 @@ def drive_to(scene: Scene, start: int, targets: frozenset[int], who: str, *, is_
     route = route_to(scene, [start], targets, who)
     changes = [pair for pair in itertools.pairwise(route) if pair[1] in scene.lanelet_graph.neighbours[pair[0]]]
     wrong, right = next(pair for pair in changes if not set(pair) <= set(scene.layout.lane_of))
+    nearest = nearest_driven(scene, start, sorted(targets))
     raise NotPossible(
         f"{who} would have to change from lanelet {wrong} to {right} inside a junction, where SUMO's vehicles keep "
         "their lanes",
-        valid=nearest_driven(scene, start, sorted(targets)),
+        valid=nearest,
         next_step="choose a target before or behind the junction",
+        remedies=[instead(str(key), other) for key in targets for other in nearest[:_MOST_MEANT]],
     )
 
 

@@ -12,14 +12,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.errors import InvalidRequest, NotPossible, with_values
 from ...schemas.modification import Edit
 from ..cosimulation import LANE_CHANGE_S, PROGRESS_ACROSS, DrivePlan, JunctionLaneChange, first_curve_too_tight, sent_on
 from ..geometry import Points, length_m, point_at, project, wrap_angle
 from ..scene import Scene
 from ..vehicles import HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2
 from .changes import Changes, EditStep, named_vehicles, plan_of
-from .references import drive_to, nearest_driven, select, target_lanelets
+from .references import drive_to, nearest_driven, reachable_lanelets, select, target_lanelets
 
 _USUAL_S = 3.0
 """A driver in no hurry takes this long for a change of lane (chosen)."""
@@ -34,6 +34,8 @@ _TURN_RAD, _STRAIGHT_RAD = math.radians(50.0), math.radians(20.0)
 """A branch turns beyond the first, and goes straight below the second (chosen); in between it does neither."""
 _BRANCH_M = 60.0
 """A branch is looked at no farther than this, so that a later curve of the road is no turn."""
+_ONWARD_NAMED = 3
+"""Lanelets that are proposed to a vehicle without a fork ahead (chosen)."""
 
 
 def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
@@ -223,10 +225,25 @@ def branch_for(scene: Scene, start: int, turn: str, who: str) -> _Branch:
     """
     branches = _branches_at_next_fork(scene, start)
     if not branches:
-        raise NotPossible(f"{who} has no fork ahead in its lane", next_step="name a lanelet with 'to'")
+        onward = [key for key in reachable_lanelets(scene, [start]) if key != start]
+        raise NotPossible(
+            f"{who} has no fork ahead in its lane",
+            valid=onward[:_ONWARD_NAMED],
+            next_step="name a lanelet with 'to'",
+            remedies=[with_values(turn=None, to=[str(key)]) for key in onward[:_ONWARD_NAMED]],
+        )
     fitting = [branch for branch in branches if branch.turn == turn]
     if not fitting:
-        raise NotPossible(f"{who} cannot go {turn} at the next fork", valid=branches, next_step="choose one of these")
+        possible = dict.fromkeys(branch.turn for branch in branches if branch.turn)
+        raise NotPossible(
+            f"{who} cannot go {turn} at the next fork",
+            valid=branches,
+            next_step="choose one of these",
+            remedies=[
+                *(with_values(turn=word) for word in possible),
+                *(with_values(turn=None, to=[str(branch.lanelets[-1])]) for branch in branches),
+            ],
+        )
     sign = {"left": -1.0, "right": 1.0}.get(turn)
     rank = (lambda branch: abs(branch.turn_rad)) if sign is None else (lambda branch: sign * branch.turn_rad)
     return min(fitting, key=rank)

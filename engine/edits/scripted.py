@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.errors import InvalidRequest, NotPossible, with_values
 from ...schemas.grammar import parse_quantity
 from ...schemas.modification import Achieved, Edit
 from ..commonroad import Track
@@ -30,7 +30,7 @@ from ..cosimulation import (
 from ..geometry import Points, Values, arc_length, interpolate, length_m, point_at, project, project_all, wrap_angle
 from ..scene import Scene, straightness
 from ..vehicles import COMFORTABLE_MPS2, HARDEST_BRAKING_MPS2
-from .changes import Changes, EditStep, check_speed, named_vehicles
+from .changes import Changes, EditStep, check_speed, named_vehicles, within_time
 from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
 from .placement import first_place, trigger_step
@@ -57,6 +57,8 @@ _TRIED_S = 0.2
 """Times of a cut-in that are tried are this far apart (chosen)."""
 _VALUE_SHARE = 0.1
 """A prescribed value is reached if it differs by no more than this share (chosen)."""
+_GAPS_TRIED_S = (1.0, 2.0)
+"""Time gaps of a cut-in that are proposed if another one is not possible (chosen)."""
 _ONCOMING_RAD = math.radians(120.0)
 """Lanes whose directions differ by more are oncoming ones (chosen)."""
 
@@ -74,6 +76,7 @@ def prescribed(scene: Scene, changes: Changes, vehicle_id: int, acts: Sequence[A
             f"the scenario ends before vehicle {vehicle_id} could move otherwise",
             valid=[f"time_s up to {max(base.last_step - 5, base.first_step) * scene.step_s:g}"],
             next_step="choose an earlier time_s",
+            remedies=within_time(scene.last_step, base.first_step, base.last_step - 5, scene),
         )
     first = min(act.from_step for act in (*earlier, *acts))
     return with_motion(scene, changes, vehicle_id, track, first), base, track
@@ -257,6 +260,7 @@ def _step_of(edit: Edit, scene: Scene, changes: Changes, track: Track) -> int:
             f"vehicle {track.obstacle_id} is not there at {step * scene.step_s:g} s",
             valid=[f"time_s in {track.first_step * scene.step_s:g} … {max(last, 0) * scene.step_s:g}"],
             next_step="choose a time_s at which it is there",
+            remedies=within_time(step, begin, last, scene),
         )
     return step
 
@@ -288,6 +292,7 @@ def _triggered(edit: Edit, scene: Scene, changes: Changes, track: Track) -> int:
             f"vehicle {track.obstacle_id} is not there any more when the trigger holds, at {step * scene.step_s:.1f} s",
             valid=["another trigger", "time_s"],
             next_step="choose one of these",
+            remedies=[with_values(when=None, time_s=round(track.first_step * scene.step_s, 3))],
         )
     return step
 
@@ -301,6 +306,7 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
             f"no vehicle changes its speed by {rate:g} m/s²",
             valid=[f"0 … {HARDEST_BRAKING_MPS2:g} m/s²"],
             next_step="choose a smaller rate_mps2",
+            remedies=[with_values(rate_mps2=HARDEST_BRAKING_MPS2)],
         )
     made: dict[int, tuple[int, float, Track]] = {}
     for vehicle_id in vehicles:
@@ -416,6 +422,7 @@ def _aside_to_lane(scene: Scene, track: Track, step: int, side: str) -> float:
             f"vehicle {track.obstacle_id} has no lane of its direction to its {side} on lanelet {here}",
             valid=[f"lane={other}", "another time_s"],
             next_step="choose another time or another lane",
+            remedies=[with_values(lane=other)],
         )
     return -project(lanes[beside].center, track.positions[index])[1]
 
@@ -591,6 +598,10 @@ def _cut_in_motion(
             f"a cut-in of vehicle {base.obstacle_id} ahead of {who} with a gap of {gap_s:g} s {what}",
             valid=[*(["without time_s"] if edit.time_s is not None else []), "a larger gap_s", "another vehicle"],
             next_step="choose one of these",
+            remedies=[
+                *([with_values(time_s=None)] if edit.time_s is not None else []),
+                *(with_values(gap_s=gap) for gap in _GAPS_TRIED_S if gap != gap_s),
+            ],
         )
     return best
 
@@ -701,6 +712,9 @@ def _aside_to_oncoming(scene: Scene, track: Track, step: int) -> float:
             f"vehicle {track.obstacle_id} has no oncoming lane beside it at {step * scene.step_s:g} s",
             valid=["at=LANELET, which puts in one that drives against it", "another time_s"],
             next_step="choose one of these",
+            remedies=[with_values(vehicles=None, at=str(scene.matches[track.obstacle_id].at(index)))]
+            if track.obstacle_id in scene.matches
+            else [],
         )
     # Seen from the vehicle the oncoming lane lies on the other side than the vehicle lies from that lane, which runs
     # the other way: the two signs are the same.

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.errors import InvalidRequest, NotPossible, with_values
 from ...schemas.grammar import parse_quantity, parse_selector
 from ...schemas.modification import Achieved, Edit
 from ..commonroad import Track
@@ -39,6 +39,7 @@ from .changes import (
     moved_in_time,
     named_vehicles,
     plan_of,
+    within_time,
 )
 from .edited_scene import EditedScene
 from .references import nearest_ids, select
@@ -255,7 +256,7 @@ def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     if steps == 0:
         raise InvalidRequest(
             "shift_time needs a time_s of at least one time step",
-            valid=["time_s=2 (later)", "time_s=-1.5 (earlier)"],
+            valid=["time_s=2", "time_s=-1.5"],
             next_step=f"name a time_s of {scene.step_s:g} or more, or of {-scene.step_s:g} or less",
         )
     vehicles = select(edit.vehicles, scene, changes)
@@ -295,6 +296,7 @@ def _nothing_left(track: Track, steps: int, scene: Scene) -> InvalidRequest:
         f"{steps * scene.step_s:g} s leave nothing of vehicle {track.obstacle_id}'s recording",
         valid=[f"time_s in {low:g} … {high:g}"],
         next_step="shift it by less",
+        remedies=[with_values(time_s=round(low if steps < 0 else high, 3))],
     )
 
 
@@ -376,6 +378,7 @@ def _plan_from(
             f"vehicle {vehicle_id} is not there at {asked_s:g} s",
             valid=[f"time_s in {first * scene.step_s:g} … {last * scene.step_s:g}"],
             next_step="choose a time_s at which it is there",
+            remedies=within_time(step, first, last, scene),
         )
     return replace(plan, from_step=step if before is None else min(step, before.from_step)), step
 

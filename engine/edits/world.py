@@ -5,17 +5,18 @@ after it begin from what it makes. Lengths are in m; times count from the scenar
 """
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 from lxml import etree
 
-from ...schemas.errors import InvalidRequest, NotPossible
-from ...schemas.generation import Weather
+from ...schemas.errors import LANELETS_LISTED, InvalidRequest, NotPossible, Remedy, misspelt, with_values
+from ...schemas.generation import WEATHER_WORDS, WEATHERS, Weather
 from ...schemas.grammar import parse_assignment
 from ...schemas.modification import Edit, EditOperation
+from ...schemas.text import quoted
 from ..commonroad import Track
 from ..geometry import oriented_rectangle, point_at
 from ..scene import Scene
@@ -42,6 +43,8 @@ _COLOURS = {
 _MOVING = ("dynamicObstacle", "obstacle")
 _REFERENCES = ("predecessor", "successor", "adjacentLeft", "adjacentRight")
 _FEWEST_STATES = 2
+_LARGER_M = (100.0, 200.0, 500.0, 1000.0)
+"""Sides of the squares that are proposed in the place of a rectangle that is too small (chosen)."""
 
 
 def transformed(edit: Edit, xml: Path, scene: Scene, drive: Callable[[], Track | None], output: Path) -> str:
@@ -141,6 +144,7 @@ def _crop(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | 
         raise InvalidRequest(
             "crop needs a time or a place",
             valid=["time_s=2 duration_s=6", "at=ego rectangle_m=[100, 60]"],
+            remedies=[with_values(duration_s=0.5 * scene.last_step * scene.step_s)],
             next_step="name one of them",
         )
     if edit.rectangle_m is not None:
@@ -158,6 +162,10 @@ def _crop_time(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
             f"the scenario lasts from 0 to {scene.last_step * scene.step_s:g} s",
             valid=[f"time_s and duration_s with an end of {scene.last_step * scene.step_s:g} s at most"],
             next_step="choose a time within it",
+            remedies=[
+                with_values(duration_s=None),
+                with_values(time_s=None, duration_s=scene.last_step * scene.step_s),
+            ],
         )
     gone = 0
     for obstacle in [one for one in root if one.tag in _MOVING and one.findtext("role") != "static"]:
@@ -245,6 +253,7 @@ def _shift_problems(root: _Element, scene: Scene, drive: Callable[[], Track | No
                     "it is later is not known",
                     valid=[f"time_s up to {start * scene.step_s:g}"],
                     next_step="choose an earlier time_s",
+                    remedies=[with_values(time_s=round(start * scene.step_s, 3))],
                 )
             _place_ego(initial, track, index)
             words = "; the ego starts where an ordinary driver has brought it by then"
@@ -279,6 +288,11 @@ def _place_ego(initial: _Element, track: Track, index: int) -> None:
             etree.SubElement(element, "exact").text = f"{value:.6f}"
 
 
+def _larger_rectangles(sizes: list[float]) -> list[Remedy]:
+    """Squares that a refusal of a rectangle proposes."""
+    return [with_values(rectangle_m=[side, side]) for side in _LARGER_M if side > max(sizes, default=0.0)]
+
+
 def _crop_place(edit: Edit, root: _Element, scene: Scene) -> str:
     """Keep the lanelets that a rectangle touches, and the road users while they are in it."""
     import shapely
@@ -286,7 +300,10 @@ def _crop_place(edit: Edit, root: _Element, scene: Scene) -> str:
     sizes = edit.rectangle_m or []
     if len(sizes) != 2 or min(sizes) <= 0:
         raise InvalidRequest(
-            "rectangle_m is [length, width] in m", valid=["rectangle_m=[100, 60]"], next_step="name both"
+            "rectangle_m is [length, width] in m",
+            valid=["rectangle_m=[100, 60]"],
+            next_step="name both",
+            remedies=_larger_rectangles(sizes),
         )
     place = first_place(edit.model_copy(update={"at": edit.at or "ego"}), scene, Changes(next_id=0, driven={}), 0.0)
     center, heading = place.pose(scene)
@@ -306,6 +323,7 @@ def _crop_place(edit: Edit, root: _Element, scene: Scene) -> str:
                 f"{sizes[1]:g} m",
                 valid=["a larger rectangle_m", "set_goal before"],
                 next_step="choose a larger rectangle_m, or move the goal first",
+                remedies=_larger_rectangles(sizes),
             )
     lanelets = [one for one in root.iterchildren("lanelet") if int(one.get("id", "0")) not in kept]
     for lanelet in lanelets:
@@ -385,6 +403,7 @@ def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
             "set_light needs lanelets in 'to' and phases in 'params'",
             valid=["to=['595'] params=['red=10', 'green=20']"],
             next_step="name both",
+            remedies=[with_values(params=["red=10", "green=20"])] if lanelets else [LANELETS_LISTED],
         )
     by_id = {one.get("id"): one for one in root.iterchildren("lanelet")}
     lights = {one.get("id"): one for one in root.iterchildren("trafficLight")}
@@ -414,7 +433,10 @@ def _phase(text: str, step_s: float) -> tuple[int, str]:
     steps = 0 if given.operand is None else round(given.operand / step_s)
     if colour is None or given.operator != "=" or steps < 1:
         raise InvalidRequest(
-            f"'{text}' is no phase of a light", valid=["red=10", "green=20", "yellow=3"], next_step="write it like this"
+            f"'{text}' is no phase of a light",
+            valid=["red=10", "green=20", "yellow=3"],
+            next_step="write it like this",
+            given=text,
         )
     return steps, colour
 
@@ -468,24 +490,44 @@ def _write_cycle(light: _Element, phases: list[tuple[int, str]]) -> None:
         active.text = "true"
 
 
-def _set_weather(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
-    """State the weather in the file; a note tells what uses it."""
-    words = [parse_assignment(text) for text in edit.params]
-    weathers = get_args(Weather)
-    wanted = next((one.copied_from for one in words if one.name == "weather"), None)
-    others = [one.name for one in words if one.name != "weather"]
-    if "friction" in others:
+def _weather_named(edit: Edit) -> tuple[Weather, str]:
+    """The weather of an edit, and what its word was taken as, in words.
+
+    Raises:
+        InvalidRequest: no weather, or something else.
+    """
+    valid = [f"weather={word}" for word in WEATHERS]
+    if not edit.params:
+        raise InvalidRequest("set_weather needs the weather in 'params'", valid=valid, next_step="choose one of these")
+    text = edit.params[0]
+    name, mark, value = (part.strip().lower() for part in text.partition("="))
+    if not mark:
+        name, value = "weather", name
+    word = re.sub(r"[\s-]+", "_", value)
+    wanted = next((known for known in WEATHERS if known == WEATHER_WORDS.get(word, word)), None)
+    if name == "friction":
         raise NotPossible(
             "friction cannot be set: the format has no field for it, and neither planners nor limits here use it",
-            valid=[f"weather={word}" for word in weathers],
+            valid=valid,
             next_step="set the weather",
+            given=text,
         )
-    if wanted not in weathers or others:
+    if wanted is None or name != "weather" or len(edit.params) > 1:
         raise InvalidRequest(
-            "set_weather needs the weather in 'params'",
-            valid=[f"weather={word}" for word in weathers],
+            f"{quoted(text)} is no weather" if len(edit.params) == 1 else "set_weather takes one weather",
+            valid=valid,
             next_step="choose one of these",
+            remedies=[
+                *([] if wanted is None else [with_values(params=[f"weather={wanted}"])]),
+                *misspelt(value, WEATHERS),
+            ],
         )
+    return wanted, f" ('{value}' is taken as {wanted})" if word != wanted else ""
+
+
+def _set_weather(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
+    """State the weather in the file; a note tells what uses it."""
+    wanted, taken = _weather_named(edit)
     location = root.find("location")
     if location is None:
         raise NotPossible("the file has no location, which the weather belongs to", next_step="leave this edit out")
@@ -497,8 +539,8 @@ def _set_weather(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], T
     etree.SubElement(environment, "weather").text = wanted
     etree.SubElement(environment, "underground").text = "snow" if wanted in ("snow", "hail") else "wet"
     return (
-        f"the file says {wanted} now, by which it is found; planners and limits here do not use it, and the traffic "
-        "drives as before"
+        f"the file says {wanted} now{taken}, by which it is found; planners and limits here do not use it, and the "
+        "traffic drives as before"
     )
 
 

@@ -19,6 +19,7 @@ import anyio.abc
 from anyio.streams.buffered import BufferedByteReceiveStream
 
 from ...schemas.errors import UnexpectedFailure, WorkerFailure, WorkerTimeout
+from .environment import without_settings
 from .executor import Lane, OnProgress, Operation, Request, Response, no_progress
 from .limits import Limits
 from .worker import LONGEST_LINE_BYTES, WARM_UP, Answer, Failure, Order, Progress, line_of, read_report
@@ -179,7 +180,7 @@ class _WorkerProcess:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=stderr,
-                env={**os.environ, **_ONE_THREAD, **_KEPT_MEMORY, **environment},
+                env={**without_settings(os.environ), **_ONE_THREAD, **_KEPT_MEMORY, **environment},
                 start_new_session=True,
             )
         worker = cls(process)

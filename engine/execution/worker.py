@@ -15,12 +15,13 @@ import queue
 import signal
 import threading
 import traceback
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from ...schemas.base import Model
-from ...schemas.errors import PlannerForgeError, ResourceFailure, rebuild
+from ...schemas.errors import PlannerForgeError, Remedy, ResourceFailure, rebuild
+from .environment import hide_environment
 from .limits import end_with_parent, limit_memory
 
 LONGEST_LINE_BYTES = 256 * 1024**2
@@ -60,15 +61,18 @@ class Failure:
     next_step: str
     unexpected: str = ""
     reason: str = ""
+    remedies: Sequence[Mapping[str, Any]] = ()
 
     @classmethod
     def of(cls, error: PlannerForgeError, unexpected: str = "") -> "Failure":
         """The failure that carries a domain error across processes."""
-        return cls(error.code, error.message, error.valid, error.next_step, unexpected, error.reason)
+        remedies = [remedy.to_json() for remedy in error.remedies]
+        return cls(error.code, error.message, error.valid, error.next_step, unexpected, error.reason, remedies)
 
     def error(self) -> PlannerForgeError:
         """The domain error, made again."""
-        return rebuild(self.code, self.message, self.valid, self.next_step, self.reason)
+        remedies = [Remedy.of_json(remedy) for remedy in self.remedies]
+        return rebuild(self.code, self.message, self.valid, self.next_step, self.reason, remedies)
 
 
 def line_of(message: Order | Progress | Answer | Failure) -> bytes:
@@ -93,6 +97,7 @@ def main() -> None:
     os.dup2(2, 1)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # programs that an operation starts must not read the orders
     end_with_parent()
+    hide_environment()
     limit_memory(int(os.environ.get("PLANNERFORGE_WORKER_MEMORY", "0")))
     orders: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_read_orders, args=(orders_in, orders), daemon=True).start()

@@ -22,12 +22,13 @@ EDGE_M = 0.02
 """By how much lanelets are widened for that: neighbours share their bound only up to rounding."""
 
 
-def check_scenario(path: Path, ego: BoxTrack, findings: Sequence[RuleFinding]) -> Checks:
+def check_scenario(path: Path, ego: BoxTrack | None, findings: Sequence[RuleFinding]) -> Checks:
     """Read a written scenario back and check it.
 
     Args:
         path: the CommonRoad file.
-        ego: the ego's recorded motion, which the file does not hold.
+        ego: the ego's recorded motion, which the file does not hold; None if others were scripted after it was
+            recorded. Then it counts for nothing, and whoever scripts them checks what an ordinary driver does.
         findings: what the rules found in its road network.
     """
     with ThreadPoolExecutor(1) as beside:  # libxml2 works without Python's lock
@@ -35,14 +36,15 @@ def check_scenario(path: Path, ego: BoxTrack, findings: Sequence[RuleFinding]) -
         recorded = kept_recording(path)
         loaded, tracks = recorded.loaded, recorded.tracks
         bodies = [BoxTrack(track.positions, track.headings_rad, track.size_m) for track in tracks.values()]
-        overlaps = first_overlaps([ego, *bodies])
+        first = 0 if ego is None else 1
+        overlaps = first_overlaps(bodies if ego is None else [ego, *bodies])
         driven = {key: track for key, track in tracks.items() if track.kind != "pedestrian"}
         infeasible = tuple(key for key, track in driven.items() if not _feasible(track, loaded.step_s))
         return Checks(
             goal_reachable=_goal_reachable(loaded),
             collisions_at_start=_collisions_at_start(loaded, tracks),
-            overlapping_pairs=sum(pair.first > 0 for pair in overlaps),
-            recorded_ego_collision_free=all(pair.first > 0 for pair in overlaps),
+            overlapping_pairs=sum(pair.first >= first for pair in overlaps),
+            recorded_ego_collision_free=all(pair.first >= first for pair in overlaps),
             centers_on_lanelets=_share_on_lanelets(loaded, tracks),
             feasible_share=1.0 - len(infeasible) / max(len(driven), 1),
             infeasible_vehicles=infeasible,

@@ -7,21 +7,26 @@ scenarios that were written, the one with the fewest faults is kept.
 import gc
 import shutil
 import tempfile
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.generation import GeneratedScenario, GenerationRequest, VehicleDemand
+from ...schemas.text import counted
 from ...schemas.vocabulary import EGO_CLASSES
 from ..execution import ProgressReporter
 from ..maps import OsmMap, Site, read_map_file
-from ..traffic import lane_km_of, plan_counts
+from ..traffic import GeneratedVehicle, lane_km_of, plan_counts
+from ..vehicles import PEDESTRIAN
 from .checks import check_scenario, faults_of
 from .flows import flow_notes
+from .others import LIKELY_AT, EgoChoice, WantedManoeuvre, can_be_scripted, found_in, scripted
 from .people import people_asked, people_notes, people_wanted, vehicles_asked
-from .planning_problem import TaskSpec, choose_task
+from .planning_problem import PlanningTask, TaskSpec, choose_task
 from .record import record_of
 from .site_network import SITE_LOST, SiteNetwork, prepare_site
 from .sites import fitting_sites, other_types
@@ -30,6 +35,8 @@ from .writer import STEP_S, write_scenario
 
 OWN_ROUNDS, MOST_ROUNDS, MOST_SITES = 2, 5, 10
 """Rounds of traffic at the site's own place, rounds of traffic in all, sites looked at in all (chosen)."""
+ROUNDS_TO_SCRIPT = 3
+"""Rounds of traffic that are searched for a manoeuvre of another road user before it is scripted (chosen)."""
 MOST_LOST = 40
 """Sites that are passed over beside those, because their nets do not show them (chosen): each takes half a second."""
 SHOWN_LOST = 3
@@ -60,9 +67,10 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
         with tempfile.TemporaryDirectory(dir=request.folder) as scratch:
             attempts = _Attempts(request, spec, Path(scratch), report)
             attempts.run(osm, own_and_others)
+            attempts.script()
             best = attempts.best(osm)
             shutil.move(best.path, Path(request.folder) / "scenario.xml")
-            shutil.move(best.net_path, Path(request.folder) / "scenario.net.xml")
+            shutil.move(best.site.net_path, Path(request.folder) / "scenario.net.xml")
         notes = (*ego_notes, *best.scenario.notes, *best.faults, *attempts.notes_besides(best))
         return best.scenario.model_copy(update={"notes": notes})
 
@@ -110,13 +118,17 @@ def _with_ego_class(request: GenerationRequest, spec: TaskSpec) -> tuple[list[st
 
 @dataclass(frozen=True)
 class _Attempt:
-    """A scenario in a file of its own, and what is wrong with it in words, if anything."""
+    """A scenario in a file of its own, and what is wrong with it in words, if anything.
+
+    ``lacks``: nobody makes the manoeuvre that was asked for, so that it is only the base of a scripted one.
+    """
 
     scenario: GeneratedScenario
     path: Path
-    net_path: Path
+    site: SiteNetwork
     faults: tuple[str, ...]
     unusable: bool
+    lacks: bool = False
 
 
 class _Attempts:
@@ -127,7 +139,9 @@ class _Attempts:
 
     def __init__(self, request: GenerationRequest, spec: TaskSpec, scratch: Path, report: ProgressReporter) -> None:
         self._request, self._spec, self._scratch, self._report = request, spec, scratch, report
-        self._rounds, self._most_rounds = 0, request.most_rounds or MOST_ROUNDS
+        self._wanted = WantedManoeuvre.of(request.others)
+        most = ROUNDS_TO_SCRIPT if self._wanted is not None and can_be_scripted(self._wanted) else MOST_ROUNDS
+        self._rounds, self._most_rounds = 0, request.most_rounds or most
         self.made: list[_Attempt] = []
         self.refusals: list[NotPossible] = []
         self.lost: list[Site] = []
@@ -169,9 +183,11 @@ class _Attempts:
             NotPossible: none is usable; with the first refusal, or else the faults of the first attempt. Where all
                 sites were lost on their way to the net, the other types that the map holds are named.
         """
-        usable = [attempt for attempt in self.made if not attempt.unusable]
+        usable = [attempt for attempt in self.made if not attempt.unusable and not attempt.lacks]
         if usable:
             return min(usable, key=lambda attempt: len(attempt.faults))
+        if self._wanted is not None and any(attempt.lacks for attempt in self.made):
+            raise self._without_manoeuvre(self._wanted)
         if self.refusals:
             raise self.refusals[0]
         if self.made:
@@ -188,7 +204,8 @@ class _Attempts:
 
     def notes_besides(self, best: _Attempt) -> list[str]:
         """Which sites were passed over, and why the other attempts were given up, each reason once."""
-        faults = [fault for attempt in self.made if attempt is not best for fault in attempt.faults]
+        others = [attempt for attempt in self.made if attempt is not best and not attempt.lacks]
+        faults = [fault for attempt in others for fault in attempt.faults]
         reasons = dict.fromkeys([*faults, *(refusal.message for refusal in self.refusals)])
         passed_over = [f"passed over: {self._lost_sites()}"] if self.lost else []
         return [*passed_over, *(f"an earlier try was given up: {reason}" for reason in reasons)]
@@ -220,8 +237,30 @@ class _Attempts:
             self.refusals.append(refusal)
             return False
         broken, weak = faults_of(scenario.checks)
-        self.made.append(_Attempt(scenario, path, site.net_path, (*broken, *weak, *missed), bool(broken)))
-        return not self.made[-1].faults
+        lacks = self._wanted is not None and not scenario.others
+        self.made.append(_Attempt(scenario, path, site, (*broken, *weak, *missed), bool(broken), lacks))
+        return not self.made[-1].faults and not lacks
+
+    def script(self) -> None:
+        """Script an actor in one of the scenarios if no traffic holds the manoeuvre that was asked for."""
+        if self._wanted is None or any(not attempt.unusable and not attempt.lacks for attempt in self.made):
+            return
+        bases = sorted((attempt for attempt in self.made if not attempt.unusable), key=lambda one: len(one.faults))
+        for base in bases:
+            made = _scripted(base, self._wanted, self._request.seed)
+            if made is not None:
+                self.made.append(made)
+                return
+
+    def _without_manoeuvre(self, wanted: WantedManoeuvre) -> NotPossible:
+        draws = counted(sum(attempt.lacks for attempt in self.made), "draw")
+        scripted_too = ", and no scripted actor finds room for it" if can_be_scripted(wanted) else ""
+        return NotPossible(
+            f"no road user makes the manoeuvre {wanted} on an ego's way in {draws} of traffic here{scripted_too}",
+            valid=[f"scenario_type={kind}" for kind in LIKELY_AT[wanted.name]],
+            next_step="choose such a site, a higher density, a longer duration_s or another seed",
+            reason="no_manoeuvre",
+        )
 
 
 def _write(
@@ -247,16 +286,33 @@ def _write(
     report(0.75, "choosing ego and goal")
     to_choose_from = ranked if spec.ego_index is None else without_spares(ranked, demand)
     task = choose_task(spec, to_choose_from, site.network, site.focus, STEP_S)
-    vehicles = without_spares((task.ego, *(vehicle for vehicle in ranked if vehicle is not task.ego)), demand)
-    others = vehicles[1:]
-    if not others and demand.total > 1:
+    people = tuple(person.body for person in traffic.people)
+
+    def cast_of(chosen: PlanningTask) -> tuple[GeneratedVehicle, ...]:
+        ego = chosen.ego
+        return without_spares((ego, *(vehicle for vehicle in ranked if vehicle is not ego)), demand)
+
+    vehicles = cast_of(task)
+    if len(vehicles) == 1 and demand.total > 1:
         raise NotPossible(
             "no vehicle but the ego found room on the roads of this site",
             next_step="choose a higher density, another place or other road_classes",
         )
     report(0.8, "writing the file")
-    people = tuple(person.body for person in traffic.people)
-    obstacle_ids = write_scenario(path, site.metadata, site.network, (*others, *people), task, site.roads)
+    obstacle_ids = write_scenario(path, site.metadata, site.network, (*vehicles[1:], *people), task, site.roads)
+    wanted = WantedManoeuvre.of(request.others)
+    if wanted is not None:
+        choice = EgoChoice(path, lambda chosen: (*cast_of(chosen)[1:], *people))
+        for asked in (wanted, wanted.of_any_class):
+            try:
+                task = choose_task(
+                    spec, to_choose_from, site.network, site.focus, STEP_S, accepts=partial(choice.happens, asked)
+                )
+            except NotPossible:  # on no ego's way
+                continue
+            vehicles = cast_of(task)
+            obstacle_ids = write_scenario(path, site.metadata, site.network, (*vehicles[1:], *people), task, site.roads)
+            break
     report(0.85, "reading back and checking")
     checks = check_scenario(path, task.ego.body, site.findings)
     missed = [] if task.focus_passed else [site.focus.missed(only_car=spec.ego_index is not None)]
@@ -275,4 +331,33 @@ def _write(
     if (on_foot := people_asked(request)) is not None:
         counted += people_notes(traffic.people, people_wanted(on_foot, request.density, demand.total))
     scenario = record_of(request, site, demand, aim, task, vehicles, people, obstacle_ids, checks, [*notes, *counted])
+    if wanted is not None and (found := found_in(path, wanted, scenario.vehicle_classes)) is not None:
+        scenario = scenario.model_copy(update={"others": found.in_words()})
     return scenario, [] if notes else missed
+
+
+def _scripted(base: _Attempt, wanted: WantedManoeuvre, seed: int) -> _Attempt | None:
+    """Return the scenario of an attempt with an actor that makes the manoeuvre, or None if none can."""
+    scenario = base.scenario
+    classes = scenario.vehicle_classes
+    made = scripted(base.path, scenario.benchmark_id, wanted, classes, base.path.parent, seed)
+    if made is None:
+        return None
+    checks = check_scenario(made.path, None, base.site.findings)
+    broken, weak = faults_of(checks)
+    if broken:
+        return None
+    more, counts = Counter(made.added.values()), Counter(scenario.classes_realised)
+    on_foot, lane_km = more.pop(PEDESTRIAN.name, 0), lane_km_of(base.site.net)
+    counts += Counter({PEDESTRIAN.name: on_foot}) + more
+    vehicles, density = scenario.vehicles_realised + more.total(), scenario.density
+    updates = {
+        "vehicles_realised": vehicles,
+        "classes_realised": dict(counts),
+        "vehicle_classes": classes | {key: name for key, name in made.added.items() if name != PEDESTRIAN.name},
+        "density": density.model_copy(update={"at_start_per_lane_km": round(vehicles / lane_km, 2)}),
+        "checks": checks,
+        "others": made.found.in_words(),
+    }
+    missed = tuple(fault for fault in base.faults if fault not in faults_of(scenario.checks)[1])
+    return _Attempt(scenario.model_copy(update=updates), made.path, base.site, (*weak, *missed), unusable=False)

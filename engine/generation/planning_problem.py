@@ -11,13 +11,13 @@ cars cut them; a planner that follows the lanes' centre lines may find no trajec
 import itertools
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
+from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest, with_values
 from ...schemas.generation import TURNS_AT, GenerationRequest, SiteType, Turn
 from ...schemas.vocabulary import EGO_CLASSES
 from ..geometry import (
@@ -130,6 +130,7 @@ def _check_turn(turn: Turn, kind: SiteType) -> None:
             f"at a site of the type {kind} no ego makes the turn {turn!r}",
             valid=[f"{THROUGH}:{known}" for known in TURNS_AT[kind]],
             next_step="choose one of these goals, or another scenario_type",
+            given=f"{THROUGH}:{turn}",
         )
 
 
@@ -156,7 +157,7 @@ def parse_goal(text: str, duration_s: float) -> _GoalSpec:
             size = (0.0, 0.0)
         if size is None or all(0.5 <= side <= 500 for side in size):
             return _GoalSpec(lanelet=_LaneletGoal(int(match[1]), match[2] or MIDDLE, size))
-    raise InvalidRequest(f"goal {text!r} cannot be read", valid=GOAL_FORMS)
+    raise InvalidRequest(f"goal {text!r} cannot be read", valid=GOAL_FORMS, remedies=[with_values(goal=None)])
 
 
 TIME_MARGIN_S = 1.5
@@ -195,7 +196,12 @@ class PlanningTask:
 
 
 def choose_task(
-    spec: TaskSpec, vehicles: Sequence[GeneratedVehicle], network: RoadNetwork, focus: SiteFocus, step_s: float
+    spec: TaskSpec,
+    vehicles: Sequence[GeneratedVehicle],
+    network: RoadNetwork,
+    focus: SiteFocus,
+    step_s: float,
+    accepts: Callable[[PlanningTask], bool] | None = None,
 ) -> PlanningTask:
     """Return the planning task of the requested car, or of the best vehicle of the class that can have the goal.
 
@@ -204,7 +210,7 @@ def choose_task(
 
     Cars whose recorded path can be driven come before others, of those the ones that pass on it what the site is about,
     of those, where the goal is to lie behind the site, the ones that leave it and take most of the duration, of those
-    the ones whose lanes can be followed, and of equal ones the first.
+    the ones whose lanes can be followed, and of equal ones the first. A task that ``accepts`` refuses counts for none.
 
     Raises:
         NotPossible: no car, fewer cars than the asked index, or none that reaches such a goal.
@@ -220,20 +226,22 @@ def choose_task(
             f"ego index:{index} asks for car number {index}; the traffic holds {len(cars)}",
             valid=[f"index:0 to index:{len(cars) - 1}"] if cars else [],
             next_step="choose a smaller index or a higher density",
+            remedies=[with_values(ego=f"index:{len(cars) - 1}" if cars else None)],
         )
     choice = [cars[index]] if index is not None else cars
     _check_lanelet(goal, network)
     lookup = LaneletLookup(network)
-    if (task := _best_task(choice, goal, network, lookup, focus, step_s)) is not None:
+    if (task := _best_task(choice, goal, network, lookup, focus, step_s, accepts)) is not None:
         return task
     others = [] if index is None else cars[index + 1 :]
-    if (task := _best_task(others, goal, network, lookup, focus, step_s)) is not None:
+    if (task := _best_task(others, goal, network, lookup, focus, step_s, accepts)) is not None:
         return replace(task, stands_in=True)
     raise NotPossible(
         f"none of the {len(choice) + len(others)} {name}(s) to choose from has a goal {goal} on its way (at least "
         f"{goal.shortest_path_m:g} m within the recording, and not around its start)",
         valid=_driven_lanelets([*choice, *others], lookup) if goal.lanelet else [],
         next_step="choose another goal, a longer duration_s, another ego or another seed",
+        remedies=[with_values(goal=None, ego=None)],
     )
 
 
@@ -244,6 +252,7 @@ def _best_task(
     lookup: LaneletLookup,
     focus: SiteFocus,
     step_s: float,
+    accepts: Callable[[PlanningTask], bool] | None,
 ) -> PlanningTask | None:
     """The task of the best car, as ``choose_task`` ranks them; None where none has such a goal."""
     best: tuple[tuple[int, ...], PlanningTask] | None = None
@@ -253,7 +262,7 @@ def _best_task(
             continue
         task = _seen_from_the_site(task, goal, focus, step_s)
         merit = (car.feasible, task.focus_passed, task.focus_left, task.takes_most)
-        if best is not None and (*merit, True) <= best[0]:
+        if (best is not None and (*merit, True) <= best[0]) or (accepts is not None and not accepts(task)):
             continue
         # Where a planner has most of the duration, it does not drive as the car did: slowly where that was held up.
         evenly_mps = task.goal_distance_m / (task.goal_step * step_s) if goal.through_s is not None else 0.0

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...schemas.errors import InvalidRequest, NotPossible, PlannerForgeError
+from ...schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, with_values
 from ...schemas.generation import TURNS_AT, GenerationRequest, SiteCount, SiteType
 from ..execution import ProgressReporter
 from ..geometry import Points
@@ -123,6 +123,7 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
             f"a ramp is made of link roads; road_classes {list(request.road_classes)} leaves them out",
             valid=["roads, link", "all"],
             next_step="add link to road_classes, or leave road_classes out",
+            remedies=[with_values(road_classes=None)],
         )
     held = _held_types(finder, request)
     where = " on " + " / ".join(names[0] for names in request.streets) if request.streets else ""
@@ -137,6 +138,7 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
         valid=held,
         next_step=next_step,
         reason="no_such_site",
+        remedies=[with_values(scenario_type=kind) for kind in held[:1]],
     )
 
 

@@ -197,16 +197,17 @@ def _trips(
     if aim.plan is not None:
         return FlowTrips(net, lasting_s, choice, aim.plan)
     kind = "usual" if request.conditions is None else request.conditions.trips
-    return TripMaker(net, lasting_s, choice, *_asked_ramps(request.goal, net), kind=kind)
+    return TripMaker(net, lasting_s, choice, *_asked_ramps(request, net), kind=kind)
 
 
-def _asked_ramps(goal: str, net: SumoNet) -> tuple[frozenset[str], frozenset[str]]:
-    """Links of motorways where more trips are to begin, for an ego that merges, or to lead, for one that exits."""
-    if goal not in ("through:merge", "through:exit"):
+def _asked_ramps(request: GenerationRequest, net: SumoNet) -> tuple[frozenset[str], frozenset[str]]:
+    """Links of motorways where more trips are to begin, if the ego or another merges, or to lead, if the ego exits."""
+    begins = request.goal == "through:merge" or request.others.startswith("merging")
+    if not begins and request.goal != "through:exit":
         return frozenset(), frozenset()
     roads = (edge for edge in net.edges.values() if not edge.internal)
     links = frozenset(edge.edge_id for edge in roads if road_classes(edge) & RAMP_LINKS)
-    return (links, frozenset()) if goal == "through:merge" else (frozenset(), links)
+    return (links, frozenset()) if begins else (frozenset(), links)
 
 
 def _style_of(request: GenerationRequest) -> DrivingStyle | None:

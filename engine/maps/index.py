@@ -12,7 +12,7 @@ from enum import IntEnum
 from functools import cache, lru_cache
 from pathlib import Path
 
-from ...schemas.errors import UnknownName
+from ...schemas.errors import UnknownName, with_values
 from ...schemas.generation import MapFacts, MapList, PlaceArea, ScenarioType
 from ...schemas.maps import Box, NamedPlace
 from ...schemas.text import LONGEST_TEXT
@@ -245,7 +245,11 @@ def _in_country(matches: list[MapMatch], country: str, code: str) -> list[MapMat
     if not fitting:
         known = sorted({code for match in matches for code in _countries(match.entry.facts)})
         raise UnknownName(
-            f"no map lies in {country!r}", valid=known, next_step="leave country out, or import a map", reason=NOT_SHOWN
+            f"no map lies in {country!r}",
+            valid=known,
+            next_step="leave country out, or import a map",
+            reason=NOT_SHOWN,
+            remedies=[with_values(country=None)],
         )
     return fitting
 
@@ -334,6 +338,7 @@ def _not_shown(
             next_step=f"leave {' and '.join(['bbox'] * (bbox is not None) + ['country'] * (country is not None))} out, "
             "or choose another place",
             reason=NOT_SHOWN,
+            remedies=[with_values(bbox=None, country=None)],
         )
     nameless = [
         match.entry.facts
@@ -355,6 +360,7 @@ def _not_shown(
             valid=near,
             next_step=f"call again with place={near[0]!r}, or import an .osm extract of the place with import_files",
             reason=NOT_SHOWN,
+            remedies=[with_values(place=near[0])],
         )
     return UnknownName(
         f"no map shows {place!r} or a name like it: there is no map of that city or country",

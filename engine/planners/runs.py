@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
     from ..commonroad import LoadedScenario
 
+_ROUNDING = 1e-9
+"""What is nearer to 0 is left by rounding: an ego that holds its speed does not brake."""
 _EVERY_S = 0.2
 """Between two points of a line (chosen)."""
 _MOST_CANDIDATES, _MOST_PREDICTIONS, _WITHIN_M = 16, 8, 60.0
@@ -224,8 +226,9 @@ def _metrics(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> Ru
 
 
 def _largest(values: Sequence[float] | Values) -> float:
-    """The largest of some values; 0 without any."""
-    return float(max(values, default=0.0))
+    """Return the largest of some values; 0 without any, or if rounding alone has left something."""
+    largest = float(max(values, default=0.0))
+    return largest if abs(largest) >= _ROUNDING else 0.0
 
 
 def _ego_track(states: list[EgoState], vehicle: VehicleParameters) -> Track:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from ...schemas.planning import LONGEST_NAME
 from ...schemas.runs import (
-    LONGEST_DEBUG_NAME,
     MOST_DEBUG_POINTS,
     MOST_DEBUG_POINTS_A_RUN,
     MOST_DEBUG_POLYGONS,
@@ -107,7 +107,7 @@ def _polygons(reported: Sequence[DebugValues], steps: Sequence[int]) -> tuple[tu
 
 
 def _name(name: object) -> str:
-    return one_line(str(name), LONGEST_DEBUG_NAME)
+    return one_line(str(name), LONGEST_NAME)
 
 
 def _text(text: object) -> str:

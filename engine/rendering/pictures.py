@@ -6,7 +6,7 @@ Kinds are ``picture`` and ``animation``, which show scenarios from above, and th
 from dataclasses import replace
 from pathlib import Path
 
-from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.errors import InvalidRequest, NotPossible, with_values
 from ...schemas.rendering import Rendered, RenderedImage, RenderRequest
 from ...schemas.runs import ReviewRequest
 from ..analysis import RunSet, review_runs
@@ -51,7 +51,11 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
         elif request.runs:
             drawing = CHARTS[kind](RunSet(request.runs, request.configs, request.scenarios, request.lineage))
         else:
-            raise NotPossible(f"kind {kind} draws runs, and no run was named", next_step="name run or batch ids in ids")
+            raise NotPossible(
+                f"kind {kind} draws runs, and no run was named",
+                next_step="name run or batch ids in ids",
+                remedies=[with_values(kind=None)],
+            )
         images = (image_at(path, write_png(drawing.figure, path), drawing.alt_text),)
         notes += drawing.notes
     report(1.0, "drawn")
@@ -60,7 +64,11 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
 
 def _search(request: RenderRequest) -> Drawing:
     if request.study is None:
-        raise NotPossible("kind search draws a study, and none was named", next_step="name a study id in ids")
+        raise NotPossible(
+            "kind search draws a study, and none was named",
+            next_step="name a study id in ids",
+            remedies=[with_values(kind=None)],
+        )
     return study_chart(request.study)
 
 

@@ -1,5 +1,7 @@
 """A scenario for others: facts with computed features, the description in words, files in the formats of other tools.
 
+``Manoeuvre``: What a road user does on the ego's way, and when.
+``manoeuvres_met``: What road users would do on the way of an ego with a planning problem of its own.
 ``read_facts``: An operation: the facts of one CommonRoad file, for the catalogue.
 ``describe``: An operation: ego, vehicles and lanelets near the focus of a scenario.
 ``write_opendrive``: An operation: write the lanelets of a scenario as OpenDRIVE; what is lost, how near the bounds are.
@@ -14,6 +16,7 @@ if TYPE_CHECKING:
     from .description import describe
     from .exchange.opendrive import write_opendrive
     from .exchange.openscenario import write_openscenario
-    from .facts import read_facts
+    from .facts import manoeuvres_met, read_facts
+    from .manoeuvres import Manoeuvre
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

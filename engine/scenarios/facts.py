@@ -41,7 +41,7 @@ from ..scene import EgoRoute, ego_route, lanelets_of_pose, path_ahead
 from ..traffic import words_of_hour
 from ..vehicles import ego_class
 from .features import NEAR_M, along_line, features, may_be_beside
-from .manoeuvres import manoeuvres, unprotected_left
+from .manoeuvres import Manoeuvre, manoeuvres, unprotected_left
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
@@ -153,16 +153,62 @@ class _Recording:
     last_step: int
 
 
+def manoeuvres_met(
+    loaded: LoadedScenario,
+    graph: LaneletGraph,
+    tracks: dict[int, Track],
+    problem: "PlanningProblem",
+    vehicle_class: str,
+) -> tuple[Manoeuvre, ...]:
+    """Return what road users would do on the way of an ego with a planning problem of its own, in a scenario's lanes.
+
+    The result is that of :func:`read_facts` for a file that holds these tracks and this problem.
+
+    Args:
+        loaded: the scenario that has the lanes.
+        graph: its lanelets.
+        tracks: the road users without the ego, by id.
+        problem: the ego's start and goal.
+        vehicle_class: the ego's class.
+    """
+    last_step = max((track.last_step for track in tracks.values()), default=0)
+    recording = _Recording(loaded, loaded.scenario, graph, tracks, tracks, last_step)
+    route = ego_route(loaded.scenario.lanelet_network, graph, problem)
+    ego = _placed_ego(recording, problem, route, vehicle_class)
+    return _manoeuvres(recording, ego, route, int(problem.initial_state.time_step))[0]
+
+
 def _ego(recording: _Recording, problem: "PlanningProblem") -> EgoFacts:
-    network, state = recording.scenario.lanelet_network, problem.initial_state
+    network = recording.scenario.lanelet_network
     route = ego_route(network, recording.graph, problem)
+    vehicle_class = recording.loaded.ego_class(int(problem.planning_problem_id))
+    ego = _placed_ego(recording, problem, route, vehicle_class)
+    start_step = int(problem.initial_state.time_step)
+    computed = features(network, recording.graph, recording.tracks, ego, route, start_step)
+    conflict_s = _time_to_conflict_s(recording, ego, start_step)
+    met, left = _manoeuvres(recording, ego, route, start_step)
+    named = {one.name for one in met} | ({"unprotected_left"} if left else set())
+    return ego.model_copy(
+        update={
+            "features": tuple(sorted({*computed, *named})),
+            "manoeuvres": tuple(sorted({str(one) for one in met})),
+            "time_to_conflict_s": conflict_s,
+        }
+    )
+
+
+def _placed_ego(
+    recording: _Recording, problem: "PlanningProblem", route: EgoRoute | None, vehicle_class: str
+) -> EgoFacts:
+    """Return where the ego starts and what its goal states, without what is computed from the traffic."""
+    network, state = recording.scenario.lanelet_network, problem.initial_state
     point, heading = np.asarray(center_of(state.position), dtype=float), middle_of(state.orientation)
     lanelets = lanelets_of_pose(network, point, heading)
     steps = [goal.time_step for goal in problem.goal.state_list if getattr(goal, "time_step", None) is not None]
     first = [int(getattr(step, "start", step)) for step in steps]
     last = [int(getattr(step, "end", step)) for step in steps]
     signs = signs_of(network, lanelets)
-    ego = EgoFacts(
+    return EgoFacts(
         problem_id=int(problem.planning_problem_id),
         speed_mps=middle_of(state.velocity),
         x_m=float(point[0]),
@@ -177,15 +223,7 @@ def _ego(recording: _Recording, problem: "PlanningProblem") -> EgoFacts:
         signs=sign_keys(signs),
         traffic_light=has_light(network, lanelets),
         limits_kmh=limits_kmh(signs),
-        vehicle_class=recording.loaded.ego_class(int(problem.planning_problem_id)),
-    )
-    start_step = int(state.time_step)
-    computed = features(network, recording.graph, recording.tracks, ego, route, start_step)
-    conflict_s = _time_to_conflict_s(recording, ego, start_step)
-    found, left = _manoeuvres(recording, ego, route, start_step)
-    named = {name.partition(":")[0] for name in found} | ({"unprotected_left"} if left else set())
-    return ego.model_copy(
-        update={"features": tuple(sorted({*computed, *named})), "manoeuvres": found, "time_to_conflict_s": conflict_s}
+        vehicle_class=vehicle_class,
     )
 
 
@@ -195,7 +233,7 @@ _FARTHEST_M = 1000.0
 
 def _manoeuvres(
     recording: _Recording, ego: EgoFacts, route: EgoRoute | None, start_step: int
-) -> tuple[tuple[str, ...], bool]:
+) -> tuple[tuple[Manoeuvre, ...], bool]:
     """What the recorded traffic does on the ego's way, and whether the ego turns left unprotected."""
     start = (ego.route or ego.lanelets or (None,))[0]
     if start is None:

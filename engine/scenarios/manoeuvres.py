@@ -1,9 +1,9 @@
 """What the recorded traffic does on the ego's way: it cuts in or out, merges, overtakes, brakes hard ahead, crosses.
 
-Everything is measured along the line that the ego follows: its lane from its start, along its route to the goal. The
-ego is where its own recording has it, where the file holds one; else it keeps its initial speed. A vehicle is close
-ahead within a headway of 3 s, below which the Highway Capacity Manual (2010, chapter 15) counts it as followed.
-Angles in rad, lengths in m.
+Everything is measured along the line that the ego follows, from its start along its route to the goal. If the file
+holds a recording of the ego, the ego is where that has it; otherwise it keeps its initial speed. A vehicle is close
+ahead within a headway of 3 s: the Highway Capacity Manual (2010, chapter 15) counts such a vehicle as followed. Angles
+are in rad, lengths in m.
 """
 
 import math
@@ -28,31 +28,32 @@ if TYPE_CHECKING:
 HEADWAY_S = 3.0
 """Closer vehicles follow each other (Highway Capacity Manual 2010, chapter 15)."""
 STANDING_GAP_M = 10.0
-"""For an ego that stands or crawls, what is within two lengths of a car is close ahead (chosen)."""
+"""If the ego stands or crawls, a vehicle within two car lengths is close ahead (chosen)."""
 HARD_BRAKING_MPS2 = 3.4
-"""Most drivers brake by more only in need (AASHTO, A Policy on Geometric Design, 2011: stopping sight distance)."""
+"""Most drivers brake harder only if they must (AASHTO, A Policy on Geometric Design, 2011: stopping sight distance)."""
 BRAKED_FOR_S = 0.5
-"""A speed's noise averages out over this time (chosen)."""
+"""Noise of the recorded speeds averages out over this time (chosen)."""
 SAME_RAD, OPPOSITE_RAD = math.radians(45.0), math.radians(135.0)
-"""Headings turned by less drive the same way, by more the other way, and between them across (quarters of a circle)."""
+"""Below the first angle a vehicle drives the ego's way, above the second it is oncoming, between them it crosses."""
 MOVING_MPS = 0.5
-"""A slower road user's direction of travel says nothing (chosen; people walk faster)."""
+"""The heading of a slower road user is no direction of travel (chosen; people walk faster)."""
 REACH_M = 12.0
-"""Vehicles farther beside the ego's way do nothing on it (chosen: three lanes)."""
+"""Vehicles farther to the side have no part in what happens on the ego's way (chosen: three lanes)."""
 SEEN_EVERY_S = 0.2
-"""Between two looks at a vehicle (chosen; a change of lane takes seconds)."""
+"""Tracks are sampled at this interval (chosen; a lane change takes seconds)."""
 OUTSIDE, INSIDE = 0.6, 0.25
-"""In widths of the lane: a centre farther beside its middle is in another lane, a nearer one has come in (chosen)."""
+"""Offsets from the centre line in lane widths: beyond the first a vehicle is in another lane, within the second it is
+in the ego's (chosen)."""
 LINE_END_M = 0.5
-"""Beside the ends of the line a place may as well lie beyond it (chosen)."""
+"""Points that project this close to an end of the line may lie beyond it, so they are left out (chosen)."""
 JOINS_WITHIN = 4
-"""Lanelets between a vehicle and the ego's way over which it joins, at most: inside junctions they are short."""
+"""A vehicle that merges reaches the ego's way over at most so many lanelets; they are short inside junctions."""
 APPROACH_M = 25.0
-"""So far before the lane that it crosses, an ego that turns still has the heading of its approach (chosen)."""
+"""A turning ego still has the heading of its approach this far before the lane that it crosses (chosen)."""
 
 
 def unprotected_left(network: "LaneletNetwork", route: EgoRoute | None, way: tuple[Points, tuple[int, ...]]) -> bool:
-    """Whether the ego turns left on its route across a lane of the other direction, and no light protects it.
+    """Return whether the ego turns left across an oncoming lane without a traffic light.
 
     Args:
         way: the line that the ego follows and its lanelets.
@@ -80,7 +81,7 @@ def unprotected_left(network: "LaneletNetwork", route: EgoRoute | None, way: tup
 
 @dataclass(frozen=True)
 class _Ego:
-    """The ego on its line (n, 2): lanelets, width of its lane, length, and station and speed at every step."""
+    """The ego on its line (n, 2): its lanelets, lane width and length, and its station and speed at every step."""
 
     line: Points
     lanelets: frozenset[int]
@@ -91,23 +92,23 @@ class _Ego:
 
     @property
     def reach_m(self) -> float:
-        """How far along its line it comes within the recording, or sees where it stands or crawls."""
+        """Return the station that the ego reaches within the recording, at least the distance that counts as near."""
         return max(float(self.stations[-1]), float(self.stations[0]) + NEAR_M)
 
     def gap_m(self, seen: "_Seen", index: int) -> float:
-        """From the ego's front to a vehicle's rear when it is seen; negative where it is not ahead."""
+        """Return the gap from the ego's front to a vehicle's rear at a sample; negative unless it is ahead."""
         step = min(int(seen.steps[index]), len(self.stations) - 1)
         return float(seen.stations[index] - self.stations[step]) - (seen.track.length_m + self.length_m) / 2
 
     def is_close(self, seen: "_Seen", index: int) -> bool:
-        """Whether a vehicle is ahead of the ego within the headway."""
+        """Return whether a vehicle is ahead of the ego within the headway."""
         step = min(int(seen.steps[index]), len(self.stations) - 1)
         return 0.0 < self.gap_m(seen, index) <= max(HEADWAY_S * float(self.speeds[step]), STANDING_GAP_M)
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """A road user on or beside the ego's line: each time it is seen, its step since the ego's start and its place."""
+    """The samples of a road user near the ego's line: steps since the ego's start, places, headings and speeds."""
 
     track: Track
     steps: NDArray[np.int_]
@@ -119,6 +120,22 @@ class _Seen:
     speeds: Values
 
 
+@dataclass(frozen=True, order=True)
+class Manoeuvre:
+    """A manoeuvre of the vocabulary that a road user makes: CommonRoad's type, its id, and the step when it happens.
+
+    Steps count from the ego's start. Manoeuvres are ordered by name, type, step and id.
+    """
+
+    name: str
+    kind: str
+    step: int
+    obstacle_id: int
+
+    def __str__(self) -> str:
+        return f"{self.name}:{self.kind}"
+
+
 def manoeuvres(
     network: "LaneletNetwork",
     graph: LaneletGraph,
@@ -128,12 +145,18 @@ def manoeuvres(
     way: tuple[Points, tuple[int, ...]],
     start_step: int,
     step_s: float,
-) -> tuple[str, ...]:
-    """What vehicles do on the ego's way, each as ``manoeuvre:type`` with CommonRoad's obstacle type; sorted.
+) -> tuple[Manoeuvre, ...]:
+    """Return what road users do on the ego's way, sorted; of each road user the first manoeuvre of a name.
 
     Args:
-        length_m: the ego's.
+        network: the lanelets.
+        graph: the same as a graph.
+        tracks: the recorded road users by id.
+        ego: the ego at its start.
+        length_m: the ego's length.
         way: the line that the ego follows and its lanelets, as ``path_ahead`` gives them.
+        start_step: the ego's first step.
+        step_s: the length of a step.
     """
     if len(way[0]) < 2:
         return ()
@@ -141,7 +164,7 @@ def manoeuvres(
     steps = max((track.last_step for track in tracks.values()), default=start_step) - start_step
     driver = _driver(network, way, ego, own, length_m, max(steps, 0), start_step, step_s)
     every = max(round(SEEN_EVERY_S / step_s), 1)
-    found: set[tuple[str, str]] = set()
+    found: list[Manoeuvre] = []
     driving: list[_Seen] = []
     for track in tracks.values():
         seen = _seen(driver.line, track, start_step, every)
@@ -151,16 +174,17 @@ def manoeuvres(
             driving.append(seen)
         if track is own:
             continue
-        names = _crossings(driver, seen)
+        samples = _crossings(driver, seen)
         if track.kind not in NOT_DRIVEN:
-            names |= _changes(network, graph, driver, seen) | _braking(driver, seen, every * step_s)
-        found.update((name, track.kind) for name in names)
-    found.update(("overtaking", kind) for kind in _overtakers(driving, driver.width_m))
-    return tuple(sorted(f"{name}:{kind}" for name, kind in found))
+            samples |= _changes(network, graph, driver, seen) | _braking(driver, seen, every * step_s)
+        steps_of = {name: int(seen.steps[sample]) for name, sample in samples.items()}
+        found += [Manoeuvre(name, track.kind, step, track.obstacle_id) for name, step in steps_of.items()]
+    found += _overtaking(driving, driver.width_m)
+    return tuple(sorted(found))
 
 
 def _is_own(track: Track, ego: EgoFacts, start_step: int) -> bool:
-    """Whether a track begins where the ego does, as fast: the ego's own recording."""
+    """Return whether a track begins at the ego's place and speed, so that it is the ego's own recording."""
     index = track.index_at(start_step)
     if index is None:
         return False
@@ -191,32 +215,32 @@ def _driver(
 
 
 def _seen(line: Points, track: Track, start_step: int, every: int) -> _Seen | None:
-    """A road user at its looks on or beside the line from the ego's start on; None where it has fewer than two."""
+    """Return the samples of a road user near the line from the ego's start on, or None if there are fewer than two."""
     begin = max(start_step - track.first_step, 0)
     indices = np.arange(begin, len(track.positions), every)
     indices = indices[may_be_beside(line, track.positions[indices], REACH_M)]
     if len(indices) < 2:
         return None
     stations, offsets, turned = along_line(line, track.positions[indices], track.headings_rad[indices])
-    beside = (np.abs(offsets) <= REACH_M) & (stations > LINE_END_M) & (stations < arc_length(line)[-1] - LINE_END_M)
-    if np.count_nonzero(beside) < 2:
+    near = (np.abs(offsets) <= REACH_M) & (stations > LINE_END_M) & (stations < arc_length(line)[-1] - LINE_END_M)
+    if np.count_nonzero(near) < 2:
         return None
-    kept = indices[beside]
+    kept = indices[near]
     return _Seen(
         track,
         kept + track.first_step - start_step,
         track.positions[kept],
-        stations[beside],
-        offsets[beside],
-        np.abs(wrap_angles(turned[beside])),
+        stations[near],
+        offsets[near],
+        np.abs(wrap_angles(turned[near])),
         track.headings_rad[kept],
         track.speeds_mps[kept],
     )
 
 
-def _changes(network: "LaneletNetwork", graph: LaneletGraph, ego: _Ego, seen: _Seen) -> set[str]:
-    """``cut_in``, ``merging`` and ``cut_out`` close ahead of the ego, in the direction of its lane."""
-    found: set[str] = set()
+def _changes(network: "LaneletNetwork", graph: LaneletGraph, ego: _Ego, seen: _Seen) -> dict[str, int]:
+    """Find ``cut_in``, ``merging`` and ``cut_out`` close ahead of the ego; return the sample of the first of each."""
+    found: dict[str, int] = {}
     along = seen.turned < SAME_RAD
     place = np.where(np.abs(seen.offsets) <= INSIDE * ego.width_m, 1, 0)
     place[np.abs(seen.offsets) >= OUTSIDE * ego.width_m] = -1
@@ -231,16 +255,17 @@ def _changes(network: "LaneletNetwork", graph: LaneletGraph, ego: _Ego, seen: _S
         if not ego.is_close(seen, at):
             continue
         other = lanelets_at(network, seen.positions[before if comes_in else after])
-        beside = bool(graph.beside(other) & ego.lanelets) if other else True
+        is_next_lane = bool(graph.beside(other) & ego.lanelets) if other else True
         if comes_in:
-            found.add("cut_in" if beside else "merging" if _joins(graph, other, ego.lanelets) else "cut_in")
-        elif beside:
-            found.add("cut_out")
+            merges = not is_next_lane and _joins(graph, other, ego.lanelets)
+            found.setdefault("merging" if merges else "cut_in", at)
+        elif is_next_lane:
+            found.setdefault("cut_out", at)
     return found
 
 
 def _joins(graph: LaneletGraph, lanelets: Sequence[int], onto: frozenset[int]) -> bool:
-    """Whether lanelets lead onto a way within a few steps."""
+    """Return whether lanelets lead onto a way within a few successors."""
     reached = set(lanelets)
     for _ in range(JOINS_WITHIN):
         reached = {after for key in reached for after in graph.successors[key]}
@@ -249,20 +274,21 @@ def _joins(graph: LaneletGraph, lanelets: Sequence[int], onto: frozenset[int]) -
     return False
 
 
-def _braking(ego: _Ego, seen: _Seen, look_s: float) -> set[str]:
-    """``lead_brakes_hard`` for a vehicle in the ego's lane, close ahead."""
+def _braking(ego: _Ego, seen: _Seen, look_s: float) -> dict[str, int]:
+    """Find ``lead_brakes_hard`` of a vehicle close ahead in the ego's lane; return its first sample."""
     looks = max(math.ceil(BRAKED_FOR_S / look_s), 1)
     if len(seen.speeds) <= looks:
-        return set()
+        return {}
     lasted = np.diff(seen.steps)[: len(seen.speeds) - looks]
     braked = (seen.speeds[:-looks] - seen.speeds[looks:]) / (looks * look_s)
     in_lane = (np.abs(seen.offsets) <= ego.width_m / 2) & (seen.turned < SAME_RAD)
     hard = np.flatnonzero((braked > HARD_BRAKING_MPS2) & in_lane[:-looks] & (lasted > 0))
-    return {"lead_brakes_hard"} if any(ego.is_close(seen, int(index)) for index in hard) else set()
+    first = next((index for index in hard.tolist() if ego.is_close(seen, index)), None)
+    return {} if first is None else {"lead_brakes_hard": first}
 
 
-def _crossings(ego: _Ego, seen: _Seen) -> set[str]:
-    """``crossing`` and ``oncoming_turns``: from one side of the ego's lane to the other, before the ego is there."""
+def _crossings(ego: _Ego, seen: _Seen) -> dict[str, int]:
+    """Find ``crossing`` or ``oncoming_turns``: a road user passes the ego's lane from side to side ahead of the ego."""
     moving = seen.speeds >= MOVING_MPS
     across = (seen.turned >= SAME_RAD) & (seen.turned <= OPPOSITE_RAD) & moving
     outside = np.flatnonzero(np.abs(seen.offsets) > ego.width_m / 2)
@@ -273,27 +299,33 @@ def _crossings(ego: _Ego, seen: _Seen) -> set[str]:
             continue
         came = np.flatnonzero((seen.turned[:after] > OPPOSITE_RAD) & moving[:after])
         turned = abs(wrap_angle(float(seen.headings[after] - seen.headings[came[0]]))) if len(came) else 0.0
-        return {"oncoming_turns"} if turned > TURN_RAD else {"crossing"}
-    return set()
+        return {"oncoming_turns" if turned > TURN_RAD else "crossing": after}
+    return {}
 
 
-def _overtakers(driving: Sequence[_Seen], width_m: float) -> Iterator[str]:
-    """The types of vehicles that come up behind another in its lane, move beside it and are ahead of it later."""
+def _overtaking(driving: Sequence[_Seen], width_m: float) -> Iterator[Manoeuvre]:
+    """Find vehicles that come up behind another one in its lane, pass it in the next lane and are ahead of it later."""
     for one in driving:
         if float(np.ptp(one.offsets)) < OUTSIDE * width_m:
             continue
-        if any(other is not one and _overtakes(one, other, width_m) for other in driving):
-            yield one.track.kind
+        passes = (_overtakes(one, other, width_m) for other in driving if other is not one)
+        step = next((step for step in passes if step is not None), None)
+        if step is not None:
+            yield Manoeuvre("overtaking", one.track.kind, step, one.track.obstacle_id)
 
 
-def _overtakes(one: _Seen, other: _Seen, width_m: float) -> bool:
-    _, mine, theirs = np.intersect1d(one.steps, other.steps, return_indices=True)
+def _overtakes(one: _Seen, other: _Seen, width_m: float) -> int | None:
+    """Return the step at which one vehicle is level with another that it overtakes, or None if it does not."""
+    steps, mine, theirs = np.intersect1d(one.steps, other.steps, return_indices=True)
     alike = (one.turned[mine] < SAME_RAD) & (other.turned[theirs] < SAME_RAD) & (other.speeds[theirs] >= MOVING_MPS)
-    mine, theirs = mine[alike], theirs[alike]
+    steps, mine, theirs = steps[alike], mine[alike], theirs[alike]
     ahead = one.stations[mine] - other.stations[theirs]
     apart = np.abs(one.offsets[mine] - other.offsets[theirs])
     length_m = (one.track.length_m + other.track.length_m) / 2
     behind = np.flatnonzero((ahead < -length_m) & (apart < width_m / 2))
-    beside = np.flatnonzero((np.abs(ahead) < length_m) & (apart >= width_m / 2))
+    level = np.flatnonzero((np.abs(ahead) < length_m) & (apart >= width_m / 2))
     passed = np.flatnonzero(ahead > length_m)
-    return bool(len(behind) and np.any(later := beside > behind[0]) and np.any(passed > beside[np.argmax(later)]))
+    later = level[level > behind[0]] if len(behind) else level[:0]
+    if not len(later) or not np.any(passed > later[0]):
+        return None
+    return int(steps[later[0]])

@@ -120,7 +120,7 @@ def parse_constraint(text: str) -> Constraint:
     """
     found = _BOUND.fullmatch(text.strip())
     if found is None:
-        raise InvalidRequest(f"{quoted(text)} is no constraint", valid=["success>=base", "collisions<=0.1"])
+        raise InvalidRequest(f"{quoted(text)} is no constraint", valid=["success>=base", "collisions<=0.1"], given=text)
     bound = None if found["bound"] == "base" else float(found["bound"])
     return Constraint(_known(found["name"]), found["operator"] == ">=", bound)
 

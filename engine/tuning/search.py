@@ -13,7 +13,7 @@ from statistics import fmean
 from typing import TYPE_CHECKING
 
 from ...schemas.analysis.optimization import Gain, GainRequest, Proposals, ProposeRequest
-from ...schemas.errors import Faults, InvalidRequest, UnexpectedFailure, UnknownName, closest
+from ...schemas.errors import Faults, InvalidRequest, UnexpectedFailure, UnknownName, closest, with_values
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.text import quoted
 from ..execution import ProgressReporter
@@ -104,7 +104,7 @@ def _dimension(planner: str, text: str) -> Dimension:
     name, tuning, settings = found["name"], tuning_of(planner), known_settings()
     given = None if found["low"] is None else (float(found["low"]), float(found["high"]))
     if given is not None and given[0] >= given[1]:
-        raise InvalidRequest(f"{quoted(text)} is no range", valid=[f"{name}={given[1]:g}..{given[0]:g}"])
+        raise InvalidRequest(f"{quoted(text)} is no range", valid=[f"{name}={given[1]:g}..{given[0]:g}"], given=text)
     if name in tuning.weights or name in tuning.external:
         return _weight(planner, name, given)
     if name not in settings:
@@ -132,7 +132,9 @@ def _weight(planner: str, name: str, given: tuple[float, float] | None) -> Dimen
 def _refuse_outside(name: str, given: tuple[float, float], limits: tuple[float, float]) -> None:
     if not limits[0] <= given[0] < given[1] <= limits[1]:
         raise InvalidRequest(
-            f"{name} cannot be varied from {given[0]:g} to {given[1]:g}", valid=[f"{name}={limits[0]:g}..{limits[1]:g}"]
+            f"{name} cannot be varied from {given[0]:g} to {given[1]:g}",
+            valid=[f"{name}={limits[0]:g}..{limits[1]:g}"],
+            remedies=[with_values(vary=[f"{name}={limits[0]:g}..{limits[1]:g}"])],
         )
 
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest
+from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest, instead
 from ...schemas.grammar import Assignment, parse_assignment
 from ...schemas.planning import PlannerSettings
 from ..vehicles import VEHICLES, fits_together, parameter_values
@@ -54,7 +54,12 @@ def apply_assignments(
             lowest, highest = limits.get(name, (0.0, LARGEST_WEIGHT))
             if not math.isfinite(after) or not lowest <= after <= highest:
                 most = f"{name} from {lowest:g} to {highest:g}" if name in limits else f"a weight from 0 to {highest:g}"
-                raise InvalidRequest(f"'{text}' would set {name} to {after:g}", valid=[most])
+                nearest = lowest if not after > lowest else highest
+                raise InvalidRequest(
+                    f"'{text}' would set {name} to {after:g}",
+                    valid=[most],
+                    remedies=[instead(text, f"{name}={nearest:g}")],
+                )
             result[name] = after
             if after == before:
                 is_idle = before == 0 and change.operator == "*"

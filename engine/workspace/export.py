@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.errors import InvalidRequest, NotPossible, with_values
 from .artifacts import Artifact, Workspace, disk_failure
 
 _STORED = {
@@ -142,6 +142,11 @@ def _formats(workspace: Workspace, artifact: Artifact, asked: Sequence[str], any
         available = [form for form in available if form not in ("solution", "csv", "parquet")]
     missing = [form for form in asked if form not in available]
     if missing:
-        raise InvalidRequest(f"{artifact.artifact_id} has no {', '.join(missing)}", valid=available)
+        kept = [form for form in asked if form in available]
+        raise InvalidRequest(
+            f"{artifact.artifact_id} has no {', '.join(missing)}",
+            valid=available,
+            remedies=[with_values(formats=kept or available[:1])],
+        )
     wanted = [form for one in asked for form in (*(also for also in _WITH.get(one, ()) if also in available), one)]
     return list(dict.fromkeys(wanted)) if any_asked else [*stored, *_WRITTEN]

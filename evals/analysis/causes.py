@@ -156,10 +156,10 @@ def kind_at(made: Made, touch_s: float) -> ContactKind:
 def _kind_of_cut_in(own: Array, other: Array) -> ContactKind:
     """Return what a car that comes in from the side runs into, or what runs into it, by the sides that met."""
     size = np.array([LENGTH_M, WIDTH_M])
-    ours, theirs = side_of(own, size, corners(other, size)), side_of(other, size, corners(own, size))
+    ours = side_of(own, size, corners(other, size))
     if ours == "front":
         return "cut_in"
-    return "rear_end_by_other" if ours == "rear" or theirs == "front" else "side"
+    return "rear_end_by_other" if ours == "rear" else "side"
 
 
 def braked_m(speed: float, begins: float) -> list[float]:

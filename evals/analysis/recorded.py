@@ -128,9 +128,13 @@ def kind_of(hit: Hit) -> str:
     ours = side_of(own, hit.own_size, corners(other, hit.size))
     theirs = side_of(other, hit.size, corners(own, hit.own_size))
     if ours == "rear" or (theirs == "front" and ours != "front"):
-        return "cut_in_by_ego" if _came_in(hit, index, ego_is_ahead=True) else "rear_end_by_other"
+        if _came_in(hit, index, ego_is_ahead=True):
+            return "cut_in_by_ego"
+        return "rear_end_by_other" if ours == "rear" else "side"
     if ours == "front":
-        return "cut_in" if _came_in(hit, index, ego_is_ahead=False) else "rear_end_by_ego"
+        if _came_in(hit, index, ego_is_ahead=False):
+            return "cut_in"
+        return "rear_end_by_ego" if theirs == "rear" else "side"
     return "side"
 
 

@@ -22,7 +22,7 @@ from .recomputed import METRICS, Costs, Pairs, correlation, goal, goals, holm, l
 from .trivial import problem_of, truth
 
 N = r"([-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?)"
-RATE = rf"{N}/{N}(?: = <?{N} % \(95 %: {N}–{N} %(?:, {N} scenarios)?\))?"
+RATE = rf"{N}/{N}(?: = <?{N} % \(95 %: {N}–{N} %(?:, {N} original scenarios?)?\))?"
 _NUMBER = re.compile(rf"(?<![\w.]){N}(?![\w])")
 _NAMES = re.compile(
     r"\b(?:run|cfg|batch|job)_[\w-]+|\b[A-Z]{3}_[\w-]+|'[^']*'|ISO [\d:]+|UN R\d+|\(0 a [^)]*\)|of 5\b|95 %|Next: .*"
@@ -464,6 +464,7 @@ class Judge:
             ),
             (rf"(?:ended as|,) {N} ({'|'.join(outcomes) or '-'})(?=[,;.])", lambda match: [outcomes[match[2]]]),
             (rf"(?<!of )(?<!\d){N} collisions[ ,]", lambda _: [hits]),
+            (rf"{N} could not be attempted and count nowhere", lambda _: [len(records) - len(valid)]),
             (rf"(?:\(|, ){N} ({'|'.join(kinds) or '-'})(?=[,)])", lambda match: [kinds[match[2]]]),
             (
                 rf"prevents {N} of the {N} that could",

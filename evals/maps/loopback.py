@@ -27,7 +27,20 @@ from .extracts import Box, Extract, QueryError, run_query
 
 DATA_TIME = "2026-11-20T10:00:00Z"
 FaultKind = Literal[
-    "429", "504", "403", "slow", "cut", "html", "empty", "huge", "remark", "redirect", "garbage", "no_slot", "drip"
+    "429",
+    "504",
+    "403",
+    "slow",
+    "cut",
+    "html",
+    "empty",
+    "huge",
+    "remark",
+    "redirect",
+    "garbage",
+    "no_slot",
+    "drip",
+    "forged",
 ]
 _HUGE_MB = 200
 _MOST_SLOW_S = 60.0
@@ -59,11 +72,15 @@ _SHORT = {
 
 @dataclass(frozen=True)
 class Fault:
-    """What a service does wrong; ``times``: to so many requests; ``wait_s``: the Retry-After that it names."""
+    """What a service does wrong; ``times``: to so many requests; ``wait_s``: the Retry-After that it names.
+
+    ``body``: what it answers if the fault is ``forged``.
+    """
 
     kind: FaultKind
     times: int = 1
     wait_s: int | None = None
+    body: bytes = b""
 
 
 @dataclass(frozen=True)
@@ -492,6 +509,8 @@ def _handler(servers: MapServers) -> type[BaseHTTPRequestHandler]:
                 self._send(200, "application/json", _as_json([], mirror, remark))
             elif fault.kind == "garbage":
                 self._send(200, "application/json", b'{"version": 0.6, "elements": [{"type": ')
+            elif fault.kind == "forged":
+                self._send(200, "application/json", fault.body)
             elif fault.kind == "redirect":
                 self._send(302, "text/plain", b"", {"Location": "http://127.0.0.2:9/elsewhere"})
             else:

@@ -2,10 +2,10 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, WithJsonSchema
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from ..base import Answer, Arguments, Model, Result
-from ..measures import metric_words
+from ..measures import metric_meant, metric_words
 from ..results import SIGNIFICANCE_LEVEL, ConfigWeights, MetricName, Rate, figure, with_unit
 from ..runs import Lineage, Outcome, RunReview, RunSource, ScenarioSource, ending
 from ..text import measured, p_figure, p_in_words
@@ -37,8 +37,16 @@ MetricsCode = Literal["untested", "none", "better", "worse", "mixed", "changed"]
 a better direction differ; ``none``: no metric does; ``untested``: there were too few pairs.
 """
 
-UnlistedMetric = Annotated[MetricName, WithJsonSchema({"type": "string"})]
-"""A metric whose name the schema leaves out, to stay small; a refusal lists them all."""
+
+def _meant(value: object) -> object:
+    return metric_meant(value) if isinstance(value, str) else value
+
+
+UnlistedMetric = Annotated[MetricName, BeforeValidator(_meant), WithJsonSchema({"type": "string"})]
+"""A metric whose name the schema leaves out, to stay small; a refusal lists them all.
+
+Taken is every name of it that an answer, a table or a legend prints.
+"""
 
 
 class CompareResultsArguments(Arguments):

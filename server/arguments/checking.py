@@ -16,7 +16,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from ...schemas.base import Arguments, choices_of, model_at, problem_of
-from ...schemas.errors import InvalidRequest
+from ...schemas.errors import Change, InvalidRequest, Remedy
 from ...schemas.text import LONGEST_TEXT, one_line
 from .loose_reading import read_loosely
 
@@ -134,49 +134,106 @@ def _explained(model: type[BaseModel], error: ValidationError, given: Mapping[st
     more = [f"and {len(details) - _SHOWN_PROBLEMS:,} more like these"] if len(details) > _SHOWN_PROBLEMS else []
     valid = [name for _, names in problems for name in names]
     corrected = _corrected(model, details, given)
+    remedies = list[Remedy]()
+    if corrected is not None:
+        names = dict.fromkeys((*given, *corrected))
+        changed = {name: corrected.get(name) for name in names if corrected.get(name) != given.get(name)}
+        remedies.append(Remedy((Change(values=changed),)))
     return InvalidRequest(
         "; ".join([*(text for text, _ in problems), *more]),
         valid=dict.fromkeys(valid),
-        next_step=f"call again with {corrected}"
-        if corrected
-        else "correct the arguments that are named and call again",
+        next_step="" if remedies else "correct the arguments that are named and call again",
+        remedies=remedies,
     )
 
 
-def _corrected(model: type[BaseModel], details: Sequence[ErrorDetails], given: Mapping[str, Any]) -> str:
-    """Arguments as JSON in which names and choices are the nearest valid ones; empty where that is not enough."""
+def _corrected(
+    model: type[BaseModel], details: Sequence[ErrorDetails], given: Mapping[str, Any]
+) -> dict[str, Any] | None:
+    """Arguments in which what is wrong is the nearest valid value, or left out; None if that is not enough."""
     values = json.loads(json.dumps(given, default=str))
     for _ in range(_CORRECTIONS):
-        if not all(_mended(model, detail, values) for detail in details):
-            return ""
+        # From the back, so that what is left out of a list moves nothing that is still to be mended.
+        mended = [_mended(model, detail, values) for detail in reversed(details)]
+        if not all(mended):
+            return None
         try:
             model.model_validate(values)
         except ValidationError as error:
             details = error.errors(include_url=False)
             continue
-        text = json.dumps(values, ensure_ascii=False)
-        return text if len(text) <= _SHOWN_NOTE else ""
-    return ""
+        return values if isinstance(values, dict) else None
+    return None
 
 
 def _mended(model: type[BaseModel], detail: ErrorDetails, values: Any) -> bool:
-    """Put the nearest valid name or choice in place of a wrong one; whether there is one."""
-    *holder, last = detail["loc"]
+    """Put the nearest valid value in place of a wrong one, or leave it out; whether that could be done."""
+    *holder, last = detail["loc"] or ("",)
     place: Any = values
-    for part in holder:
-        place = place[part]
-    if detail["type"] == "extra_forbidden" and isinstance(place, dict):
-        near = _nearest(str(last), model_at(model, detail["loc"]).model_fields)
-        if near and near not in place:
-            place[near] = place.pop(last)
+    try:
+        for part in holder:
+            place = place[part]
+        if detail["type"] == "missing":
+            usual = _usual_value(model, detail["loc"])
+            if usual is not None:
+                place[last] = usual
+            return usual is not None
+        if detail["type"] == "extra_forbidden":
+            near = _nearest(str(last), model_at(model, detail["loc"]).model_fields)
+            value = place.pop(last)
+            if near and near not in place:
+                place[near] = value
             return True
-        return False
-    if detail["type"] == "literal_error":
         near = _nearest(str(detail["input"]), choices_of(detail))
         if near:
             place[last] = near
-        return bool(near)
-    return False
+            return True
+        bound = _nearest_bound(detail)
+        if bound is not None:
+            place[last] = bound
+            return True
+        return _without(model, detail["loc"], values)
+    except (KeyError, IndexError, TypeError):
+        return False
+
+
+def _nearest_bound(detail: ErrorDetails) -> Any:
+    """The bound that a number or the length of a list breaks; for a list, as much of it as may be. None without one."""
+    limits = detail.get("ctx", {})
+    if detail["type"] in ("greater_than_equal", "less_than_equal"):
+        bound = limits["ge"] if "ge" in limits else limits["le"]
+        return int(bound) if isinstance(detail["input"], int) and float(bound).is_integer() else bound
+    if detail["type"] == "too_long" and isinstance(detail["input"], list):
+        return detail["input"][: limits["max_length"]]
+    if detail["type"] == "int_from_float" and isinstance(detail["input"], float) and math.isfinite(detail["input"]):
+        return round(detail["input"])
+    return None
+
+
+def _usual_value(model: type[BaseModel], location: tuple[int | str, ...]) -> Any:
+    """What a field that must be given usually is; None if there is no such value."""
+    holder = model_at(model, location)
+    return holder.usual_values.get(str(location[-1])) if issubclass(holder, Arguments) else None
+
+
+def _without(model: type[BaseModel], location: tuple[int | str, ...], values: Any) -> bool:
+    """Leave the field out in which a value is wrong, or give it its usual value; whether it may be left out."""
+    named = max((index for index, part in enumerate(location) if isinstance(part, str)), default=-1)
+    if named < 0:
+        return False
+    holder: Any = values
+    for part in location[:named]:
+        holder = holder[part]
+    name = str(location[named])
+    field = model_at(model, location[: named + 1]).model_fields[name]
+    usual = _usual_value(model, location[: named + 1])
+    if usual is not None:
+        holder[name] = usual
+    elif field.is_required():
+        return False
+    else:
+        holder.pop(name, None)
+    return True
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:

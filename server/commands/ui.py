@@ -3,7 +3,7 @@
 import sys
 import webbrowser
 
-from ...engine.execution import share_heaps
+from ...engine.execution import hide_environment, share_heaps
 from ..assembly import create_server
 from ..http.pages.application import ROOT, Pages
 from ..http.serving import serve_http
@@ -40,5 +40,6 @@ def serve_pages(settings: Settings, *, open_it: bool) -> None:
         if open_it and has_screen():
             webbrowser.open(url)  # the socket listens already: the browser waits for the first answer
 
+    hide_environment()
     share_heaps()
     serve_http(create_server(own), own, Pages(own.workspace.expanduser() / JOURNAL), tell)

@@ -1,6 +1,7 @@
 """The schemas of all tools are part of the contract: a change shows in the files that the server sends."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,20 @@ from plannerforge.server.tool_schema import described_tool, tool_description
 from plannerforge.tools.registry import TOOLS, ToolSpec
 
 SNAPSHOTS = Path(__file__).parents[2] / "server" / "descriptions"
+
+
+def _keys_within(schema: object) -> Iterator[str]:
+    if isinstance(schema, dict):
+        yield from schema
+    for part in schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ():
+        yield from _keys_within(part)
+
+
+@pytest.mark.parametrize("spec", TOOLS, ids=lambda spec: spec.name)
+def test_no_schema_has_a_bound_that_some_hosts_refuse(spec: ToolSpec) -> None:
+    described = described_tool(spec)
+    for schema in (described.input_schema, described.output_schema):
+        assert not {"exclusiveMinimum", "exclusiveMaximum"} & set(_keys_within(schema))
 
 
 @pytest.mark.parametrize("spec", TOOLS, ids=lambda spec: spec.name)

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plannerforge.schemas import errors
 from plannerforge.schemas.errors import (
     Faults,
     InvalidRequest,
@@ -21,6 +20,7 @@ from plannerforge.schemas.errors import (
     error_classes,
     rebuild,
 )
+from plannerforge.schemas.errors import kinds as errors
 
 CODES = {
     "error",

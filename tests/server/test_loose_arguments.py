@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pydantic import Field
 
 from plannerforge.schemas.base import Arguments, Model
-from plannerforge.schemas.errors import InvalidRequest
+from plannerforge.schemas.errors import InvalidRequest, followed
 from plannerforge.server.arguments.checking import read_arguments
 
 
@@ -78,14 +78,30 @@ def test_what_would_be_a_guess_is_refused(written: dict[str, Any]) -> None:
         read_arguments(Request, {"scenario_id": "A", **written})
 
 
-def test_a_refusal_carries_the_call_that_was_meant() -> None:
+@pytest.mark.parametrize(
+    ("wrong", "right"),
+    [
+        ({"trafic": "reactiv", "count": 2}, {"count": 2, "traffic": "reactive"}),
+        ({"duration_s": 1}, {"duration_s": 5}),
+        ({"reasoning": "it is so"}, {}),
+        ({"count": "many"}, {}),
+        ({"traffic": "angry"}, {}),
+    ],
+    ids=["misspelt", "bound", "unknown", "type", "choice"],
+)
+def test_a_refusal_carries_the_call_that_mends_it(wrong: dict[str, Any], right: dict[str, Any]) -> None:
+    given = {"scenario_id": "A", **wrong}
     with pytest.raises(InvalidRequest) as caught:
-        read_arguments(Request, {"scenario_id": "A", "trafic": "reactiv", "count": 2})
-    assert caught.value.next_step == 'call again with {"scenario_id": "A", "count": 2, "traffic": "reactive"}'
-    for vague in ({"duration_s": 1}, {"reasoning": "it is so"}):
-        with pytest.raises(InvalidRequest) as caught:
-            read_arguments(Request, {"scenario_id": "A", **vague})
-        assert "call again with" not in caught.value.next_step
+        read_arguments(Request, given)
+    mended = followed(caught.value.remedies[0], "request", given)
+    assert mended is not None
+    assert mended.arguments == {"scenario_id": "A", **right}
+
+
+def test_what_must_be_given_and_is_not_has_no_correction() -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        read_arguments(Request, {"count": 2})
+    assert not caught.value.remedies
 
 
 @given(

@@ -63,6 +63,24 @@ def test_a_new_planner_passes_its_own_test_at_once(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+def test_a_new_planner_that_looks_at_nobody_fails_its_own_test_and_the_check(
+    installed: Install, tmp_path: Path
+) -> None:
+    assert command("new", "blind", "--folder", tmp_path).exit_code == 0
+    source = tmp_path / "blind" / "plannerforge_blind.py"
+    text = source.read_text()
+    blind = text.replace("(self.gap_m(ego, other) for other in observation.obstacles)", "()")
+    assert blind != text
+    source.write_text(blind)
+    done = subprocess.run(
+        [sys.executable, "-m", "unittest"], cwd=source.parent, capture_output=True, text=True, check=False
+    )
+    assert "FAIL: test_it_drives_to_the_goal_and_hits_nothing" in done.stderr
+    installed("blind", blind, package="plannerforge_blind")
+    checked = command("check", "blind")
+    assert "collision 1" in checked.output
+
+
 def test_a_new_planner_is_checked_in_words(installed: Install, tmp_path: Path) -> None:
     source = write_planner("second", tmp_path) / "plannerforge_second.py"
     installed("second", source.read_text(), package="plannerforge_second")

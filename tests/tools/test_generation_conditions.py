@@ -26,6 +26,7 @@ from plannerforge.tools.generation.conditions import (
     with_natural_mix,
     with_tables_read,
 )
+from plannerforge.tools.generation.requests import demands_of
 
 
 @pytest.fixture
@@ -240,3 +241,44 @@ def test_a_recipe_without_conditions_is_that_of_before() -> None:
     assert "conditions" not in request.model_dump(mode="json")
     with_some = request.model_copy(update={"conditions": TrafficConditions(weather="snow")})
     assert with_some.model_dump(mode="json")["conditions"]["weather"] == "snow"
+
+
+@pytest.mark.parametrize(
+    ("text", "asked"),
+    [
+        ("cut_in", "cut_in"),
+        ("cut-in:lorry", "cut_in:truck"),
+        ("truck cuts in", "cut_in:truck"),
+        ("lead brakes", "lead_brakes_hard"),
+        ("crossing:pedestrian", "crossing:pedestrian"),
+    ],
+)
+def test_a_manoeuvre_of_others_is_understood_by_name_and_in_words(text: str, asked: str) -> None:
+    read = read_conditions(arguments(f"others={text}"))
+    assert (read.others, read.conditions) == (asked, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "valid"),
+    [
+        ("unprotected_left", "goal=through:unprotected_left"),
+        ("cut_inn", "cut_in"),
+        ("cut_in:pedestrian", "others=crossing:pedestrian"),
+        ("cut_in:trukc", "truck"),
+    ],
+)
+def test_a_manoeuvre_that_others_cannot_make_is_refused_with_what_is_near(text: str, valid: str) -> None:
+    with pytest.raises(InvalidRequest) as refusal:
+        read_conditions(arguments(f"others={text}"))
+    assert valid in refusal.value.valid
+
+
+def test_the_class_that_is_to_make_a_manoeuvre_joins_the_traffic() -> None:
+    def classes(*vehicles: str) -> list[str]:
+        call = arguments("others=cut_in:truck", vehicles=list(vehicles))
+        return [demand.vehicle_class for demand in demands_of(call, read_conditions(call).others)]
+
+    assert classes() == ["truck"]
+    assert classes("truck=3", "bus=1") == ["truck", "bus"]
+    with pytest.raises(InvalidRequest):
+        classes("truck=0")

@@ -1,4 +1,6 @@
 import gzip
+import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -53,3 +55,19 @@ async def test_a_map_is_taken_by_its_content_whatever_its_name(connect: Connect,
         answer = await client.call_tool("import_files", {"path": str(folder)})
         assert (answer.structured_content or {})["refused"] == 0
         assert {item["kind"] for item in (answer.structured_content or {})["items"]} == {"map"}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has file names that are not UTF-8")
+async def test_files_with_names_that_are_not_utf8_are_passed_over_and_told(connect: Connect, tmp_path: Path) -> None:
+    folder = tmp_path / "maps"
+    folder.mkdir()
+    town = (LIBRARY / "fahrhausen.osm").read_bytes()
+    (folder / os.fsdecode(b"town\xff.osm")).write_bytes(town)
+    async with connect() as client:
+        nothing = await client.call_tool("import_files", {"path": str(folder)})
+        assert "[invalid_request]" in str(nothing.content)
+        assert "not UTF-8 1" in str(nothing.content)
+        (folder / "town.osm").write_bytes(town)
+        answer = await client.call_tool("import_files", {"path": str(folder)})
+        assert "Fahrhausen" in str(answer.content)
+        assert "not UTF-8 1" in (answer.structured_content or {})["note"]

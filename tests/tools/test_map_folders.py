@@ -1,6 +1,8 @@
 """Maps in the user's map folders: read once, and one that is broken is left out and told of."""
 
 import gzip
+import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -44,6 +46,16 @@ async def test_a_broken_map_does_not_stop_the_others_and_is_told_of(connect: Con
         assert any("nowhere cannot be read" in note for note in notes)
         facets = str((await client.call_tool("describe_catalog", {"facet": "maps"})).content)
         assert "half.osm was left out" in facets
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has file names that are not UTF-8")
+async def test_a_map_with_a_name_that_is_not_utf8_is_left_out_and_told_of(connect: Connect, folder: Path) -> None:
+    (folder / os.fsdecode(b"lost\xff.osm")).write_bytes((LIBRARY / "fahrhausen.osm").read_bytes())
+    async with connect() as client:
+        answer = await client.call_tool("generate_scenarios", WISH)
+        assert not answer.is_error, answer.content
+        notes = (answer.structured_content or {})["notes"]
+        assert any("not UTF-8" in note for note in notes)
 
 
 async def test_a_packed_map_is_unpacked_once(connect: Connect, monkeypatch: pytest.MonkeyPatch) -> None:

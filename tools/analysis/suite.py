@@ -24,7 +24,7 @@ from ...schemas.catalog import FindScenariosArguments
 from ...schemas.errors import Faults, InvalidRequest, NotPossible, PlannerForgeError, UnknownName, closest
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import BatchRecord, ReviewRequest, RunRecord, RunReview, RunSource, ending
-from ...schemas.text import counted, one_line, quoted
+from ...schemas.text import counted, is_utf8, one_line, quoted
 from ..call import ToolCall
 from ..catalog import find_scenarios
 from ..configurations import resolve_configuration, store_configuration
@@ -191,7 +191,11 @@ async def _scenarios(suite: Suite, folder: Path, call: ToolCall) -> tuple[list[s
 
 async def _imported(path: Path, call: ToolCall) -> tuple[list[str], list[str]]:
     """The ids of the scenario files at a path, each taken in by itself, and what was refused."""
-    files = [path] if not path.is_dir() else sorted(file for file in path.rglob("*.xml") if ".net." not in file.name)
+    files = (
+        [path]
+        if not path.is_dir()
+        else sorted(file for file in path.rglob("*.xml") if ".net." not in file.name and is_utf8(str(file)))
+    )
     if not files:
         raise NotPossible(f"{path} holds no CommonRoad file", valid=["*.xml"])
     ids, refused = [], []

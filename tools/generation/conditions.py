@@ -6,7 +6,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from types import MappingProxyType
+from typing import get_args
 
+from ...engine.catalog import manoeuvres_in
 from ...engine.cosimulation import presets
 from ...engine.traffic import (
     SHARES_OF_DAY_SOURCE,
@@ -17,29 +19,32 @@ from ...engine.traffic import (
     vehicles_per_lane_km,
     words_of_hour,
 )
-from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest
+from ...engine.vehicles import PEDESTRIAN, vehicle_classes
+from ...schemas.errors import Faults, InvalidRequest, UnknownName, calling, closest, misspelt
 from ...schemas.generation import (
     COMPASS_DEG,
     NATURAL_SHARES,
     SHARES_SOURCE,
     TRIP_KINDS,
+    WEATHER_WORDS,
     WEATHERS,
     GenerateScenariosArguments,
     RoadFlow,
     TrafficConditions,
     TripKind,
+    Turn,
     VehicleDemand,
     Weather,
 )
+from ...schemas.vocabulary import MANOEUVRES, vehicle_class_of
 from ..call import ToolCall
 
 _TIMES = {"night": "02:30", "morning_rush": "07:30", "morning": "09:30", "noon": "12:30", "day": "11:30"}
 _TIMES |= {"afternoon": "14:30", "rush_hour": "17:30", "evening_rush": "17:30", "evening": "20:30"}
 """Times that words stand for: the middle of an hour."""
-_WEATHER_WORDS: dict[str, Weather] = {"rain": "light_rain", "mist": "fog", "snowfall": "snow"}
 _GOODS = ("truck", "trailer")
 """Classes whose share changes with the hour as that of goods vehicles does."""
-_KEYS = ("time", "weather", "drivers", "mix", "counts", "od", "trips")
+_KEYS = ("time", "weather", "drivers", "mix", "others", "counts", "od", "trips")
 _FIELDS = {"mix": "natural_mix"}
 _NAMING = ("counts", "od")
 """Conditions whose values are names of roads: their spelling is kept."""
@@ -60,10 +65,14 @@ MOST_PER_H = 20_000
 
 @dataclass(frozen=True)
 class ReadConditions:
-    """Conditions as they act, None where there are none, and what is told of them, a sentence each."""
+    """Conditions as they act, None where there are none, and what is told of them, a sentence each.
+
+    ``others``: the manoeuvre of another road user that is asked for, such as ``cut_in:truck``; empty without one.
+    """
 
     conditions: TrafficConditions | None = None
     notes: tuple[str, ...] = ()
+    others: str = ""
 
 
 def read_conditions(arguments: GenerateScenariosArguments) -> ReadConditions:
@@ -82,8 +91,9 @@ def read_conditions(arguments: GenerateScenariosArguments) -> ReadConditions:
             read[key], note = _READERS[key](value)
             notes += [note] if note else []
     faults.raise_all()
+    others = str(read.pop("others", ""))
     if not read:
-        return ReadConditions()
+        return ReadConditions(others=others)
     flows = tuple(flow for key in _NAMING for flow in _flows_in(read.pop(key, ())))
     if flows:
         read["flows"] = flows
@@ -95,7 +105,7 @@ def read_conditions(arguments: GenerateScenariosArguments) -> ReadConditions:
             f"{conditions.time}: {per_lane_km:g} vehicles per lane-km (medium at noon, other hours by their share of a "
             f"working day, {SHARES_OF_DAY_SOURCE}); density wins where it is given"
         )
-    return ReadConditions(conditions, tuple(notes))
+    return ReadConditions(conditions, tuple(notes), others)
 
 
 def with_natural_mix(
@@ -137,7 +147,8 @@ def _parted(text: str) -> tuple[str, str]:
     if not mark or key not in _KEYS:
         raise UnknownName(
             f"conditions {text!r}: {key or 'nothing'} is no condition",
-            valid=[f"{known}=…" for known in _KEYS],
+            valid=[f"{known}=…" for known in closest(key, _KEYS)],
+            remedies=misspelt(key, _KEYS),
             next_step="give conditions such as time=rush_hour, weather=snow, drivers=aggressive, mix=natural",
         )
     if key in _NAMING:
@@ -153,12 +164,12 @@ def _time(value: str) -> tuple[str, str]:
     hour = -1 if found is None else int(found[1]) % 12 + 12 * (found[3] == "pm") if found[3] else int(found[1])
     minute = 0 if found is None or found[2] is None else int(found[2])
     if not (0 <= hour < 24 and 0 <= minute < 60):
-        raise InvalidRequest(f"time={value} is no time of day", valid=[*_TIMES, "17:30"])
+        raise InvalidRequest(f"time={value} is no time of day", valid=[*_TIMES, "17:30"], given=value)
     return f"{hour:02d}:{minute:02d}", ""
 
 
 def _weather(value: str) -> tuple[Weather, str]:
-    name = _WEATHER_WORDS.get(value, value)
+    name = WEATHER_WORDS.get(value, value)
     known = next((weather for weather in WEATHERS if weather == name), None)
     if known is None:
         raise UnknownName(
@@ -184,7 +195,8 @@ def _drivers(value: str) -> tuple[str, str]:
         if name not in published:
             raise UnknownName(
                 f"there is no driver preset or published calibration {name!r}",
-                valid=[*presets(), *published],
+                valid=closest(name, [*presets(), *published]),
+                remedies=[calling("describe_catalog", facet="behaviours")],
                 next_step="name one preset, or calibrations joined by +, such as drivers=gb_motorway+m25_gaps",
             )
     read = [published[name] for name in names]
@@ -201,7 +213,7 @@ def _drivers(value: str) -> tuple[str, str]:
 
 def _mix(value: str) -> tuple[bool, str]:
     if value != "natural":
-        raise InvalidRequest(f"mix={value} cannot be meant", valid=["mix=natural"])
+        raise InvalidRequest(f"mix={value} cannot be meant", valid=["mix=natural"], given=f"mix={value}")
     shares = ", ".join(f"{name} {share:.2%}" for name, share in NATURAL_SHARES.items())
     return True, f"mix: {shares}, one each at least, of goods vehicles as the hour has them ({SHARES_SOURCE})"
 
@@ -211,6 +223,32 @@ def _trips(value: str) -> tuple[TripKind, str]:
     if kind is None:
         raise UnknownName(f"there are no trips {value!r}", valid=TRIP_KINDS)
     return kind, ""
+
+
+def _others(value: str) -> tuple[str, str]:
+    """Read a manoeuvre of another road user, and the class that makes it if one is named on either side of it."""
+    word, _, rest = value.partition(":")
+    if word not in MANOEUVRES:
+        said = manoeuvres_in(re.sub(r"[_:]", " ", value))
+        word, _, rest = (said[0] if len(said) == 1 else value).partition(":")
+    if word in get_args(Turn):
+        raise InvalidRequest(
+            f"others={value}: the ego makes this manoeuvre, and no other road user",
+            valid=[f"goal=through:{word}"],
+            next_step="ask for it by goal",
+        )
+    if word not in MANOEUVRES:
+        raise UnknownName(
+            f"there is no manoeuvre {word!r} of another road user",
+            valid=closest(word, MANOEUVRES) or MANOEUVRES,
+            next_step="name one, such as others=cut_in, or others=cut_in:truck",
+        )
+    name = vehicle_class_of(rest) if rest else ""
+    if name is None:
+        raise UnknownName(f"others={value}: there is no vehicle class {rest!r}", valid=closest(rest, vehicle_classes()))
+    if name == PEDESTRIAN.name and word != "crossing":
+        raise InvalidRequest(f"others={value}: a pedestrian does not do that", valid=["others=crossing:pedestrian"])
+    return f"{word}:{name}" if name else word, ""
 
 
 def _counts(value: str) -> tuple[tuple[RoadFlow, ...], str]:
@@ -311,4 +349,5 @@ _READERS: dict[str, Callable[[str], tuple[object, str]]] = {
     "counts": _counts,
     "od": _origins,
     "trips": _trips,
+    "others": _others,
 }

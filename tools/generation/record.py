@@ -59,6 +59,7 @@ def summarise(
         checks_passed=passed,
         checks_failed=failed,
         planners_refuse=refused_by_planners(ego.vehicle_class),
+        others=scenario.others,
         notes=[*_shares(scenario, request), *scenario.notes],
     )
 
@@ -144,10 +145,8 @@ def described_generation(report: GeneratedScenario, artifact: Artifact, detail: 
 
 def _conditions(artifact: Artifact) -> tuple[str, ...]:
     """The conditions of the request as they are written in a call."""
-    kept = artifact.recipe.arguments.get("conditions")
-    if kept is None:
-        return ()
-    asked = TrafficConditions.model_validate(kept)
+    kept, others = (artifact.recipe.arguments.get(name) for name in ("conditions", "others"))
+    asked = TrafficConditions.model_validate(kept or {})
     words = {
         "time": asked.time,
         "weather": asked.weather,
@@ -156,6 +155,7 @@ def _conditions(artifact: Artifact) -> tuple[str, ...]:
         "counts": _flows([flow for flow in asked.flows if not flow.to]),
         "od": _flows([flow for flow in asked.flows if flow.to]),
         "trips": "" if asked.trips == "usual" else asked.trips,
+        "others": others,
     }
     return tuple(f"{name}={word}" for name, word in words.items() if word)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from ...engine.maps import Closeness, MapEntry, MapMatch, country_code, find_maps, resolve_road_classes
 from ...engine.vehicles import PEDESTRIAN, vehicle_classes
-from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
+from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest, with_values
 from ...schemas.generation import (
     NATURAL_SHARES,
     GenerateScenariosArguments,
@@ -194,7 +194,8 @@ def request_for(arguments: GenerateScenariosArguments, site: AssignedSite, index
         UnknownName: no such road class or condition.
         InvalidRequest: numbers of vehicles or conditions that cannot be meant.
     """
-    facts, conditions = site.match.entry.facts, read_conditions(arguments).conditions
+    facts, read = site.match.entry.facts, read_conditions(arguments)
+    conditions = read.conditions
     return GenerationRequest(
         map_path=str(site.match.entry.path),
         map_id=facts.map_id,
@@ -206,9 +207,7 @@ def request_for(arguments: GenerateScenariosArguments, site: AssignedSite, index
         bbox=_meant_box(arguments, site.match),
         road_classes=() if arguments.road_classes is None else resolve_road_classes(arguments.road_classes),
         density=arguments.density,
-        vehicles=with_natural_mix(
-            _with_the_ego_s_class(_vehicle_demands(arguments.vehicles), ego_of(arguments)), conditions
-        ),
+        vehicles=with_natural_mix(demands_of(arguments, read.others), conditions),
         duration_s=arguments.duration_s,
         ego=ego_of(arguments),
         goal=arguments.goal,
@@ -217,6 +216,7 @@ def request_for(arguments: GenerateScenariosArguments, site: AssignedSite, index
         site_index=site.site_index,
         site_step=site.site_step,
         conditions=conditions,
+        others=read.others,
         folder="",
     )
 
@@ -243,12 +243,26 @@ def check_demands(arguments: GenerateScenariosArguments) -> None:
         InvalidRequest: numbers of vehicles that cannot be meant.
     """
     known = {*vehicle_classes(), PEDESTRIAN.name}
-    for demand in _with_the_ego_s_class(_vehicle_demands(arguments.vehicles), ego_of(arguments)):
+    for demand in demands_of(arguments, read_conditions(arguments).others):
         name = demand.vehicle_class
         if name not in known:
             raise UnknownName(f"there is no vehicle class {name!r}", valid=closest(name, known), reason="unknown_class")
     if arguments.road_classes is not None:
         resolve_road_classes(arguments.road_classes)
+
+
+def demands_of(arguments: GenerateScenariosArguments, others: str) -> tuple[VehicleDemand, ...]:
+    """Return the vehicles that a call asks for, with the classes of its ego and of whoever makes a manoeuvre.
+
+    Args:
+        arguments: the call.
+        others: the manoeuvre of another road user, such as ``cut_in:truck``; empty if none is asked for.
+
+    Raises:
+        InvalidRequest: numbers of vehicles that cannot be meant.
+    """
+    demands = _with_the_actor_s_class(_vehicle_demands(arguments.vehicles), others)
+    return _with_the_ego_s_class(demands, ego_of(arguments))
 
 
 def _vehicle_demands(texts: list[str]) -> tuple[VehicleDemand, ...]:
@@ -329,6 +343,21 @@ def _with_the_ego_s_class(demands: tuple[VehicleDemand, ...], ego: str) -> tuple
     return *demands, _bare_demand(name)
 
 
+def _with_the_actor_s_class(demands: tuple[VehicleDemand, ...], others: str) -> tuple[VehicleDemand, ...]:
+    """Return the demands with the class that has to make a manoeuvre, if it is named and they do not name it.
+
+    Raises:
+        InvalidRequest: vehicles exclude the class.
+    """
+    name = others.partition(":")[2]
+    asked = next((demand for demand in demands if demand.vehicle_class == name), None)
+    if asked is not None and asked.most == 0:
+        raise InvalidRequest(
+            f"others={others} needs a {name}, but vehicles excludes it", next_step=f"leave {name}=0 out of vehicles"
+        )
+    return demands if name in ("", "car") or asked is not None else (*demands, _bare_demand(name))
+
+
 def _in_our_words(text: str) -> tuple[str, str]:
     """A demand with the class that its word means, and what was taken for what; empty where nothing was."""
     found = re.fullmatch(r"(\s*!?\s*)([^\W\d][^<>=!]*?)(\s*(?:[<>=].*)?)", text, re.DOTALL)
@@ -350,5 +379,10 @@ def box_of(bbox: list[float] | None) -> Box | None:
         raise InvalidRequest(f"bbox has {len(bbox)} numbers", valid=["[south, west, north, east] in degrees"])
     south, west, north, east = bbox
     if not (-90 <= south < north <= 90 and -180 <= west < east <= 180):
-        raise InvalidRequest(f"bbox {bbox} is no box", valid=["[south, west, north, east] in degrees, south < north"])
+        ordered = [min(south, north), min(west, east), max(south, north), max(west, east)]
+        raise InvalidRequest(
+            f"bbox {bbox} is no box",
+            valid=["[south, west, north, east] in degrees, south < north"],
+            remedies=[with_values(bbox=ordered)],
+        )
     return south, west, north, east

@@ -7,11 +7,14 @@ from ...execution import ProgressReporter
 from ..unpacking import NET_ENDING, foreign_format
 from .lanelet2 import convert_lanelet2
 from .lanelet_map import write_network
+from .net_map import untraced_links
 from .opendrive import convert_opendrive
 
 
 def convert_roads(request: ConvertMapRequest, report: ProgressReporter) -> ConvertedMap:
     """Write an OpenDRIVE file as a SUMO network, a Lanelet2 map or a CommonRoad file as a CommonRoad road network.
+
+    A SUMO network stays as it is; what its lanelets will lack is told.
 
     Raises:
         UnsafeInput: the file is hostile, broken, or holds no road.
@@ -20,7 +23,9 @@ def convert_roads(request: ConvertMapRequest, report: ProgressReporter) -> Conve
     report(0.1, "converting the map")
     kind = foreign_format(source)
     stem = source.name.removesuffix(source.suffix)
-    if kind == "OpenDRIVE":
+    if kind is None:
+        target, lost = source, tuple(untraced_links(source))
+    elif kind == "OpenDRIVE":
         target = folder / f"{stem}{NET_ENDING}"
         lost = convert_opendrive(source, target, folder)
     elif kind == "Lanelet2":

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from ....schemas.errors import UnsafeInput
-from ....schemas.text import one_line, quoted
+from ....schemas.text import counted, one_line, quoted
 from ...geometry import Points
-from ...network import MOTOR_CLASSES, NetEdge, SumoNet, read_net
+from ...network import MOTOR_CLASSES, NetEdge, SumoNet, build_road_network, read_net
 from ..osm import HALF_TURN_DEG, NO_TAGS, OSM_ATTRIBUTION, OsmMap, OsmNode, OsmWay
 from ..road_classes import ALL_ROADS
 
@@ -56,6 +56,29 @@ def read_net_map(path: Path) -> NetMap:
         return _as_map(net, edges, path)
     except (ValueError, KeyError, IndexError, ArithmeticError) as error:
         raise UnsafeInput(f"{path.name} is not readable as a SUMO network: {error}") from error
+
+
+MOST_TRACED = 4_000
+"""Lanes of a network up to which its lanelets are drawn at once, to tell what cannot be (chosen: a few seconds)."""
+
+
+def untraced_links(path: Path) -> list[str]:
+    """Tell the drivable connections of a network that no lanelet can stand for; a large one is judged where it is cut.
+
+    Raises:
+        UnsafeInput: the file is hostile, broken or no SUMO network.
+    """
+    try:
+        net = read_net(path)
+        if len(net.lanes) > MOST_TRACED:
+            return []
+        missing = build_road_network(net, step_s=0.1, elapsed_s=0.0).lost_connections
+    except (ValueError, KeyError, IndexError, ArithmeticError) as error:
+        raise UnsafeInput(f"{path.name} is not readable as a SUMO network: {error}") from error
+    if not missing:
+        return []
+    start, goal = missing[0]
+    return [f"{counted(len(missing), 'turn')} too tight to be drawn as a lanelet, first: {start} to {goal}"]
 
 
 def _as_map(net: SumoNet, edges: list[NetEdge], path: Path) -> NetMap:

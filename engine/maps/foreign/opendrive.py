@@ -11,11 +11,11 @@ from lxml import etree
 from ....schemas.errors import NotPossible, UnsafeInput
 from ....schemas.text import counted, quoted
 from ...commonroad import XmlLimits, scan_xml
-from ...network import build_road_network, read_net, run_netconvert
+from ...network import run_netconvert
 from ..unpacking import LARGEST_BYTES
 from .drive_repair import LEFT, mirror, repair, traffic_rule, without_namespaces, y_range
 from .lanelet_map import NOWHERE
-from .net_map import PROJECTION
+from .net_map import PROJECTION, untraced_links
 
 LIMITS = XmlLimits(size_bytes=LARGEST_BYTES, depth=24)
 MOST_LANES, MOST_ROADS, MOST_GEOMETRIES = 50_000, 10_000, 200_000
@@ -61,7 +61,7 @@ def convert_opendrive(source: Path, target: Path, scratch: Path) -> tuple[str, .
         raise UnsafeInput(f"{source.name}: {refusal.message}", next_step="mend the file, or take another") from refusal
     if axis_m is not None:
         _mirror_back(target, axis_m)
-    lost += _untraced(target)
+    lost += untraced_links(target)
     if warnings:
         lost.append(f"netconvert warned {counted(len(warnings), 'time')}, first: {warnings[0]}")
     if not _has_place(target):
@@ -164,22 +164,6 @@ def _lost(root: etree._Element) -> list[str]:
     lost += ["heights"] if heights else []
     lost += [f"lanes that cars do not use, as what they are: {', '.join(others[:5])}"] if others else []
     return lost
-
-
-MOST_TRACED = 4_000
-"""Lanes of a network up to which its lanelets are drawn at once, to tell what cannot be (chosen: a few seconds)."""
-
-
-def _untraced(net_path: Path) -> list[str]:
-    """Which connections of a network no lanelet can stand for; a large network is looked at where it is cut out."""
-    net = read_net(net_path)
-    if len(net.lanes) > MOST_TRACED:
-        return []
-    missing = build_road_network(net, step_s=0.1, elapsed_s=0.0).lost_connections
-    if not missing:
-        return []
-    start, goal = missing[0]
-    return [f"{counted(len(missing), 'turn')} too tight to be drawn as a lanelet, first: {start} to {goal}"]
 
 
 _OTHER_TURN = {"l": "r", "r": "l", "L": "R", "R": "L"}

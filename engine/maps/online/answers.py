@@ -11,7 +11,7 @@ import time
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from ...workspace import write_whole
 
@@ -19,14 +19,17 @@ _DAY_S = 86_400.0
 _MIB = 1024**2
 
 
+_Read = TypeVar("_Read")
+
+
 @dataclass(frozen=True)
-class KeptAnswer:
-    """What a service answered: the host, when (seconds since 1970), and its answer as it came, parsed from JSON."""
+class KeptAnswer(Generic[_Read]):
+    """What a service answered: the host, when (seconds since 1970), and its answer, parsed from JSON."""
 
     question: str
     service: str
     asked_at: float
-    answer: Any
+    answer: _Read
 
 
 class AnswerCache:
@@ -38,14 +41,20 @@ class AnswerCache:
     def __init__(self, folder: Path, most_mb: int, most_days: float) -> None:
         self._folder, self._most_bytes, self._most_s = folder, most_mb * _MIB, most_days * _DAY_S
 
-    def find(self, question: str, *, however_old: bool = False) -> KeptAnswer | None:
+    def find(self, question: str, *, however_old: bool = False) -> KeptAnswer[Any] | None:
         """The answer to a question; None where there is none, or it is too old, or its file is damaged."""
         path = self._path(question)
         try:
             kept = KeptAnswer(**json.loads(gzip.decompress(path.read_bytes())))
         except FileNotFoundError:
             return None
-        except (OSError, EOFError, ValueError, TypeError):  # damaged, by whatever: it is asked for again
+        except (
+            OSError,
+            EOFError,
+            ValueError,
+            TypeError,
+            RecursionError,
+        ):  # damaged, by whatever: it is asked for again
             path.unlink(missing_ok=True)
             return None
         if kept.question != question or (not however_old and time.time() - kept.asked_at > self._most_s):
@@ -54,7 +63,7 @@ class AnswerCache:
             path.touch()
         return kept
 
-    def keep(self, kept: KeptAnswer) -> None:
+    def keep(self, kept: KeptAnswer[Any]) -> None:
         """Keep an answer; others are removed where there is no room for all.
 
         Raises:
@@ -64,6 +73,10 @@ class AnswerCache:
         packed = gzip.compress(text.encode(), compresslevel=5, mtime=0)
         write_whole(self._path(kept.question), lambda partial: partial.write_bytes(packed))
         self._make_room()
+
+    def remove(self, question: str) -> None:
+        """Remove the answer to a question."""
+        self._path(question).unlink(missing_ok=True)
 
     def _path(self, question: str) -> Path:
         return self._folder / f"{hashlib.sha256(question.encode()).hexdigest()[:32]}.json.gz"

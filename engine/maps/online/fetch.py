@@ -28,6 +28,7 @@ from ..naming.shown import MOST_PLACES
 from ..naming.tags import PLACE_KINDS
 from ..osm import ground_distance_m
 from ..site_search.finder import SiteFinder
+from .messages import MapData
 from .services import Answered, ServiceClient, settings_of_query
 
 Spot = tuple[float, float]
@@ -379,7 +380,7 @@ def _sites_inside(path: Path, core: Box, request: FetchMapRequest) -> Mapping[Si
     return {longest.kind: 1} if longest is not None and _lies_in(longest.position, core) else held
 
 
-def _fetched(request: FetchMapRequest, path: Path, core: Box, query: str, answered: Answered) -> FetchedMap:
+def _fetched(request: FetchMapRequest, path: Path, core: Box, query: str, answered: Answered[MapData]) -> FetchedMap:
     place = request.place
     name = _town_of(place) if place is not None else None
     country = (place.country if place is not None else None) or request.country
@@ -428,5 +429,7 @@ def write_osm(elements: Sequence[Mapping[str, Any]], box: Box, path: Path) -> No
                 elif kind == "way":
                     writer.add_way(mutable.Way(id=key, nodes=[int(node) for node in one.get("nodes", ())], tags=tags))
                 else:
-                    members = [(str(m["type"])[0], int(m["ref"]), str(m.get("role", ""))) for m in one["members"]]
+                    members = [
+                        (str(m["type"])[0], int(m["ref"]), str(m.get("role", ""))) for m in one.get("members", ())
+                    ]
                     writer.add_relation(mutable.Relation(id=key, members=members, tags=tags))

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 from urllib.parse import urlsplit
 
 from tenacity import RetryCallState, Retrying, retry_if_exception, stop_after_attempt
@@ -28,6 +28,7 @@ from ....schemas.maps import MapServices
 from ....schemas.text import one_line
 from ...execution import ProgressReporter
 from .answers import AnswerCache, KeptAnswer
+from .messages import Finding, MapData, NotReadable, read_findings, read_map_data
 
 _MIB = 1024**2
 MOST_BYTES = 60 * _MIB
@@ -61,14 +62,36 @@ class Trouble(Exception):
         self.again, self.wait_s = again, wait_s
 
 
-@dataclass(frozen=True)
-class Answered:
-    """An answer: from which host, whether it was kept from before, and what could not be asked, a sentence each."""
+_Read = TypeVar("_Read")
 
-    answer: Any
+
+@dataclass(frozen=True)
+class Answered(Generic[_Read]):
+    """An answer as it was read, its host, and whether it was kept from before.
+
+    ``troubles``: what could not be asked, a sentence each.
+    """
+
+    answer: _Read
     service: str
     kept: bool
     troubles: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Question(Generic[_Read]):
+    """What is asked, of which kind of service, at which addresses.
+
+    ``ask``: asks the service at an address. ``read``: reads its answer or raises ``NotReadable``. ``holds``: whether an
+    answer holds something.
+    """
+
+    text: str
+    kind: str
+    urls: Sequence[str]
+    ask: Callable[[str], object]
+    read: Callable[[object], _Read]
+    holds: Callable[[_Read], bool]
 
 
 @dataclass
@@ -188,7 +211,7 @@ class ServiceClient:
         self._told_bytes = 0
         self._give_up_at = time.monotonic() + MOST_SECONDS
 
-    def search(self, parameters: Mapping[str, int | str]) -> Answered:
+    def search(self, parameters: Mapping[str, int | str]) -> Answered[list[Finding]]:
         """What Nominatim finds: a list of places as its format jsonv2 has them.
 
         Raises:
@@ -204,9 +227,10 @@ class ServiceClient:
 
             return _nominatim._nominatim_request(OrderedDict(sorted(parameters.items())))
 
-        return self._ask(f"nominatim {base} {query}", (base,), ask, "Nominatim")
+        question = f"nominatim {base} {query}"
+        return self._ask(_Question(question, "Nominatim", (base,), ask, read_findings, holds=bool))
 
-    def query(self, text: str) -> Answered:
+    def query(self, text: str) -> Answered[MapData]:
         """What the first Overpass service that can be asked answers to a query in its language, as its JSON.
 
         An empty answer is believed where a second service gives none either: some hold a part of the earth alone.
@@ -219,43 +243,50 @@ class ServiceClient:
         def ask(url: str) -> object:
             return self._overpass(url, text)
 
-        return self._ask(f"overpass {text}", self._services.overpass_urls, ask, "Overpass", lambda it: it["elements"])
+        urls = self._services.overpass_urls
+        question = f"overpass {text}"
+        return self._ask(_Question(question, "Overpass", urls, ask, read_map_data, lambda it: bool(it["elements"])))
 
-    def _ask(
-        self,
-        question: str,
-        urls: Sequence[str],
-        ask: Callable[[str], object],
-        kind: str,
-        holds: Callable[[Any], object] = bool,
-    ) -> Answered:
+    def _ask(self, question: "_Question[_Read]") -> "Answered[_Read]":
         asks_none = self._services.mode == "cache"
-        kept = self._cache.find(question, however_old=asks_none)
-        fresh = kept is not None and (asks_none or holds(kept.answer) or time.time() - kept.asked_at < EMPTY_KEPT_S)
+        kept = self._kept(question, however_old=asks_none)
+        fresh = kept is not None and (
+            asks_none or question.holds(kept.answer) or time.time() - kept.asked_at < EMPTY_KEPT_S
+        )
         if kept is not None and fresh:
             return Answered(kept.answer, kept.service, kept=True)
         if self._services.mode != "online":
             raise NotPossible(
-                f"{kind} did not answer this before, and maps_online is {self._services.mode}: it is not asked",
+                f"{question.kind} did not answer this before; as maps_online is {self._services.mode}, it is not asked",
                 next_step="set maps_online to online, or import an .osm extract of the place with import_files",
                 reason=NOT_ASKED,
             )
-        answered, troubles = self._first_answer(urls, ask, holds)
+        answered, troubles = self._first_answer(question)
         if answered is None:
-            old = self._cache.find(question, however_old=True)
+            old = self._kept(question, however_old=True)
             if old is None:
-                raise ServiceFailure(f"{kind} cannot be used: {'; '.join(troubles)}", reason=UNREACHED)
+                raise ServiceFailure(f"{question.kind} cannot be used: {'; '.join(troubles)}", reason=UNREACHED)
             return Answered(old.answer, old.service, True, (*troubles, "an answer kept from long ago is used"))
         if not answered.kept:
-            self._cache.keep(KeptAnswer(question, answered.service, time.time(), answered.answer))
+            self._cache.keep(KeptAnswer(question.text, answered.service, time.time(), answered.answer))
         return answered
 
-    def _first_answer(
-        self, urls: Sequence[str], ask: Callable[[str], object], holds: Callable[[Any], object]
-    ) -> tuple[Answered | None, list[str]]:
+    def _kept(self, question: "_Question[_Read]", *, however_old: bool) -> "KeptAnswer[_Read] | None":
+        """Return the kept answer; one that cannot be read, which earlier versions may have kept, is removed."""
+        kept = self._cache.find(question.text, however_old=however_old)
+        if kept is None:
+            return None
+        try:
+            return KeptAnswer(kept.question, kept.service, kept.asked_at, question.read(kept.answer))
+        except NotReadable:
+            self._cache.remove(question.text)
+            return None
+
+    def _first_answer(self, question: "_Question[_Read]") -> "tuple[Answered[_Read] | None, list[str]]":
         """The first answer that holds something, otherwise the first empty one; and what went wrong until then."""
-        empty: Answered | None = None
+        empty: Answered[_Read] | None = None
         troubles: list[str] = []
+        urls = question.urls
         for url in urls:
             host = _host_of(url)
             if time.monotonic() > self._give_up_at:
@@ -263,11 +294,11 @@ class ServiceClient:
                 break
             self._tell(f"asking {host}")
             try:
-                found = Answered(self._patiently(url, ask), host, kept=False)
+                found = Answered(self._patiently(url, question), host, kept=False)
             except Trouble as trouble:
                 troubles.append(f"{host} {trouble}")
                 continue
-            if holds(found.answer):
+            if question.holds(found.answer):
                 return _with(found, troubles), troubles
             if empty is not None:
                 break
@@ -275,7 +306,7 @@ class ServiceClient:
             troubles += [f"{host} holds nothing there"] if len(urls) > 1 else []
         return (None if empty is None else _with(empty, troubles)), troubles
 
-    def _patiently(self, url: str, ask: Callable[[str], object]) -> object:
+    def _patiently(self, url: str, question: "_Question[_Read]") -> _Read:
         """One service's answer, asked again once where that may help."""
 
         def wait_s(state: RetryCallState) -> float:
@@ -296,12 +327,13 @@ class ServiceClient:
             before_sleep=tell,
             reraise=True,
         )
-        return again(self._once, url, ask)
+        answer: _Read = again(self._once, url, question)
+        return answer
 
-    def _once(self, url: str, ask: Callable[[str], object]) -> object:
+    def _once(self, url: str, question: "_Question[_Read]") -> _Read:
         _check_reachable(url)
         with _osmnx_set_up(self._services, url, self._tell_size), self._turn(_host_of(url)):
-            return _answer_of(ask, url)
+            return _answer_of(question, url)
 
     def _tell_size(self, size: int) -> None:
         if size >= self._told_bytes + _MIB or size < self._told_bytes:
@@ -328,8 +360,6 @@ class ServiceClient:
         remark = str(answer.get("remark", ""))
         if "error" in remark or "timed out" in remark:
             raise Trouble(f"gave up: {one_line(remark, _LONGEST_REASON)}")
-        if not isinstance(answer.get("elements"), list):
-            raise Trouble("answered with something else than map data")
         return answer
 
     @contextmanager
@@ -354,7 +384,7 @@ NOT_ASKED, UNREACHED, TOO_LARGE = "not_asked", "unreached", "too_large"
 """Reasons: the settings forbid to ask; no service answered as it should; there is more than is read."""
 
 
-def _with(found: Answered, troubles: Sequence[str]) -> Answered:
+def _with(found: Answered[_Read], troubles: Sequence[str]) -> Answered[_Read]:
     return Answered(found.answer, found.service, found.kept, tuple(troubles))
 
 
@@ -396,17 +426,19 @@ def _osmnx_set_up(services: MapServices, url: str, tell: Callable[[int], None]) 
         socket.getaddrinfo = lookup  # osmnx puts its own in its place, which keeps the address of a host
 
 
-def _answer_of(ask: Callable[[str], object], url: str) -> object:
-    """What osmnx returns; whatever goes wrong on the way as trouble of the service."""
+def _answer_of(question: _Question[_Read], url: str) -> _Read:
+    """Return what the service answers, read; whatever goes wrong on the way is trouble of the service."""
     from requests.exceptions import RequestException, Timeout
 
     try:
-        return ask(url)
+        return question.read(question.ask(url))
+    except NotReadable as error:
+        raise Trouble(f"answered in another form than documented: {error}") from error
     except Timeout as error:
         raise Trouble("did not answer in time") from error
     except RequestException as error:
         raise Trouble("cannot be reached", again=True) from error
-    except (ValueError, KeyError, AttributeError, TypeError) as error:  # osmnx's errors are ValueErrors
+    except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:  # osmnx's errors are ValueErrors
         raise Trouble("answered with something that is not the JSON that was asked for", again=True) from error
 
 

@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ....schemas.text import one_line
+from ....schemas.planning import LONGEST_NAME, MOST_TERMS
+from ....schemas.text import one_line, quoted
 from ..driving.drivability import excesses_of
 from ..interface import DebugValues, EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
 
@@ -55,6 +56,14 @@ def plan_breaches(plan: object, observation: Observation, step_s: float) -> list
 
 
 def _of_figures(plan: Plan) -> list[str]:
+    for kind, named in (("cost", plan.costs), ("constraint", plan.rejected)):
+        if len(named) > MOST_TERMS:
+            return [f"it names {len(named):,} {kind}s, more than {MOST_TERMS}"]
+        for name in named:
+            if not name or one_line(name, LONGEST_NAME) != name:
+                return [
+                    f"{kind} {quoted(name, LONGEST_NAME)} has to be printable and at most {LONGEST_NAME} characters"
+                ]
     breaches = [f"cost {name} is {value}" for name, value in sorted(plan.costs.items()) if not np.isfinite(value)]
     breaches += [f"rejected {name} is {count}" for name, count in sorted(plan.rejected.items()) if count < 0]
     if plan.candidates < 0:

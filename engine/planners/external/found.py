@@ -25,12 +25,12 @@ from ....schemas.base import problem_of
 from ....schemas.errors import PlannerFailure
 from ....schemas.planning import WEIGHT_NAME, CommandPlanner, PlannerDeclaration
 from ....schemas.text import one_line
+from ...execution import PLANNERS_VARIABLE
 
 if TYPE_CHECKING:
     from ..interface import Planner
 
 ENTRY_POINTS = "plannerforge.planners"
-PLANNERS_VARIABLE = "PLANNERFORGE_PLANNERS"
 IMPORT_LIMIT_S = 60.0
 """The longest that a planner's package may take to be imported; chosen: PyTorch takes seconds."""
 _LARGEST_SOURCE_BYTES = 10_000_000

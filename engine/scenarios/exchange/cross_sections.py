@@ -18,16 +18,19 @@ DENSE_M = 0.1
 """Of the places on the reference line at which normals are tried (chosen)."""
 REACH = 3.0
 """How far a bound is looked for on a normal, in widths of the strip (chosen): farther ones belong to another bend."""
-STEEPEST_RAD, TURNINGS = np.pi / 3, (2.5, 0.0, 1.2, 5.0)
-"""Chosen: a skew end is kept up to this angle. The reference line turns into it over so many widths times the angle: a
-cubic is about four times as bent at such an end as on average, and its normals cross inside the strip where the radius
-is less than half the width. The first is tried first, the others where a bound is missed."""
+STEEPEST_RAD, TURNINGS = np.radians(85.0), (2.5, 0.0, 1.2, 5.0)
+"""Chosen: a skew end is kept up to this angle, so that lanes meet. The reference line turns into it over so many widths
+times the angle: a cubic is about four times as bent at such an end as on average, and its normals cross inside a strip
+where the radius is less than half the width. The first is tried first, the others where a bound is missed."""
 GOOD_M, FAR_M = 0.02, 0.1
 """Chosen: what is missed by no more needs no other try; by more than the second it counts first."""
 TRIED_M, TRIED_AT_ENDS_M = 0.5, 0.1
 """Spacing of the places at which bounds are cut besides at vertices (chosen); skew ends turn the normals."""
 FLAT_M = 0.002
 """Chosen: places at which a bound is nearer to the straight between its neighbours are not written."""
+LEVEL_M = 0.004
+"""Chosen: a bound that ends this near to the normal at the end of its strip ends on it; ASAM's checker takes 1 cm for a
+gap between lanes, and two strips meet there."""
 _ENDS_M = 1e-3
 
 
@@ -222,7 +225,8 @@ def _cut(line: Points, at: Points, across: Points, reach_m: float) -> Values:
             candidates = beside[hits]
             found[number] = candidates[np.argmin(np.abs(candidates))]
     for end, vertex in ((0, line[0]), (-1, line[-1])):  # the end of a strip is the normal there, or nearly
-        if np.isnan(found[end]):
+        ahead = abs(float((vertex - at[end]) @ [across[end][1], -across[end][0]]))
+        if np.isnan(found[end]) or ahead <= LEVEL_M:  # a bound may cross the normal of its own end once more
             found[end] = float((vertex - at[end]) @ across[end])
     known = np.flatnonzero(~np.isnan(found))
     whole: Values = np.interp(np.arange(len(found)), known, found[known])

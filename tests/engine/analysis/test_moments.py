@@ -77,6 +77,8 @@ CASES: dict[str, tuple[Place, Place, str, str | None, str | None]] = {
     "across from the right": ((0, 0, EAST, 10), (3.0, -0.2, NORTH, 8), "crossing", "front", "left"),
     "an oncoming one": ((0, 0, EAST, 10), (4.3, 0.5, WEST, 9), "oncoming", "front", "front"),
     "alongside": ((0, 0, EAST, 10), (0.5, 1.6, EAST - 0.05, 10), "side", "left", "right"),
+    "a merging one from the left": ((0, 0, EAST, 10), (-4.3, 2.7, EAST - 0.5, 12), "side", "left", "front"),
+    "into the side of a merging one": ((0, 0, EAST, 12), (4.0, -1.2, EAST + 0.6, 9), "side", "front", "left"),
     "a standing one": ((0, 0, EAST, 10), (4.3, 0, EAST, 0), "into_standing", "front", "rear"),
     "onto the standing ego": ((0, 0, EAST, 0), (-4.3, 0, EAST, 9), "onto_standing_ego", "rear", "front"),
 }

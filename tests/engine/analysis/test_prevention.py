@@ -255,6 +255,20 @@ def test_from_the_start_a_driver_that_runs_into_someone_else_prevents_nothing() 
     assert len(alone.drivers) == len(among.drivers)
 
 
+def test_full_braking_helps_only_while_it_keeps_clear_of_others_ahead_too() -> None:
+    """Another crosses just before the standing car when the ego would have passed: braking has to end earlier."""
+    ego, standing = track(-1, (0.0, 0.0), 10.0, 400), track(7, (60.0, 0.0), 0.0, 400)
+    hit = first_touch(ego, standing)
+    crossing = track(8, (56.0, -60.0), 10.0, 400, heading_rad=math.pi / 2)
+    alone = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S)
+    among = prevention_or_none(ego.part(0, hit + 1), standing, hit, STEP_S, Surroundings([crossing], None))
+    assert among is not None
+    assert alone.by_braking_until_s is not None
+    assert among.by_braking_until_s is not None
+    nearer_m = (60.0 - LENGTH_M / 2) - (56.0 - WIDTH_M / 2)
+    assert alone.by_braking_until_s - among.by_braking_until_s == pytest.approx(nearer_m / 10.0, abs=1.1 * STEP_S)
+
+
 def test_a_standing_car_that_a_cut_out_reveals_is_not_seen_before() -> None:
     ego, standing = track(-1, (0.0, 0.0), 20.0, 300), track(7, (100.0, 0.0), 0.0, 300)
     lead = track(8, (34.5, 0.0), 20.0, 300)  # 1.5 s ahead

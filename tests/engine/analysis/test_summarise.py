@@ -91,7 +91,7 @@ def test_several_configurations_are_pooled_only_if_asked() -> None:
     assert (pooled.success.count, pooled.success.of, pooled.groups) == (1, 2, ())
 
 
-@pytest.mark.parametrize("where", ["outcome=collision", "!outcome=goal_reached"])
+@pytest.mark.parametrize("where", ["outcome=collision", "!outcome=goal_reached", "outcome=collision|timeout"])
 @pytest.mark.parametrize("breakdown", ["none", "country"])
 def test_runs_chosen_by_how_they_ended_have_no_rate(where: str, breakdown: str) -> None:
     runs = [source(record("DEU_A-1_1_T-1")), *(source(record(f"DEU_A-{n}_1_T-1", "collision")) for n in (2, 3))]

@@ -72,6 +72,8 @@ def count_conditions(draw: st.DrawFn) -> Condition:
         f"{kind}<={low}": lambda count: count <= low,
         f"{kind}>{low}": lambda count: count > low,
         f"!{kind}>={low}": lambda count: count < low,
+        f"{kind}={low}|{kind}>={low + more}": lambda count: count == low or count >= low + more,
+        f"!{kind}={low}|{kind}={low + more}": lambda count: count not in (low, low + more),
     }
     text = draw(st.sampled_from(sorted(forms)))
     return Condition("obstacles", text, lambda one: forms[text](count_of(one, kind)))
@@ -87,6 +89,11 @@ def road_conditions(draw: st.DrawFn) -> Condition:
         f"lanes={lanes}": lambda one: one.egos[0].lanes == lanes,
         f"lanes>={lanes}": lambda one: one.egos[0].lanes >= lanes,
         f"speed_limit={limit}km/h": lambda one: limit in one.roads.limits_ego_kmh,
+        f"speed_limit={limit}km/h@map": lambda one: limit in one.roads.limits_map_kmh,
+        f"traffic_light|lanes>={lanes}": lambda one: one.roads.traffic_light_ego or one.egos[0].lanes >= lanes,
+        f"!speed_limit={limit}km/h|traffic_light@map": lambda one: (
+            limit not in one.roads.limits_ego_kmh and one.roads.traffic_lights_map == 0
+        ),
         f"speed_limit@map<={limit}km/h": lambda one: any(value <= limit for value in one.roads.limits_map_kmh),
         "!speed_limit": lambda one: not one.roads.limits_ego_kmh,
     }
@@ -135,6 +142,13 @@ def test_more_than_three_conditions_may_have_to_go() -> None:
     asked = FindScenariosArguments(tags=["urban", "rural"], obstacles=["bus", "truck", "bicycle", "taxi=3"])
     (only,) = funnel(connection, asked).relaxations()
     assert [one.label for one in only.constraints] == ["rural", "bus", "truck", "bicycle", "taxi=3"]
+
+
+def test_a_country_or_a_city_of_several_is_enough() -> None:
+    places = ("DEU_Munich-1_1_T-1", "DEU_Bonn-1_1_T-1", "ESP_Bilbao-1_1_T-1")
+    connection = catalogue([facts(place) for place in places])
+    assert found(connection, FindScenariosArguments(city="Bonn|Bilbao")) == sorted(places[1:])
+    assert found(connection, FindScenariosArguments(country="ESP|DEU", city="Munich")) == [places[0]]
 
 
 @given(st.floats(0, 40), st.floats(0, 40))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from support.builders import town_road
 
+from plannerforge.engine.commonroad import recordings
 from plannerforge.engine.commonroad.reader import LoadedScenario, read_recorded
 from plannerforge.engine.commonroad.recordings import Recording, RecordingStore
 from plannerforge.engine.execution.limits import Limits
@@ -86,6 +87,19 @@ def test_a_damaged_recording_counts_for_nothing_and_is_made_again(
     assert_same(town, store.find(digest_of(town)))
 
 
+class _ForgedType:
+    """A NumPy data type with a field of objects that says of itself that it holds none."""
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return np.dtype, ("V8", False, True), (3, "|", None, ("a",), {"a": (np.dtype("O"), 0)}, 8, 1, 0)
+
+
+@pytest.mark.parametrize("kind", ["O", "|O", "V8", "|O8", "<M8[s]", "<f8,<f8", "<U4", "<c16"])
+def test_an_array_of_anything_but_numbers_is_refused(kind: str) -> None:
+    with pytest.raises(pickle.UnpicklingError):
+        recordings._array(kind, (1,), bytearray(16))
+
+
 class _Hostile:
     def __init__(self, target: Path) -> None:
         self._target = target
@@ -94,7 +108,9 @@ class _Hostile:
         return os.mkdir, (str(self._target),)
 
 
-@pytest.mark.parametrize("named", ["os.mkdir", "builtins.eval", "commonroad class that is no data"])
+@pytest.mark.parametrize(
+    "named", ["os.mkdir", "builtins.eval", "commonroad class that is no data", "forged data type", "NumPy's own form"]
+)
 def test_nothing_but_plain_data_is_made_from_a_recording(
     named: str, store: RecordingStore, town: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -104,6 +120,8 @@ def test_nothing_but_plain_data_is_made_from_a_recording(
     payload = {
         "os.mkdir": pickle.dumps(_Hostile(made)),
         "builtins.eval": b"cbuiltins\neval\n(S'__import__(\"os\").mkdir(%r)'\ntR." % str(made),
+        "forged data type": pickle.dumps(_ForgedType()),
+        "NumPy's own form": pickle.dumps(np.zeros(3)),
         "commonroad class that is no data": b"ccommonroad.common.file_reader\nCommonRoadFileReader\n(S'x'\ntR.",
     }[named]
     path.write_bytes(hashlib.sha256(payload).digest() + payload)

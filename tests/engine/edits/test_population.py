@@ -299,8 +299,11 @@ def test_a_vehicle_without_departure_enters_when_the_ego_starts(apply: Apply) ->
 def test_an_added_vehicle_tells_its_speed_place_and_gaps(apply: Apply) -> None:
     what = apply(CAR | {"at": "ego", "offset_m": 12}, builder=SHORT, dry_run=True).outcome.edits[0].what
     assert "(from ego, 12 m ahead)" in what
-    gaps = r"gaps: ahead vehicle \d+ by [\d.]+ m, [\d.]+ s and behind the ego by [\d.]+ m, [\d.]+ s"
+    gaps = r"gaps: [\d.]+ m, [\d.]+ s to vehicle \d+ ahead and [\d.]+ m, [\d.]+ s to the ego behind"
     assert re.search(rf"m/s, from 0.0 s on \(as vehicle \d+, the nearest in the lane\), {gaps}", what)
     alone = apply(CAR | {"at": "3", "speed": "5m/s"}, builder=SHORT, dry_run=True).outcome.edits[0].what
     assert "(its middle, as no position was named)" in alone
-    assert "5.0 m/s, from 0.0 s on, gaps: nobody near ahead in its lane and behind vehicle 34 by 126.7 m" in alone
+    assert (
+        "5.0 m/s, from 0.0 s on, gaps: to no vehicle ahead in its lane and 126.7 m, 11.5 s to vehicle 34 behind"
+        in alone
+    )

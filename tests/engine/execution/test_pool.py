@@ -2,6 +2,7 @@
 
 import logging
 import signal
+import sys
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -286,3 +287,15 @@ async def test_closed_pool_leaves_no_process(tmp_path: Path, log: Path, monkeypa
             tasks.cancel_scope.cancel()
     assert pool.worker_pids == ()
     assert await gone(idle, *hanging.pids)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows environments in /proc")
+async def test_no_token_stands_in_the_environment_of_a_worker(
+    pool: WorkerPool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PLANNERFORGE_HTTP_TOKENS", "a token of the server")
+    monkeypatch.setenv("API_KEY", "of the user")
+    assert (await run(pool, "tell_environment", "PLANNERFORGE_HTTP_TOKENS")).text == ""
+    assert (await run(pool, "tell_environment", "API_KEY")).text == "of the user", "a planner of the user may need it"
+    shown = psutil.Process((await run(pool, "tell_pid")).number).environ()
+    assert shown == {}

@@ -6,11 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.maps.drawn_library import LIBRARY
+from plannerforge.engine.maps.foreign.conversion import convert_roads
 from plannerforge.engine.network import lanelet_builder as hairpins
 from plannerforge.engine.network.lanelet_builder import build_road_network, remove_hairpins
 from plannerforge.engine.network.net_parser import read_net
 from plannerforge.engine.network.netconvert import convert_osm, remove_connections
+from plannerforge.schemas.generation import ConvertMapRequest
 
 
 @pytest.fixture
@@ -45,6 +48,14 @@ def test_a_hairpin_is_taken_out_of_the_net_and_netconverts_warnings_are_kept(
     assert remove_hairpins(net_path, tmp_path) == (1, ("a lane is lost",))
     assert dropped(net_path) == 0
     assert len(read_net(net_path).connections) < before
+
+
+def test_an_import_of_the_net_tells_the_turn_that_its_lanelets_lack(net_path: Path, tmp_path: Path) -> None:
+    before = net_path.read_bytes()
+    told = convert_roads(ConvertMapRequest(path=str(net_path), folder=str(tmp_path)), silent)
+    (lost,) = build_road_network(read_net(net_path), step_s=0.1, elapsed_s=0.0).lost_connections
+    assert (told.path, net_path.read_bytes()) == (str(net_path), before)
+    assert [lost[0] in words and lost[1] in words for words in told.lost] == [True]
 
 
 def test_a_net_without_hairpins_stays_as_it_is(tmp_path: Path) -> None:

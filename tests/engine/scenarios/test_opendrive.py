@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from lxml import etree
 from pyproj import Proj
-from support.builders import Lane, line, town_road
+from support.builders import Lane, ScenarioBuilder, line, town_road
 
 from plannerforge.engine.commonroad import read_scenario
 from plannerforge.engine.network import run_netconvert
 from plannerforge.engine.scenarios import write_opendrive
+from plannerforge.engine.scenarios.exchange.opendrive import BRIDGE_M
 from plannerforge.engine.scenarios.exchange.reading_back import geometry_error
 from plannerforge.evals.maps.formats import asam_schema, bounds_of
 from plannerforge.schemas.artifacts import ForeignExport, ForeignExportRequest
@@ -66,6 +67,104 @@ def test_a_fork_is_a_junction_that_links_lane_to_lane(town: Path) -> None:
         for link in connection.iter("laneLink")
     }
     assert {("1", "11"), ("1", "12"), ("2", "21")} <= linked
+
+
+def linked(path: Path) -> set[tuple[int, int]]:
+    """Which lanelet leads into which in a file, as its links, connections and lane links say."""
+    root = etree.parse(path).getroot()
+    roads = {road.get("id", ""): road for road in root.iterfind("road")}
+    lanelet: dict[tuple[str, str], int] = {}
+    behind: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for key, road in roads.items():
+        successor = road.find("link/successor")
+        for lane in road.iterfind("lanes/laneSection/right/lane"):
+            here = key, lane.get("id", "")
+            if (note := lane.find("userData")) is not None and float(road.get("length", "0")) > BRIDGE_M:
+                lanelet[here] = int(note.get("value", "0"))
+            for after in lane.iterfind("link/successor"):
+                assert successor is not None
+                assert successor.get("elementType") == "road"
+                behind.setdefault(here, []).append((successor.get("elementId", ""), after.get("id", "")))
+    for junction in root.iterfind("junction"):
+        connecting = [connection.get("connectingRoad", "") for connection in junction.iterfind("connection")]
+        assert len(set(connecting)) == len(connecting)
+        for connection in junction.iterfind("connection"):
+            incoming, road = connection.get("incomingRoad", ""), connection.get("connectingRoad", "")
+            assert roads[incoming].find("link/successor").get("elementId") == junction.get("id")  # type: ignore[union-attr]
+            assert roads[incoming].get("junction") == "-1"
+            assert roads[road].get("junction") == junction.get("id")
+            assert roads[road].find("link/predecessor").get("elementId") == incoming  # type: ignore[union-attr]
+            for link in connection.iterfind("laneLink"):
+                behind.setdefault((incoming, link.get("from", "")), []).append((road, link.get("to", "")))
+    found = set[tuple[int, int]]()
+    for here, key_of_lanelet in lanelet.items():
+        waiting = list(behind.get(here, ()))
+        while waiting:
+            there = waiting.pop()
+            if there in lanelet:
+                found.add((key_of_lanelet, lanelet[there]))
+            else:
+                waiting += behind.get(there, ())
+    return found
+
+
+def network(*lanes: Lane) -> ScenarioBuilder:
+    """Lanes alone, with the links of both sides."""
+    before = {
+        lane.lanelet_id: tuple(one.lanelet_id for one in lanes if lane.lanelet_id in one.successors) for lane in lanes
+    }
+    whole = tuple(replace(lane, predecessors=before[lane.lanelet_id]) for lane in lanes)
+    return replace(town_road(), lanes=whole, vehicles=(), parked=())
+
+
+WEST, EAST = line((0, 0), (50, 0)), line((50, 0), (100, 0))
+JOINTS = {
+    "roads in a row": (Lane(1, WEST, (2,)), Lane(2, EAST)),
+    "a merge behind a merge": (
+        Lane(1, WEST, (3,)),
+        Lane(2, ((0, 9), (30, 0.1), (45, 0), (50, 0)), (3,)),
+        Lane(3, EAST, (5,)),
+        Lane(4, ((50, 9), (80, 0.1), (95, 0), (100, 0)), (5,)),
+        Lane(5, line((100, 0), (150, 0))),
+        Lane(6, line((-50, 0), (0, 0)), (1,)),
+        Lane(7, line((-50, 9), (0, 9)), (2,)),
+    ),
+    "several roads into several": (
+        Lane(1, WEST, (3, 4)),
+        Lane(2, ((0, 9), (30, 0.1), (45, 0), (50, 0)), (3, 4)),
+        Lane(3, EAST, (5, 6)),
+        Lane(4, ((50, 0), (55, 0), (70, -0.1), (100, -9))),
+        Lane(5, line((100, 0), (150, 0))),
+        Lane(6, ((100, 0), (105, 0), (120, 0.1), (150, 9))),
+    ),
+    "a fork behind a fork": (
+        Lane(1, WEST, (2, 3)),
+        Lane(2, EAST, (4, 5)),
+        Lane(3, ((50, 0), (55, 0), (70, -0.1), (100, -9))),
+        Lane(4, line((100, 0), (150, 0))),
+        Lane(5, ((100, 0), (105, 0), (120, 0.1), (150, 9))),
+    ),
+    "an end of another direction": (Lane(1, WEST, (2,)), Lane(2, line((50, 0), (90, 20)))),
+}
+
+
+@pytest.mark.parametrize("lanes", JOINTS.values(), ids=JOINTS)
+def test_each_joint_keeps_its_links_without_a_gap(lanes: tuple[Lane, ...], tmp_path: Path) -> None:
+    told = exported(network(*lanes).write(tmp_path / "joint.xml"), tmp_path / "joint.xodr")
+    assert told.lost == ()
+    pairs = {(lane.lanelet_id, after) for lane in lanes for after in lane.successors}
+    assert linked(tmp_path / "joint.xodr") == pairs
+    bounds = bounds_of(tmp_path / "joint.xodr")
+    gaps = [np.abs(bounds[key][side][-1] - bounds[after][side][0]).max() for key, after in pairs for side in (0, 1)]
+    assert max(gaps) < 0.005
+    asam_schema("opendrive_17_core.xsd").assertValid(etree.parse(tmp_path / "joint.xodr"))
+
+
+def test_a_link_between_lanelets_far_apart_is_left_out_and_told(tmp_path: Path) -> None:
+    lanes = Lane(1, WEST, (2,)), Lane(2, line((50, 3.5), (100, 3.5)))
+    told = exported(network(*lanes).write(tmp_path / "apart.xml"), tmp_path / "apart.xodr")
+    assert told.lost == ("1 link between lanelets that do not meet",)
+    assert linked(tmp_path / "apart.xodr") == set()
 
 
 def test_what_is_told_of_the_bounds_is_what_another_reader_finds(tmp_path: Path) -> None:

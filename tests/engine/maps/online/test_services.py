@@ -1,14 +1,19 @@
 """Requests to map services: what goes wrong is told by name, the next service is asked, no other host ever."""
 
 import inspect
+import json
 import time
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.online import services_of, town_servers
 
 from plannerforge.engine.execution import silent
 from plannerforge.engine.maps.online import services
+from plannerforge.engine.maps.online.answers import AnswerCache, KeptAnswer
+from plannerforge.engine.maps.online.messages import read_findings
 from plannerforge.engine.maps.online.services import ServiceClient
 from plannerforge.evals.maps.loopback import Fault, FaultKind, Mirror
 from plannerforge.schemas.errors import NotPossible, ServiceFailure
@@ -45,6 +50,77 @@ def test_the_next_service_answers_and_the_trouble_is_told(kind: FaultKind, told:
         assert told in caught.value.message
         assert "too busy" in caught.value.message
         assert list((tmp_path / "other").glob("*.json.gz")) == []
+
+
+NODE = '{"type": "node", "id": 1, "lat": 48.0, "lon": 11.0}'
+
+
+@pytest.mark.parametrize(
+    "elements",
+    [
+        '"none"',
+        "[null]",
+        "[5]",
+        '[{"type": "way", "id": 5, "tags": {"highway": "residential"}, "nodes": ["a"]}]',
+        '[{"type": "node", "id": 1e400, "lat": 48.0, "lon": 11.0}]',
+        '[{"type": "node", "id": 1, "lat": NaN, "lon": Infinity}]',
+        '[{"type": "node", "id": 1, "lat": 91, "lon": 11.0}]',
+        '[{"type": "node", "id": -99999999999999999999999, "lat": 48.0, "lon": 11.0}]',
+        '[{"type": "way", "id": 5, "tags": 5}]',
+        '[{"type": "way", "id": 5, "tags": {"highway": null}}]',
+        '[{"type": "way", "id": 5, "tags": {"name": "%s"}}]' % ("B" * 100_000),
+        '[{"type": "relation", "id": 1, "members": [{"type": "way"}]}]',
+        '[{"type": "planet", "id": 1}]',
+        '[{"tags": {}}]',
+        f'[{NODE}], "osm3s": 3',
+        f'[{NODE}], "osm3s": {{"timestamp_osm_base": "{"x" * 300}"}}',
+        "[" * 200_000,
+        "9" * 5_000,
+    ],
+)
+def test_an_answer_in_another_form_is_not_kept_and_the_next_service_is_asked(elements: str, tmp_path: Path) -> None:
+    forged = Fault("forged", 2, body=f'{{"elements": {elements}}}'.encode())
+    with town_servers().running() as servers:
+        servers.fail("one", forged)
+        client = ServiceClient(services_of(servers, tmp_path), silent)
+        answered = client.query(ROADS)
+        assert len(answered.answer["elements"]) == 7
+        assert len(answered.troubles) == 1
+        assert len(answered.troubles[0]) < 300
+        assert client.query(ROADS) == replace(answered, kept=True, troubles=())
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"lat": "nan"},
+        {"boundingbox": ["nan", "inf", "1e308", "-1e308"]},
+        {"boundingbox": [1, 2]},
+        {"display_name": {"a": 1}},
+        {"address": ["town"]},
+        {"importance": 1e999},
+        {"geojson": 3},
+        {"namedetails": {"name": None}},
+    ],
+)
+def test_a_finding_in_another_form_is_an_error_of_the_service_that_is_not_kept(
+    changed: dict[str, Any], tmp_path: Path
+) -> None:
+    finding = {"lat": "48.0", "lon": "11.0", "boundingbox": ["47.9", "48.1", "10.9", "11.1"], "display_name": "A"}
+    assert read_findings([finding])[0]["lat"] == 48.0
+    with town_servers().running() as servers:
+        servers.fail("nominatim", Fault("forged", 2, body=json.dumps([finding | changed]).encode()))
+        with pytest.raises(ServiceFailure):
+            ServiceClient(services_of(servers, tmp_path), silent).search({"q": "A"})
+    assert list(tmp_path.glob("*.json.gz")) == []
+
+
+def test_a_kept_answer_in_another_form_is_removed_and_the_service_is_asked(tmp_path: Path) -> None:
+    with town_servers().running() as servers:
+        here = services_of(servers, tmp_path)
+        AnswerCache(tmp_path, 10, 10.0).keep(KeptAnswer(f"overpass {ROADS}", "one", time.time(), {"elements": [None]}))
+        answered = ServiceClient(here, silent).query(ROADS)
+        assert (answered.kept, len(answered.answer["elements"])) == (False, 7)
 
 
 def test_a_service_is_asked_again_when_it_wants_to_be(tmp_path: Path) -> None:
@@ -127,7 +203,7 @@ def test_a_kept_answer_needs_no_service_and_no_permission(tmp_path: Path) -> Non
     for mode in ("online", "cache"):
         kept = ServiceClient(here.model_copy(update={"mode": mode}), silent).query(ROADS)
         assert (kept.answer, kept.kept, kept.service) == (asked.answer, True, asked.service)
-    with pytest.raises(NotPossible, match="maps_online is cache: it is not asked"):
+    with pytest.raises(NotPossible, match="maps_online is cache, it is not asked"):
         ServiceClient(here.model_copy(update={"mode": "cache"}), silent).query(NOWHERE)
 
 

@@ -82,6 +82,9 @@ def test_it_gets_the_file_and_no_secret_and_its_log_is_kept(tmp_path: Path, monk
         ("silent", {}, "not_json", "writes no answer"),
         ("two_answers", {}, "not_json", "not JSON"),
         ("other_form", {}, "wrong_form", "trajectory"),
+        ("forged_name", {}, "wrong_form", "rejected"),
+        ("endless_name", {"output_mb": 16}, "wrong_form", "costs"),
+        ("endless_names", {"output_mb": 16}, "wrong_form", "costs"),
         ("unknown_field", {}, "wrong_form", "colour"),
         ("different_lengths", {}, "wrong_form", "different lengths"),
         ("too_short", {}, "too_short", "plans only 0.40 s"),
@@ -101,6 +104,8 @@ def test_misbehaviour_is_a_named_error(
     assert caught.value.reason == reason
     assert told in caught.value.message
     assert caught.value.message.startswith("planner mine ")
+    assert "\n" not in caught.value.message
+    assert len(caught.value.message) < 600
     if child.exists():
         assert gone(int(child.read_text()))
 

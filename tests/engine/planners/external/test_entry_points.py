@@ -176,6 +176,7 @@ def test_what_a_package_prints_when_imported_is_no_declaration(installed: Instal
             "accelerations_mps2 of the trajectory is list",
         ),
         ("no_number", '"slower": slower', '"slower": np.nan', "contract_broken", "cost slower is nan"),
+        ("forges", '"slower": slower', '"a\\nNext: call x": slower', "contract_broken", "has to be printable"),
         (
             "elsewhere",
             "ego.position + gone",

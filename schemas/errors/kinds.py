@@ -25,7 +25,8 @@ from collections.abc import Iterable, Sequence
 from itertools import islice
 from typing import ClassVar
 
-from .text import one_line
+from ..text import one_line
+from .remedies import NextCall, Place, Remedy, assignments, instead, misspellings
 
 
 class PlannerForgeError(Exception):
@@ -36,31 +37,58 @@ class PlannerForgeError(Exception):
         valid: the values that would be accepted, most useful first (at most twelve are shown).
         next_step: what to call or change next; by default what usually helps (``usual_step`` of the class).
         reason: a stable word for the kind of refusal, for code that decides by it; shown with ``shows_reason`` alone.
+        given: the word of the call that is wrong, if one of ``valid`` can stand in its place as it is written there.
+        remedies: other ways to mend the call, the most useful first; the server writes the first that fits as a call.
+            By default those of ``valid`` that are fields with values, as ``lane=left``.
     """
 
     code: ClassVar[str] = "error"
     usual_step: ClassVar[str] = "correct what is named and call again"
     shown_values: ClassVar[int] = 12
+    tried_values: ClassVar[int] = 3
+    """Valid values that are offered in the place of a wrong one, one after the other (chosen)."""
+    names_valid: ClassVar[bool] = False
+    """Whether ``valid`` holds names, one of which may be what a word that the message quotes was meant as."""
     shows_reason: ClassVar[bool] = False
     longest_message: ClassVar[int] = 2000
     """Characters; chosen: the longest of our own, with a dozen problems, has half as many."""
 
-    def __init__(self, message: str, *, valid: Iterable[object] = (), next_step: str = "", reason: str = "") -> None:
+    def __init__(
+        self,
+        message: str,
+        *,
+        valid: Iterable[object] = (),
+        next_step: str = "",
+        reason: str = "",
+        given: str = "",
+        remedies: Iterable[Remedy] | None = None,
+    ) -> None:
         self.message, self.reason = one_line(message, self.longest_message), reason
         self.valid: tuple[str, ...] = tuple(one_line(str(value)) for value in valid)
+        replacing = [instead(given, value) for value in self.valid[: self.tried_values]] if given else []
+        if self.names_valid and not given:
+            replacing = misspellings(self.message, self.valid)[: self.tried_values]
+        self.remedies: tuple[Remedy, ...] = (*replacing, *(assignments(self.valid) if remedies is None else remedies))
         self.next_step = next_step or self.usual_step
         super().__init__(self.text)
 
     @property
     def text(self) -> str:
         """The whole error in one line: ``[code] what. Valid: …. Next: ….``"""
+        return self.told()
+
+    def told(self, following: NextCall | None = None) -> str:
+        """The whole error in one line, with the call that mends it if there is one."""
         reason = f" ({self.reason})" if self.shows_reason and self.reason else ""
         parts = [f"[{self.code}] {self.message.rstrip('.')}{reason}."]
         if self.valid:
             shown = ", ".join(self.valid[: self.shown_values])
             more = len(self.valid) - self.shown_values
             parts.append(f"Valid: {shown}{f' and {more} more' if more > 0 else ''}.")
-        return " ".join([*parts, f"Next: {self.next_step.rstrip('.')}."])
+        step = self.next_step.rstrip(".")
+        if following is not None:
+            step = following.text if step == self.usual_step else f"{following.text}; or {step}"
+        return " ".join([*parts, f"Next: {step}."])
 
 
 class InvalidRequest(PlannerForgeError):
@@ -74,6 +102,7 @@ class UnknownName(InvalidRequest):
     """A name or id that does not exist; ``valid`` holds the nearest ones first."""
 
     code = "unknown_name"
+    names_valid = True
     usual_step = "take a name that exists, spelled as it is listed"
 
 
@@ -103,9 +132,14 @@ class Faults:
     def __bool__(self) -> bool:
         return bool(self._found)
 
-    def collecting(self, where: str = "") -> "_Collecting":
-        """A block whose refusal is kept for later; ``where`` stands before its message."""
-        return _Collecting(self._found, where)
+    def collecting(self, where: str = "", place: Place = ()) -> "_Collecting":
+        """A block whose refusal is kept for later.
+
+        Args:
+            where: stands before its message.
+            place: the part of the arguments that it is about, for its remedies.
+        """
+        return _Collecting(self._found, where, place)
 
     def raise_all(self) -> None:
         """Raise what was collected as one error; nothing where nothing was.
@@ -125,6 +159,7 @@ class Faults:
             f"{len(self._found)} faults: {'; '.join(told)}{f'; and {more} more' if more else ''}",
             next_step="; ".join(steps),
             reason=first.reason,
+            remedies=_mending_all(self._found),
         )
         together.faults = tuple(self._found)
         raise together from first
@@ -137,8 +172,8 @@ class Faults:
 
 
 class _Collecting:
-    def __init__(self, found: list[InvalidRequest], where: str) -> None:
-        self._found, self._where = found, where
+    def __init__(self, found: list[InvalidRequest], where: str, place: Place) -> None:
+        self._found, self._where, self._place = found, where, place
 
     def __enter__(self) -> None:
         pass
@@ -148,11 +183,25 @@ class _Collecting:
             return False
         for fault in error.faults or (error,):
             message = f"{self._where}: {fault.message}" if self._where else fault.message
-            kept = type(fault)(message, valid=fault.valid, next_step=fault.next_step, reason=fault.reason)
+            kept = type(fault)(
+                message,
+                valid=fault.valid,
+                next_step=fault.next_step,
+                reason=fault.reason,
+                remedies=[remedy.at(self._place) for remedy in fault.remedies],
+            )
             kept.__cause__ = error
             if all(other.message != kept.message for other in self._found):
                 self._found.append(kept)
         return True
+
+
+def _mending_all(faults: Sequence[InvalidRequest]) -> list[Remedy]:
+    """One remedy for all faults: the first change that each of them names; else the first call that one names."""
+    changing = [next((remedy for remedy in fault.remedies if remedy.changes), None) for fault in faults]
+    if all(remedy is not None for remedy in changing):
+        return [Remedy(tuple(change for remedy in changing if remedy is not None for change in remedy.changes))]
+    return [remedy for fault in faults for remedy in fault.remedies if remedy.tool][:1]
 
 
 class UnsafeInput(PlannerForgeError):
@@ -274,14 +323,18 @@ def error_classes() -> dict[str, type[PlannerForgeError]]:
     return by_code
 
 
-def rebuild(code: str, message: str, valid: Sequence[str], next_step: str, reason: str = "") -> PlannerForgeError:
+def rebuild(
+    code: str, message: str, valid: Sequence[str], next_step: str, reason: str = "", remedies: Sequence[Remedy] = ()
+) -> PlannerForgeError:
     """The error that a worker process reported, made again in the server's process.
 
     A defect (``unexpected``) takes its message as the details to log; an unknown code gives the base class.
     """
     if code == UnexpectedFailure.code:
         return UnexpectedFailure("an operation", message)
-    return error_classes().get(code, PlannerForgeError)(message, valid=valid, next_step=next_step, reason=reason)
+    return error_classes().get(code, PlannerForgeError)(
+        message, valid=valid, next_step=next_step, reason=reason, remedies=remedies
+    )
 
 
 _COMPARED = 2000

@@ -1,0 +1,355 @@
+"""What another road user does on the ego's way, as it is asked for: ``cut_in``, or ``cut_in:truck``.
+
+Traffic of SUMO is searched first: an ego is chosen for which the manoeuvre happens. If none of the traffic holds it, an
+edit with a prescribed motion makes it. Either way it is found by the computed features of the written file, which
+searches use too.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain, product
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...schemas.errors import InvalidRequest
+from ...schemas.generation import SiteType
+from ...schemas.modification import Edit, ModificationRequest
+from ..commonroad import LoadedScenario, Track, kept_recording
+from ..edits import SCENARIO_FILE, apply_edits
+from ..execution import silent
+from ..network import LaneletGraph
+from ..scenarios import Manoeuvre, manoeuvres_met
+from ..traffic import GeneratedVehicle
+from ..vehicles import PEDESTRIAN, class_by_size, vehicle_classes
+from .planning_problem import HEADING_MARGIN_RAD, PlanningTask
+from .writer import STEP_S
+
+if TYPE_CHECKING:
+    from commonroad.planning.planning_problem import PlanningProblem
+
+NEAREST = 6
+"""Vehicles of the traffic that an edit is tried on, the nearest to the ego first (chosen)."""
+BRAKES_MPS2 = 4.5
+"""Most drivers brake harder than this for an unexpected object on the road (AASHTO, A Policy on Geometric Design, 2011:
+stopping sight distance)."""
+BEGINS_S = 1.5
+"""When a scripted leader brakes or moves out, from the ego's start on (chosen)."""
+GAPS_S = (1.5, 2.0, 2.5)
+"""Time gaps of an added leader that are tried in turn; the largest stays below the headway of a lead vehicle, 3 s."""
+CUT_IN_GAPS_S = (1.0, 2.0)
+"""Time gaps of a scripted cut-in that are tried in turn."""
+AHEAD_M = (10.0, 20.0, 35.0, 50.0)
+"""Where a vehicle that cuts in is added in the next lane, from the ego's centre (chosen)."""
+FASTEST_SHARE = 0.9
+"""An added vehicle drives as fast as the ego, but at most this share of the speed of its class (chosen)."""
+WALKS_S = (4.0, 6.0, 8.0)
+"""The times of the ego's way to the place at which an added pedestrian crosses (chosen)."""
+LEAST_MPS = 3.0
+"""An ego that starts slower does not come near what is scripted ahead of it (chosen)."""
+LIKELY_AT: Mapping[str, tuple[SiteType, ...]] = MappingProxyType(
+    {
+        "cut_in": ("highway", "ramp"),
+        "cut_out": ("highway", "ramp"),
+        "merging": ("ramp",),
+        "overtaking": ("highway",),
+        "lead_brakes_hard": ("highway", "urban"),
+        "crossing": ("intersection", "signalised_intersection"),
+        "oncoming_turns": ("intersection", "signalised_intersection", "urban"),
+    }
+)
+"""Types of sites at which others make a manoeuvre more often."""
+_DOES = {
+    "cut_in": "cuts in",
+    "cut_out": "cuts out",
+    "merging": "merges",
+    "overtaking": "overtakes",
+    "lead_brakes_hard": "brakes hard ahead",
+    "crossing": "crosses",
+    "oncoming_turns": "turns across from the oncoming side",
+}
+
+
+@dataclass(frozen=True)
+class WantedManoeuvre:
+    """The manoeuvre of another road user that is asked for, and the class that is to make it (None: any class)."""
+
+    name: str
+    vehicle_class: str | None
+
+    @classmethod
+    def of(cls, text: str) -> "WantedManoeuvre | None":
+        """Read ``name`` or ``name:class``; return None if nothing is asked for."""
+        name, _, vehicle_class = text.partition(":")
+        return cls(name, vehicle_class or None) if name else None
+
+    @property
+    def of_any_class(self) -> "WantedManoeuvre":
+        """The same manoeuvre, whichever class makes it."""
+        return replace(self, vehicle_class=None)
+
+    def __str__(self) -> str:
+        return self.name if self.vehicle_class is None else f"{self.name}:{self.vehicle_class}"
+
+    def first_of(self, met: Sequence[Manoeuvre], class_of: Callable[[int], str]) -> Manoeuvre | None:
+        """Return the earliest of some manoeuvres that is the one asked for, or None."""
+        fitting = [one for one in met if one.name == self.name]
+        if self.vehicle_class is not None:
+            fitting = [one for one in fitting if class_of(one.obstacle_id) == self.vehicle_class]
+        return min(fitting, key=lambda one: (one.step, one.obstacle_id), default=None)
+
+
+@dataclass(frozen=True)
+class FoundManoeuvre:
+    """The manoeuvre in a written file: who makes it, of which class, and at which step; ``edits`` made it, if any."""
+
+    name: str
+    obstacle_id: int
+    vehicle_class: str
+    step: int
+    edits: tuple[str, ...] = ()
+
+    def in_words(self) -> str:
+        """Return who does what and when, and whether the traffic or an edit makes it."""
+        who = f"{self.vehicle_class} {self.obstacle_id} {_DOES[self.name]} at {self.step * STEP_S:.1f} s"
+        if not self.edits:
+            return f"{who}, in SUMO's traffic"
+        return f"{who}, scripted because no drawn traffic held it: {'; '.join(self.edits)}"
+
+
+class EgoChoice:
+    """Tells for which cars of a traffic, each as the ego, a manoeuvre happens.
+
+    Args:
+        path: a scenario of this traffic, whichever car is its ego; only its lanes are used.
+        others_of: the other road users for an ego, as the file would hold them.
+    """
+
+    def __init__(self, path: Path, others_of: Callable[[PlanningTask], Sequence[GeneratedVehicle]]) -> None:
+        self._loaded = kept_recording(path, keep=False).loaded
+        self._graph = LaneletGraph.of(self._loaded.scenario.lanelet_network)
+        self._others_of = others_of
+        self._met: dict[str, tuple[tuple[Manoeuvre, ...], tuple[str, ...]]] = {}
+
+    def happens(self, wanted: WantedManoeuvre, task: PlanningTask) -> bool:
+        """Return whether the manoeuvre happens on the way of a task's ego."""
+        key = task.ego.vehicle_id
+        if key not in self._met:
+            others = self._others_of(task)
+            tracks = {number: _track(number, other) for number, other in enumerate(others)}
+            met = manoeuvres_met(self._loaded, self._graph, tracks, _problem(task), task.ego.vehicle_class.name)
+            self._met[key] = met, tuple(other.vehicle_class.name for other in others)
+        met, classes = self._met[key]
+        return wanted.first_of(met, classes.__getitem__) is not None
+
+
+def found_in(path: Path, wanted: WantedManoeuvre, classes: dict[int, str]) -> FoundManoeuvre | None:
+    """Return the manoeuvre in a written file, or None.
+
+    Args:
+        path: the file.
+        wanted: the manoeuvre.
+        classes: our classes by obstacle id; the class of others follows from type and size.
+    """
+    recorded = kept_recording(path)
+    loaded, tracks = recorded.loaded, recorded.tracks
+
+    def class_of(key: int) -> str:
+        known = class_by_size(tracks[key].kind, tracks[key].length_m)
+        return classes.get(key) or (known.name if known is not None else tracks[key].kind)
+
+    one = wanted.first_of(_met(loaded, tracks), class_of)
+    return None if one is None else FoundManoeuvre(one.name, one.obstacle_id, class_of(one.obstacle_id), one.step)
+
+
+def _met(loaded: LoadedScenario, tracks: dict[int, Track]) -> tuple[Manoeuvre, ...]:
+    problem = loaded.problem()
+    graph = LaneletGraph.of(loaded.scenario.lanelet_network)
+    return manoeuvres_met(loaded, graph, tracks, problem, loaded.ego_class(int(problem.planning_problem_id)))
+
+
+def _track(key: int, vehicle: GeneratedVehicle) -> Track:
+    motion, (length_m, width_m) = vehicle.motion, vehicle.size_m
+    kind = vehicle.vehicle_class.commonroad_type
+    return Track(key, kind, length_m, width_m, 0, motion.positions, motion.headings_rad, motion.speeds_mps)
+
+
+def _problem(task: PlanningTask) -> "PlanningProblem":
+    """Return the planning problem of a task, as the writer would write it."""
+    from commonroad.common.util import AngleInterval, Interval
+    from commonroad.geometry.shape import Rectangle
+    from commonroad.planning.goal import GoalRegion
+    from commonroad.planning.planning_problem import PlanningProblem
+    from commonroad.scenario.state import CustomState, InitialState
+
+    motion = task.ego.motion
+    start = InitialState(
+        time_step=0,
+        position=np.asarray(motion.positions[0]),
+        orientation=float(motion.headings_rad[0]),
+        velocity=float(motion.speeds_mps[0]),
+        yaw_rate=0.0,
+        slip_angle=0.0,
+    )
+    length_m, width_m = task.size_m
+    heading = float(task.heading_rad)
+    goal = CustomState(
+        time_step=Interval(*task.time_steps),
+        position=Rectangle(length_m, width_m, np.asarray(task.center), heading),
+        orientation=AngleInterval(heading - HEADING_MARGIN_RAD, heading + HEADING_MARGIN_RAD),
+    )
+    return PlanningProblem(1, start, GoalRegion([goal]))
+
+
+@dataclass(frozen=True)
+class ScriptedScenario:
+    """A file in which edits make the manoeuvre; ``added``: the class of each vehicle that they added, by its id."""
+
+    path: Path
+    found: FoundManoeuvre
+    added: dict[int, str]
+
+
+def scripted(
+    path: Path, benchmark_id: str, wanted: WantedManoeuvre, classes: dict[int, str], folder: Path, seed: int
+) -> ScriptedScenario | None:
+    """Return the scenario with an actor that makes the manoeuvre, or None if no edit gets there.
+
+    If a vehicle of another class makes the manoeuvre, it is replaced. Otherwise a vehicle of the traffic is scripted if
+    one is in the right place, and if none is, one is added. The result has no
+    collision among the others, and an ordinary driver in the ego's place has none either.
+
+    Args:
+        path: the scenario without the manoeuvre.
+        benchmark_id: the id that the file gets.
+        wanted: the manoeuvre.
+        classes: our classes by obstacle id.
+        folder: where files are written.
+        seed: of the simulation that drives what the edits touch.
+    """
+    recorded = kept_recording(path, keep=False)
+    same = found_in(path, wanted.of_any_class, classes) if wanted.vehicle_class is not None else None
+    tries = _tries(recorded.loaded, recorded.tracks, wanted, classes)
+    if same is not None and PEDESTRIAN.name not in (wanted.vehicle_class, same.vehicle_class):
+        other = Edit(op="replace", vehicles=[str(same.obstacle_id)], vehicle_class=wanted.vehicle_class)
+        tries = chain([(other,)], tries)
+    for number, edits in enumerate(tries):
+        output = folder / f"scripted_{number}"
+        request = ModificationRequest(
+            xml=path, edits=edits, benchmark_id=benchmark_id, output=output, on_conflict="refuse", seed=seed
+        )
+        try:
+            outcome = apply_edits(request, silent)
+        except InvalidRequest:
+            continue
+        if outcome.ego_after is None or outcome.ego_after.risk_score == 0:
+            continue
+        added = {
+            key: str(edit.vehicle_class)
+            for edit, report in zip(edits, outcome.edits, strict=True)
+            for key in report.vehicles
+            if edit.op in ("add_vehicle", "replace")
+        }
+        found = found_in(output / SCENARIO_FILE, wanted, classes | added)
+        if found is not None:
+            words = tuple(edit.in_words() for edit in edits)
+            return ScriptedScenario(output / SCENARIO_FILE, replace(found, edits=words), added)
+    return None
+
+
+def _tries(
+    loaded: LoadedScenario, tracks: dict[int, Track], wanted: WantedManoeuvre, classes: dict[int, str]
+) -> Iterator[tuple[Edit, ...]]:
+    """Lists of edits that may bring the manoeuvre about, in the order in which they are tried."""
+    state = loaded.problem().initial_state
+    place, speed_mps = np.asarray(state.position), float(state.velocity)
+    if speed_mps < LEAST_MPS:
+        return
+    fitting = [key for key in tracks if wanted.vehicle_class in (None, classes.get(key, tracks[key].kind))]
+    near = sorted(fitting, key=lambda key: (float(np.linalg.norm(tracks[key].positions[0] - place)), key))[:NEAREST]
+    if can_be_scripted(wanted):
+        usual = PEDESTRIAN.name if wanted.name == "crossing" else "car"
+        yield from _TRIES[wanted.name](near, wanted.vehicle_class or usual, speed_mps)
+
+
+def _cut_ins(near: Sequence[int], vehicle_class: str, speed_mps: float) -> Iterator[tuple[Edit, ...]]:
+    for key in near:
+        yield (Edit(op="cut_in", vehicles=[str(key)], gap_s=CUT_IN_GAPS_S[0]),)
+    own_mps = _speed_of(vehicle_class, speed_mps)
+    speed = None if own_mps == speed_mps else f"{own_mps:.2f}m/s"
+    for gap_s, ahead_m, side in product(CUT_IN_GAPS_S, AHEAD_M, ("left", "right")):
+        entry = _added(vehicle_class, speed_mps, lane=side, offset_m=ahead_m)
+        yield entry, Edit(op="cut_in", vehicles=["new:0"], gap_s=gap_s, speed=speed)
+
+
+def _brakings(near: Sequence[int], vehicle_class: str, speed_mps: float) -> Iterator[tuple[Edit, ...]]:
+    def brakes(who: str) -> Edit:
+        return Edit(op="set_speed", vehicles=[who], speed="0m/s", rate_mps2=BRAKES_MPS2, time_s=BEGINS_S)
+
+    yield (brakes("lead"),)
+    for gap_s in GAPS_S:
+        yield _added(vehicle_class, speed_mps, lane="same", gap_s=gap_s), brakes("new:0")
+
+
+def _cut_outs(near: Sequence[int], vehicle_class: str, speed_mps: float) -> Iterator[tuple[Edit, ...]]:
+    def moves_out(who: str, side: str) -> Edit:
+        return Edit.model_validate(
+            {"op": "change_lane", "vehicles": [who], "lane": side, "lateral_s": 3.0, "time_s": BEGINS_S}
+        )
+
+    for side in ("left", "right"):
+        yield (moves_out("lead", side),)
+    for gap_s in GAPS_S:
+        for side in ("left", "right"):
+            yield _added(vehicle_class, speed_mps, lane="same", gap_s=gap_s), moves_out("new:0", side)
+
+
+def _crossings(near: Sequence[int], vehicle_class: str, speed_mps: float) -> Iterator[tuple[Edit, ...]]:
+    if vehicle_class != PEDESTRIAN.name:
+        return
+    for walk_s in WALKS_S:
+        for side in ("right", "left"):
+            yield (
+                Edit.model_validate(
+                    {
+                        "op": "add_vehicle",
+                        "vehicle_class": vehicle_class,
+                        "at": "ego",
+                        "offset_m": round(speed_mps * walk_s, 1),
+                        "side": side,
+                    }
+                ),
+            )
+
+
+def _oncoming_turns(near: Sequence[int], vehicle_class: str, speed_mps: float) -> Iterator[tuple[Edit, ...]]:
+    for key in near:
+        yield (Edit(op="reroute", vehicles=[str(key)], turn="left"),)
+
+
+_TRIES: dict[str, Callable[[Sequence[int], str, float], Iterator[tuple[Edit, ...]]]] = {
+    "cut_in": _cut_ins,
+    "cut_out": _cut_outs,
+    "lead_brakes_hard": _brakings,
+    "crossing": _crossings,
+    "oncoming_turns": _oncoming_turns,
+}
+"""Manoeuvres that edits can make; the others have to be found in the traffic."""
+
+
+def can_be_scripted(wanted: WantedManoeuvre) -> bool:
+    """Return whether edits can make a manoeuvre; of vehicles that cross they can make none."""
+    return wanted.name in _TRIES and (wanted.name != "crossing" or wanted.vehicle_class in (None, PEDESTRIAN.name))
+
+
+def _added(vehicle_class: str, speed_mps: float, **where: object) -> Edit:
+    speed = f"{_speed_of(vehicle_class, speed_mps):.2f}m/s"
+    return Edit.model_validate(
+        {"op": "add_vehicle", "vehicle_class": vehicle_class, "at": "ego", "speed": speed, **where}
+    )
+
+
+def _speed_of(vehicle_class: str, speed_mps: float) -> float:
+    return min(speed_mps, FASTEST_SHARE * vehicle_classes()[vehicle_class].maximum_speed_mps)

@@ -1,0 +1,153 @@
+"""What map services answer, read before it is used or kept: OpenStreetMap data and findings in the forms documented.
+
+What is not documented is left out. An answer with an element in another form is no answer: the next service is asked.
+
+Sources: Overpass API, output format JSON; OpenStreetMap API 0.6 (lengths of tags, ranges of coordinates); Nominatim,
+output format jsonv2.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Annotated, Any, Literal, NotRequired, TypeVar
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, with_config
+from typing_extensions import TypedDict
+
+from ....schemas.text import one_line
+
+_Latitude = Annotated[float, Field(ge=-90.0, le=90.0, allow_inf_nan=False)]
+_Longitude = Annotated[float, Field(ge=-180.0, le=180.0, allow_inf_nan=False)]
+_Id = Annotated[int, Field(gt=0, lt=2**63)]
+"""Ids are positive 64-bit integers; negative ones are those of an editor that has not uploaded them."""
+_LONGEST_TAG = 255
+"""Characters of a key or a value of a tag (OpenStreetMap API 0.6)."""
+_Tag = Annotated[str, Field(max_length=_LONGEST_TAG)]
+_Text = Annotated[str, Field(max_length=4000)]
+"""Longer than any label of a place, which lists all that it lies in (chosen)."""
+_SHOWN = 120
+
+
+@with_config(ConfigDict(extra="ignore"))
+class Centre(TypedDict):
+    """The middle of a way or relation, in degrees."""
+
+    lat: _Latitude
+    lon: _Longitude
+
+
+class Member(TypedDict):
+    """A member of a relation."""
+
+    type: Literal["node", "way", "relation"]
+    ref: _Id
+    role: NotRequired[_Tag]
+
+
+class Node(TypedDict):
+    """A node, at a position in degrees."""
+
+    type: Literal["node"]
+    id: _Id
+    lat: _Latitude
+    lon: _Longitude
+    tags: NotRequired[dict[_Tag, _Tag]]
+
+
+class Way(TypedDict):
+    """A way: its nodes in order, or only its middle if that was asked for."""
+
+    type: Literal["way"]
+    id: _Id
+    nodes: NotRequired[list[_Id]]
+    center: NotRequired[Centre]
+    tags: NotRequired[dict[_Tag, _Tag]]
+
+
+class Relation(TypedDict):
+    """A relation: its members in order, or only its middle if that was asked for."""
+
+    type: Literal["relation"]
+    id: _Id
+    members: NotRequired[list[Member]]
+    center: NotRequired[Centre]
+    tags: NotRequired[dict[_Tag, _Tag]]
+
+
+class Origin(TypedDict):
+    """Where the data are from."""
+
+    timestamp_osm_base: NotRequired[_Tag]
+
+
+class MapData(TypedDict):
+    """An answer of Overpass."""
+
+    elements: list[Annotated[Node | Way | Relation, Field(discriminator="type")]]
+    osm3s: NotRequired[Origin]
+
+
+class Shape(TypedDict):
+    """A GeoJSON geometry."""
+
+    type: _Tag
+    coordinates: NotRequired[list[Any]]
+
+
+class Finding(TypedDict):
+    """A place that Nominatim found. Its address maps what it lies in to names; its box is south, north, west, east."""
+
+    lat: _Latitude
+    lon: _Longitude
+    boundingbox: tuple[_Latitude, _Latitude, _Longitude, _Longitude]
+    display_name: _Text
+    name: NotRequired[_Text | None]
+    category: NotRequired[_Tag]
+    type: NotRequired[_Tag]
+    addresstype: NotRequired[_Tag | None]
+    osm_type: NotRequired[_Tag]
+    osm_id: NotRequired[_Id]
+    importance: NotRequired[Annotated[float, Field(allow_inf_nan=False)] | None]
+    address: NotRequired[dict[_Tag, _Text]]
+    namedetails: NotRequired[dict[_Tag, _Text] | None]
+    geojson: NotRequired[Shape]
+
+
+class NotReadable(ValueError):
+    """An answer in another form; the message says where and what is wrong there."""
+
+
+_Read = TypeVar("_Read")
+
+
+@cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
+def read_map_data(answer: object) -> MapData:
+    """Return an answer of Overpass without what is not documented.
+
+    Raises:
+        NotReadable: it has another form.
+    """
+    data: MapData = _read(_adapter(MapData).validate_python, answer)
+    return data
+
+
+def read_findings(answer: object) -> list[Finding]:
+    """Return the places of an answer of Nominatim without what is not documented.
+
+    Raises:
+        NotReadable: it has another form.
+    """
+    findings: list[Finding] = _read(_adapter(list[Finding]).validate_python, answer)
+    return findings
+
+
+def _read(validate: Callable[[object], _Read], answer: object) -> _Read:
+    try:
+        return validate(answer)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False, include_context=False)[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the answer"
+        raise NotReadable(one_line(f"{where}: {first['msg']}", _SHOWN)) from error

@@ -1,0 +1,210 @@
+"""What mends a refused call, as changes of its arguments or as another call, so that a program can follow it.
+
+An error names ways to mend the call (:class:`Remedy`) without knowing the whole call: it says which word should be
+another one, or which values of an edit to set. The server puts them into the call that was refused
+(:func:`followed`), and both its text and a program get the call that comes out.
+"""
+
+import copy
+import json
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from difflib import SequenceMatcher
+from typing import Any
+
+SHOWN_CALL = 400
+"""Characters of a call that a refusal writes out; of a longer one it writes the parts that change (chosen)."""
+Place = tuple[str | int, ...]
+"""Where an object stands in the arguments: ``("edits", 0)`` is the first edit, ``()`` the arguments themselves."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of the arguments at a place: values that are set (None leaves one out), and words that become others."""
+
+    place: Place = ()
+    values: Mapping[str, Any] = field(default_factory=dict)
+    words: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """Changes of the refused call, in order; or another call: ``tool`` with ``arguments``.
+
+    ``carried``: names of arguments that the other call takes over from the refused one.
+    """
+
+    changes: tuple[Change, ...] = ()
+    tool: str = ""
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    carried: tuple[str, ...] = ()
+
+    def at(self, place: Place) -> "Remedy":
+        """The same with its changes at a place, which is put before their own."""
+        changes = tuple(Change((*place, *change.place), change.values, change.words) for change in self.changes)
+        return replace(self, changes=changes)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values, which :meth:`of_json` reads."""
+        return asdict(self)
+
+    @classmethod
+    def of_json(cls, value: Mapping[str, Any]) -> "Remedy":
+        """The remedy that :meth:`to_json` wrote."""
+        changes = tuple(Change(tuple(one["place"]), one["values"], one["words"]) for one in value["changes"])
+        return cls(changes, value["tool"], value["arguments"], tuple(value["carried"]))
+
+
+def instead(word: str, other: object) -> Remedy:
+    """The call again, with another word in the place of one."""
+    return Remedy((Change(words={word: str(other)}),))
+
+
+def with_values(**values: Any) -> Remedy:
+    """The call again, with other values of fields; None leaves a field out."""
+    return Remedy((Change(values=values),))
+
+
+def calling(tool: str, *carried: str, **arguments: Any) -> Remedy:
+    """Another call; ``carried``: what it takes over from the refused one."""
+    return Remedy((), tool, arguments, carried)
+
+
+VEHICLES_LISTED = calling("describe_scenario", "scenario_id", detail="vehicles")
+LANELETS_LISTED = calling("describe_scenario", "scenario_id", detail="lanelets")
+"""What a refused edit is to be written from."""
+
+_ALIKE, _ALIKE_IDS = 0.75, 0.9
+"""Likeness (difflib's ratio) from which a word is taken for a misspelling of another one; chosen.
+
+Ids of random digits are alike by chance, so that one has to be almost the same.
+"""
+_RANDOM_ID = re.compile(r"[a-z]+_[0-9a-f]{12}")
+_SHORTEST_PART = 4
+"""A word of so many letters that is a part of a valid one may be meant as that one (chosen)."""
+
+
+_ASSIGNED = re.compile(r"([a-z]\w*)=('[^']*'|\[[^\]]*\]|[\w.:+-]+)")
+
+
+def assignments(valid: Iterable[str]) -> list[Remedy]:
+    """Remedies that valid values are if they are fields with values, as in ``at=156 position='137.2m'``."""
+    found = []
+    for text in valid:
+        parts = _ASSIGNED.findall(text)
+        if parts and " ".join(f"{name}={value}" for name, value in parts) == text:
+            found.append(with_values(**{name: _value(value) for name, value in parts}))
+    return found
+
+
+def _value(text: str) -> Any:
+    """A value as text, which the arguments' model reads as what its field takes."""
+    return [_value(part.strip()) for part in text[1:-1].split(",")] if text.startswith("[") else text.strip("'")
+
+
+def misspellings(message: str, valid: Iterable[str]) -> list[Remedy]:
+    """Replacements of the words that a message quotes by the valid ones that they may be misspellings of.
+
+    Numbers are none: another number is another thing. What stands behind a valid name in brackets explains it.
+    """
+    names = [re.sub(r" (?:\(|in [\[(]).*$", "", text) for text in valid]
+    return [remedy for word in re.findall(r"'([^']+)'", message) for remedy in misspelt(word, names)]
+
+
+def misspelt(word: str, names: Iterable[str]) -> list[Remedy]:
+    """Replacements of a word by the names that it may be a misspelling of."""
+    if re.fullmatch(r"[\d.]+", word):
+        return []
+    return [instead(word, name) for name in names if _may_mean(word.strip().lower(), name.lower())]
+
+
+def _may_mean(word: str, name: str) -> bool:
+    if len(word) >= _SHORTEST_PART and word in re.split(r"[^a-z]+", name):
+        return True
+    cutoff = _ALIKE_IDS if _RANDOM_ID.fullmatch(name) else _ALIKE
+    return word != name and SequenceMatcher(None, word, name).ratio() >= cutoff
+
+
+@dataclass(frozen=True)
+class NextCall:
+    """A whole call; ``changed``: the parts of the refused one that differ, by their paths (None: left out)."""
+
+    tool: str
+    arguments: Mapping[str, Any]
+    changed: Mapping[str, Any] | None = None
+
+    @property
+    def text(self) -> str:
+        """The call in words: ``call again with {…}``, or ``call describe_scenario with {…}``."""
+        name = "again" if self.changed is not None else self.tool
+        whole = json.dumps(self.arguments, ensure_ascii=False)
+        if self.changed is None or len(whole) <= SHOWN_CALL:
+            return f"call {name} with {whole}" if self.arguments or self.changed is not None else f"call {name}"
+        parts = [
+            f"without {path}" if value is None else f"{path}={json.dumps(value, ensure_ascii=False)}"
+            for path, value in self.changed.items()
+        ]
+        return f"call again with the same arguments but {', '.join(parts)}"
+
+
+def followed(remedy: Remedy, tool: str, given: Mapping[str, Any]) -> NextCall | None:
+    """The call that a remedy means after a refused call; None if it does not fit that call or changes nothing."""
+    if remedy.tool:
+        carried = {name: given[name] for name in remedy.carried if name in given}
+        return NextCall(remedy.tool, {**carried, **remedy.arguments})
+    arguments = copy.deepcopy(dict(given))
+    for change in remedy.changes:
+        holder: Any = arguments
+        try:
+            for part in change.place:
+                holder = holder[part]
+        except (KeyError, IndexError, TypeError):
+            return None
+        if not isinstance(holder, dict):
+            return None
+        for name, value in change.values.items():
+            if value is None:
+                holder.pop(name, None)
+            else:
+                holder[name] = value
+        for word, other in change.words.items():
+            replaced = {name: _with_word(value, word, other) for name, value in holder.items()}
+            if replaced == holder:
+                return None
+            holder.clear()
+            holder.update(replaced)
+    if arguments == given:
+        return None
+    return NextCall(tool, arguments, dict(differences(given, arguments)))
+
+
+def differences(before: Any, after: Any, path: str = "") -> list[tuple[str, Any]]:
+    """The parts that differ, by their paths such as ``edits[0].preset``; None for what is left out."""
+    if before == after:
+        return []
+    if isinstance(before, Mapping) and isinstance(after, Mapping):
+        return [
+            found
+            for name in dict.fromkeys((*before, *after))
+            for found in differences(before.get(name), after.get(name), f"{path}.{name}" if path else name)
+        ]
+    if isinstance(before, list) and isinstance(after, list) and len(before) == len(after):
+        pairs = enumerate(zip(before, after, strict=True))
+        return [found for index, (old, new) in pairs for found in differences(old, new, f"{path}[{index}]")]
+    return [(path, after)]
+
+
+def _with_word(value: Any, word: str, other: str) -> Any:
+    """A value in whose texts a whole word is another one; numbers are words too."""
+    if isinstance(value, dict):
+        return {name: _with_word(part, word, other) for name, part in value.items()}
+    if isinstance(value, list):
+        return [_with_word(part, word, other) for part in value]
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return other if str(value) == word else value
+    if not isinstance(value, str):
+        return value
+    if value.strip() == word.strip():
+        return other
+    return re.sub(rf"(?<![\w.]){re.escape(word)}(?!\w)", lambda _: other, value)

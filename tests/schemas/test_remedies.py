@@ -1,0 +1,103 @@
+"""What mends a refused call: found in a refusal, put into the call, carried through a worker, written out."""
+
+import json
+
+import pytest
+
+from plannerforge.schemas.errors import (
+    VEHICLES_LISTED,
+    Faults,
+    InvalidRequest,
+    Remedy,
+    UnknownName,
+    calling,
+    followed,
+    instead,
+    with_values,
+)
+from plannerforge.schemas.errors.remedies import SHOWN_CALL
+
+GIVEN = {"scenario_id": "A", "edits": [{"op": "set_speed", "speed": "9"}, {"op": "set_behaviour", "preset": "wyld"}]}
+
+
+def arguments_of(remedy: Remedy, given: dict[str, object] | None = None) -> object:
+    call = followed(remedy, "tool", GIVEN if given is None else given)
+    return None if call is None else call.arguments
+
+
+def test_a_misspelt_name_is_replaced_where_it_stands() -> None:
+    error = UnknownName("there is no preset 'wyld'", valid=["wild", "mild"])
+    assert arguments_of(error.remedies[0]) == {
+        **GIVEN,
+        "edits": [GIVEN["edits"][0], {"op": "set_behaviour", "preset": "wild"}],
+    }
+
+
+@pytest.mark.parametrize(
+    ("message", "valid"),
+    [
+        ("there is no vehicle '4711'", ["4712"]),
+        ("there is nothing called 'run_0123456789ab'", ["run_0123456bcdef"]),
+        ("there is no class 'unicorn'", ["car", "truck"]),
+    ],
+    ids=["number", "random_id", "unlike"],
+)
+def test_another_thing_is_not_proposed_in_place_of_an_unknown_one(message: str, valid: list[str]) -> None:
+    assert not UnknownName(message, valid=valid).remedies
+
+
+def test_valid_assignments_are_set_at_the_place_of_the_fault() -> None:
+    faults = Faults()
+    with faults.collecting("edit 1", ("edits", 1)):
+        raise InvalidRequest("the place is taken", valid=["at=156 position='137.2m'", "another place"])
+    with pytest.raises(InvalidRequest) as caught:
+        faults.raise_all()
+    (remedy,) = caught.value.remedies
+    changed = arguments_of(remedy)
+    assert changed == {
+        **GIVEN,
+        "edits": [GIVEN["edits"][0], {"op": "set_behaviour", "preset": "wyld", "at": "156", "position": "137.2m"}],
+    }
+
+
+def test_one_call_mends_all_faults() -> None:
+    faults = Faults()
+    with faults.collecting("", ("edits", 0)):
+        raise InvalidRequest("no unit", remedies=[with_values(speed="9m/s")])
+    with faults.collecting("", ("edits", 1)):
+        raise UnknownName("there is no preset 'wyld'", valid=["wild"])
+    with pytest.raises(InvalidRequest) as caught:
+        faults.raise_all()
+    edits = [{"op": "set_speed", "speed": "9m/s"}, {"op": "set_behaviour", "preset": "wild"}]
+    assert arguments_of(caught.value.remedies[0]) == {**GIVEN, "edits": edits}
+
+
+def test_a_remedy_that_changes_nothing_is_none() -> None:
+    assert arguments_of(instead("absent", "other")) is None
+    assert arguments_of(with_values(scenario_id="A")) is None
+    assert arguments_of(with_values(speed=None).at(("edits", 7))) is None
+
+
+def test_whole_words_alone_are_replaced() -> None:
+    given = {"ids": ["A-1#7"], "text": "A-17"}
+    assert arguments_of(instead("7", "12"), given) == {"ids": ["A-1#12"], "text": "A-17"}
+
+
+def test_another_call_takes_over_what_it_needs() -> None:
+    assert arguments_of(VEHICLES_LISTED) == {"scenario_id": "A", "detail": "vehicles"}
+    assert arguments_of(calling("list_planners")) == {}
+
+
+def test_remedies_survive_the_way_through_json() -> None:
+    for remedy in (instead("a", "b").at(("edits", 0)), with_values(lane=None), VEHICLES_LISTED):
+        assert Remedy.of_json(json.loads(json.dumps(remedy.to_json()))) == remedy
+
+
+def test_a_long_call_is_told_by_what_changes() -> None:
+    given = {"text": "x" * SHOWN_CALL, "lane": "left", "edits": [{"speed": "9"}]}
+    call = followed(Remedy((*with_values(lane=None).changes, *instead("9", "9m/s").changes)), "tool", given)
+    assert call is not None
+    assert call.text == 'call again with the same arguments but without lane, edits[0].speed="9m/s"'
+    short = followed(instead("9", "8"), "tool", {"speed": "9"})
+    assert short is not None
+    assert short.text == 'call again with {"speed": "8"}'
