@@ -41,6 +41,11 @@ def derived_benchmark_id(base_id: str, digest: str) -> str:
     return f"{match['head']}_{match['config'] or 1}_{match['kind'] or 'T'}-{number}"
 
 
+def without_blanks(benchmark_id: str) -> str:
+    """An id as it can name a file: blanks, which CommonRoad's schema allows and its naming does not, become ``_``."""
+    return re.sub(r"\s+", "_", benchmark_id.strip())
+
+
 def follows_naming(benchmark_id: str) -> bool:
     """Whether country and place can be read from an id by CommonRoad's naming, COUNTRY_Place-…"""
     return _READABLE_ID.fullmatch(benchmark_id) is not None

@@ -31,6 +31,7 @@ from lxml import etree
 from ...schemas.errors import UnknownName, UnsafeInput
 from ...schemas.text import quoted
 from ...schemas.vocabulary import EGO_CLASSES
+from .benchmark_id import without_blanks
 from .completeness import check_complete, complete
 from .document import SplitDocument, ego_classes_of, is_2018b, is_declared_utf8, moving_obstacle, schema_faults
 from .lanelet_networks import scenario_of
@@ -96,8 +97,8 @@ class LoadedScenario:
 
     @property
     def benchmark_id(self) -> str:
-        """The CommonRoad benchmark id as in the file; commonroad-io's own rendering changes unusual ones."""
-        return self.declared_id or str(self.scenario.scenario_id)
+        """The CommonRoad benchmark id as in the file, without blanks; commonroad-io changes other unusual ones too."""
+        return without_blanks(self.declared_id) or str(self.scenario.scenario_id)
 
     @property
     def step_s(self) -> float:

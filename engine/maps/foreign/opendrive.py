@@ -24,6 +24,8 @@ MOST_AT_ONCE = 64
 """Lanes of one cross-section (chosen)."""
 FARTHEST_M, LONGEST_M = 1e8, 1e6
 """Of coordinates and of one piece of a reference line (chosen)."""
+STEEPEST = 1e30
+"""Of coefficients of polynomials (chosen): those that hold over a micrometre only are large; values stay finite."""
 DRIVEN = frozenset({"driving", "bidirectional", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "bus", "taxi"})
 """Types of lanes that vehicles of SUMO drive on; bicycles have lanes of type biking besides."""
 _VERTICAL = re.compile(r"\+(geoidgrids|nadgrids|vunits|vto_meter|to_meter)=\S*")
@@ -103,7 +105,7 @@ def _checked(path: Path) -> etree._Element:
         _number(path, piece, "length", LONGEST_M)
     for element in root.iter(*_MEASURED):
         for key in _MEASURED[str(element.tag)]:
-            _number(path, element, key, FARTHEST_M)
+            _number(path, element, key, STEEPEST if key[0] in "bcd" else FARTHEST_M)
     for element in root.iter("lane", "laneLink"):
         for key in ("id",) if element.tag == "lane" else ("from", "to"):
             _whole(path, element, key)

@@ -92,6 +92,8 @@ def lanes_of(tags: Tags, *, lefthand: bool, oneway: int | None = None, default: 
     if forward.uneven or backward.uneven:
         notes.append("uneven")
     alone = oneway != 0
+    if not _is_placed(tags, oneway, forward.count or default):
+        notes.append("placement")
     forward = _with_bus_lanes(_trimmed(forward), _bus_lanes(tags, "forward", alone, lefthand), lefthand=lefthand)
     backward = _with_bus_lanes(_trimmed(backward), _bus_lanes(tags, "backward", alone, lefthand), lefthand=lefthand)
     lanes = Lanes(oneway, forward, backward, notes=tuple(notes))
@@ -118,6 +120,18 @@ def _side(tags: Tags, direction: Direction, oneway: int) -> Side:
     buses = [("bus" in allowed and "car" not in allowed) for allowed in users]
     uneven = any(len(each) not in (0, count) for each in (turns, users, widths))
     return Side(count, tuple(turns), tuple(buses), tuple(widths), uneven)
+
+
+def _is_placed(tags: Tags, oneway: int, count: int) -> bool:
+    """Whether netconvert draws the lanes beside the nodes as ``placement`` says: it does so on roads in one direction.
+
+    ``right_of:1`` is the right edge of the leftmost lane (https://wiki.openstreetmap.org/wiki/Key:placement).
+    """
+    keys = [key for key in tags if key.partition(":")[0] == "placement"]
+    if not keys:
+        return True
+    said = re.fullmatch(r"(?:left_of|middle_of|right_of):(\d{1,2})", tags.get("placement", ""))
+    return oneway == 1 and keys == ["placement"] and said is not None and 1 <= int(said[1]) <= count
 
 
 def _trimmed(side: Side) -> Side:

@@ -87,11 +87,29 @@ def cut_map(
         way_id = piece.way.way_id if piece.way.way_id not in used else next(new_ways)
         (whole.discard if piece.way.way_id in used else whole.add)(piece.way.way_id)
         used.add(piece.way.way_id)
-        references = [("nd", {"ref": str(node.node_id)}) for node in piece.nodes]
-        append_object(root, "way", way_id, tags, parts=references)
+        # netconvert draws a road against its nodes beside them, and one along them on them.
+        is_against = reader is not None and tags.get("oneway") == "-1"
+        references = [("nd", {"ref": str(node.node_id)}) for node in piece.nodes[:: -1 if is_against else 1]]
+        append_object(root, "way", way_id, _turned(tags) if is_against else tags, parts=references)
     _write_restrictions(root, osm, nodes, whole)
     target.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True))
     return tuple({piece.way.way_id: piece.way for piece, tags in written if tags is not None}.values())
+
+
+def _turned(tags: Mapping[str, str]) -> dict[str, str]:
+    """The tags of a road whose nodes are written the other way round."""
+    swapped = {"forward": "backward", "backward": "forward", "left": "right", "right": "left"}
+
+    def word(text: str) -> str:
+        return swapped.get(text, text)
+
+    turned = {":".join(map(word, key.split(":"))): value for key, value in tags.items()}
+    turned |= {key: word(value) for key, value in turned.items() if key.partition(":")[0] in _SIDED}
+    return turned | {"oneway": "yes"}
+
+
+_SIDED = frozenset({"sidewalk", "cycleway", "footway", "shoulder"})
+"""Keys with a side of the road for a value (https://wiki.openstreetmap.org/wiki/Forward_%26_backward,_left_%26_right)."""
 
 
 def _written_tags(piece: _Piece, pavements: Pavements | None, reader: RoadReader | None) -> dict[str, str] | None:

@@ -107,6 +107,8 @@ class RoadReader:
         for tag in (*conditional_tags(way.tags), *conditional_limits(way.tags)):
             self._told.add("conditional", f"{name} ({tag})")
         kept = {key: value for key, value in tags.items() if not _is_replaced(key)}
+        if "placement" in lanes.notes:
+            kept = {key: value for key, value in kept.items() if key.partition(":")[0] != "placement"}
         kept |= _oneway_tags(way.tags, lanes.oneway) | _lane_tags(lanes, lefthand=self._lefthand)
         kept |= self._speed_tags(way, nodes, lanes.oneway, name)
         kept |= self._type_tags(way, users, name)
@@ -218,6 +220,7 @@ _SENTENCES: Mapping[str, str] = {
     "odd_lanes": "the tags do not say which direction has the odd lane; forward is taken: {}",
     "width_for_fewer": "the mapped width has no room for the mapped lanes, so lanes have the usual width: {}",
     "narrow_lane": "lanes narrower than a car needs, as they are mapped: {}",
+    "placement": "the nodes are taken for the middle of the road, although placement says otherwise: {}",
     "reversible": "reversible lanes are drawn along their nodes only: {}",
     "uneven": "lists over lanes that do not fit the number of lanes are left out: {}",
     "one_sided": "what closes one direction to some vehicles only is left out: {}",

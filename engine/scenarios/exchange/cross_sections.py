@@ -71,7 +71,20 @@ def strip_of(bounds: Sequence[Points]) -> Strip:
         other, miss = _strip(lines, turning)
         if miss < least:
             best, least = other, miss
+    if _missed_at_ends_m(best, lines) > LEVEL_M:  # folded bounds, shorter than the lane is wide: the ends alone count
+        other, _ = _strip([line[[0, -1]] for line in lines], 0.0)
+        if _missed_at_ends_m(other, lines) <= LEVEL_M:
+            return other
     return best
+
+
+def _missed_at_ends_m(strip: Strip, lines: Sequence[Points]) -> float:
+    """How far the corners of a strip lie from the ends of the bounds."""
+    last = strip.pieces[-1]
+    middle, normals = evaluate(strip.pieces, np.array([0.0, last.station_m + last.length_m]))
+    drawn = middle[:, None] + normals[:, None] * strip.offsets_m[[0, -1], :, None]
+    given = np.array([[line[end] for line in lines] for end in (0, -1)])
+    return float(np.linalg.norm(drawn - given, axis=2).max())
 
 
 def _strip(lines: Sequence[Points], turning: float) -> tuple[Strip, tuple[int, float]]:

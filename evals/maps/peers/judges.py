@@ -68,10 +68,15 @@ def bad_goals(path: Path) -> int:
 
 
 def netconvert_reads(path: Path, scratch: Path) -> bool:
-    """Return whether netconvert, with its own settings, makes a network with a lane for cars of an OpenDRIVE file."""
+    """Return whether netconvert, with its own settings, makes of an OpenDRIVE file a network with a lane for cars.
+
+    It does not look at the rule of traffic, and draws a file with both rules wrongly: such a file does not count.
+    """
     import sumo
     import sumolib
 
+    if len(set(_RULE.findall(path.read_bytes()))) > 1:
+        return False
     program, net = Path(sumo.SUMO_HOME) / "bin" / "netconvert", scratch / "judged.net.xml"
     net.unlink(missing_ok=True)
     command = [str(program), "--opendrive-files", str(path), "--output-file", str(net)]
@@ -114,8 +119,22 @@ def net_verdict(net_path: Path, following: Mapping[str, set[str]], rule: str) ->
             for link in lane.getOutgoing():
                 if lane.allows("passenger") and link.getToLane().allows("passenger"):
                     links += 1
-                    lost += not _leads(lane.getID(), link.getToLane().getID(), following)
+                    goals = _drawn(link.getToLane(), following)
+                    is_there = lane.getID() in following or lane.getLength() > _TINY_M
+                    lost += is_there and not all(_leads(lane.getID(), goal, following) for goal in goals)
     return NetVerdict(links, lost, _wrong_side(net, rule))
+
+
+_TINY_M = 0.2
+"""A lane of a road that is no longer need not be drawn (chosen): the one before it then leads to those behind it."""
+
+
+def _drawn(lane: Any, following: Mapping[str, set[str]]) -> set[str]:
+    """Return the lane, or the drawn ones behind it if it is too short to be drawn."""
+    if lane.getID() in following or lane.getLength() > _TINY_M:
+        return {lane.getID()}
+    behind = [link.getToLane() for link in lane.getOutgoing() if link.getToLane().allows("passenger")]
+    return set[str]().union(*(_drawn(one, following) for one in behind if one.getID() != lane.getID()))
 
 
 def _leads(start: str, goal: str, following: Mapping[str, set[str]]) -> bool:

@@ -46,6 +46,8 @@ NZL 50 100 100 | ARG 60 110 130 | CHL 50 100 120 | ALB 40 80 110 | BIH 50 80 130
 _LATITUDE, _LONGITUDE, _STEP_M = 48.1, 11.5, 100.0
 _ARMS = {"west": (-1, 0), "east": (1, 0), "south": (0, -1), "north": (0, 1)}
 _SHOWN = 12
+_ASIDE_M = 0.3
+"""Within which the middle of a road is where its tags put it (chosen: a tenth of a lane)."""
 _NEAREST_HOUSE_M = 60.0
 _TOWN_CLASSES = frozenset({"primary", "secondary", "tertiary", "residential", "unclassified", "living_street"})
 _EXCLUDED_LIMITS = ("maxspeed", "source:maxspeed", "zone:maxspeed", "zone:traffic")
@@ -178,6 +180,8 @@ class _Arm:
     def __init__(self, built: SiteNetwork) -> None:
         x, y = Proj(built.net.projection)(_LONGITUDE, _LATITUDE)
         self._middle = np.array([x + built.net.offset_m[0], y + built.net.offset_m[1]])
+        west = _LONGITUDE - 2 * _STEP_M / (111_195.0 * cos(radians(_LATITUDE)))
+        self._outer = np.array(Proj(built.net.projection)(west, _LATITUDE)) + built.net.offset_m
         self._all = built.network.lanelets
         west = [lanelet for lanelet in self._all.values() if lanelet.street == "West" and not lanelet.internal]
         self._in = self._from_left([lanelet for lanelet in west if self._comes(lanelet)])
@@ -193,7 +197,22 @@ class _Arm:
         if value and name in ("kmh", "in", "out"):
             lanelets = {"kmh": [*self._in, *self._out], "in": self._in, "out": self._out}[name]
             return bool(lanelets) and all(abs(each.speed_mps * 3.6 - float(value)) < 0.6 for each in lanelets)
+        if name == "aside":
+            return abs(self.aside_m() - float(value)) < _ASIDE_M
         return _TERMS[name](self, value)
+
+    def aside_m(self) -> float:
+        """How far left of its nodes, seen towards the junction, the middle of the lanes lies 200 m before it."""
+        outer = self._outer
+        ahead = (self._middle - outer) / hypot(*(self._middle - outer))
+        beside = []
+        for lanelet in (*self._in, *self._out):
+            along = (lanelet.center - outer) @ ahead
+            if along.min() < 0 < along.max():
+                order = np.argsort(along)
+                left = (lanelet.center - outer) @ np.array([-ahead[1], ahead[0]])
+                beside.append(float(np.interp(0.0, along[order], left[order])))
+        return float(np.mean(beside))
 
     def _comes(self, lanelet: RoadLanelet) -> bool:
         first, last = (hypot(*(point - self._middle)) for point in (lanelet.center[0], lanelet.center[-1]))

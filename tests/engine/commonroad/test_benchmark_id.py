@@ -2,7 +2,7 @@
 
 import pytest
 
-from plannerforge.engine.commonroad.benchmark_id import parse_benchmark_id
+from plannerforge.engine.commonroad.benchmark_id import parse_benchmark_id, without_blanks
 from plannerforge.schemas.errors import UnsafeInput
 
 
@@ -26,3 +26,9 @@ def test_country_and_place_come_from_the_benchmark_id(benchmark_id: str, expecte
 def test_ids_that_are_no_ordinary_file_name_are_refused(benchmark_id: str) -> None:
     with pytest.raises(UnsafeInput, match="naming"):
         parse_benchmark_id(benchmark_id)
+
+
+def test_blanks_in_an_id_become_a_letter_that_names_of_files_may_have() -> None:
+    assert without_blanks(" uncontrolled  intersection ") == "uncontrolled_intersection"
+    assert parse_benchmark_id(without_blanks("uncontrolled intersection")) == ("ZAM", "uncontrolled")
+    assert without_blanks("DEU_Test-1_1_T-1") == "DEU_Test-1_1_T-1"

@@ -249,3 +249,31 @@ def test_the_net_has_lanes_users_and_turns_of_the_tags(tmp_path: Path) -> None:
     assert "passenger" not in net.lanes["3_0"].allowed
     assert "bus" in net.lanes["3_0"].allowed
     assert "passenger" in net.lanes["3_1"].allowed
+
+
+@pytest.mark.parametrize(
+    ("tags", "is_told"),
+    [
+        ({"oneway": "yes", "lanes": "2", "placement": "right_of:1"}, False),
+        ({"oneway": "yes", "lanes": "2", "placement": "right_of:3"}, True),
+        ({"oneway": "yes", "lanes": "2", "placement": "transition"}, True),
+        ({"lanes": "2", "placement:forward": "right_of:1"}, True),
+        ({"oneway": "-1", "lanes": "2", "placement": "right_of:1"}, True),
+        ({"oneway": "yes", "lanes": "2"}, False),
+    ],
+)
+def test_a_placement_beside_the_nodes_is_drawn_or_told(tags: dict[str, str], is_told: bool, tmp_path: Path) -> None:
+    written, told = cut(read_osm(crossing(tmp_path / "map.osm", {"west": tags})), tmp_path)
+    assert any("placement" in note for note in told) is is_told
+    assert any("placement" in way.tags for way in written.ways) is ("placement" in tags and not is_told)
+
+
+def test_a_road_against_its_nodes_is_written_along_them(tmp_path: Path) -> None:
+    tags = {"oneway": "-1", "lanes": "2", "turn:lanes:backward": "left|through", "sidewalk": "left"}
+    source = read_osm(crossing(tmp_path / "map.osm", {"west": tags}))
+    (before,) = [way for way in source.ways if way.tags.get("oneway") == "-1"]
+    written, _ = cut(source, tmp_path)
+    (after,) = [way for way in written.ways if way.way_id == before.way_id]
+    assert after.node_ids == before.node_ids[::-1]
+    assert (after.tags["oneway"], after.tags["turn:lanes:forward"]) == ("yes", "left|through")
+    assert after.tags["sidewalk"] == "right"
