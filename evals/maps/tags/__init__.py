@@ -180,8 +180,8 @@ class _Arm:
     def __init__(self, built: SiteNetwork) -> None:
         x, y = Proj(built.net.projection)(_LONGITUDE, _LATITUDE)
         self._middle = np.array([x + built.net.offset_m[0], y + built.net.offset_m[1]])
-        west = _LONGITUDE - 2 * _STEP_M / (111_195.0 * cos(radians(_LATITUDE)))
-        self._outer = np.array(Proj(built.net.projection)(west, _LATITUDE)) + built.net.offset_m
+        west_deg = _LONGITUDE - 2 * _STEP_M / (111_195.0 * cos(radians(_LATITUDE)))
+        self._outer = np.array(Proj(built.net.projection)(west_deg, _LATITUDE)) + built.net.offset_m
         self._all = built.network.lanelets
         west = [lanelet for lanelet in self._all.values() if lanelet.street == "West" and not lanelet.internal]
         self._in = self._from_left([lanelet for lanelet in west if self._comes(lanelet)])
