@@ -303,4 +303,7 @@ def test_an_added_vehicle_tells_its_speed_place_and_gaps(apply: Apply) -> None:
     assert re.search(rf"m/s, from 0.0 s on \(as vehicle \d+, the nearest in the lane\), {gaps}", what)
     alone = apply(CAR | {"at": "3", "speed": "5m/s"}, builder=SHORT, dry_run=True).outcome.edits[0].what
     assert "(its middle, as no position was named)" in alone
-    assert "5.0 m/s, from 0.0 s on, gaps: to no vehicle ahead in its lane and 126.7 m, 11.5 s to vehicle 34 behind" in alone
+    assert (
+        "5.0 m/s, from 0.0 s on, gaps: to no vehicle ahead in its lane and 126.7 m, 11.5 s to vehicle 34 behind"
+        in alone
+    )
