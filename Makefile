@@ -124,7 +124,7 @@ bench-modification: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.modification --workers $(WORKERS)
 
 bench-edits: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.modification.new_edits
+	@$(PYTHON) -m plannerforge.evals.modification.new_edits --advice 240
 
 bench-drivable: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.modification.drivable

@@ -226,7 +226,7 @@ def choose_task(
             f"ego index:{index} asks for car number {index}; the traffic holds {len(cars)}",
             valid=[f"index:0 to index:{len(cars) - 1}"] if cars else [],
             next_step="choose a smaller index or a higher density",
-            remedies=[with_values(ego=f"index:{len(cars) - 1}" if cars else None)],
+            remedies=[with_values(ego=None)],
         )
     choice = [cars[index]] if index is not None else cars
     _check_lanelet(goal, network)

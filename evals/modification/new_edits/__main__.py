@@ -6,7 +6,8 @@ reactive run's traffic around a standing ego.
 
 Keys: ``new_edits`` (carried out), ``new_edits_right`` (share of them), ``new_edits_refused``, ``red_crossed`` (driven
 vehicles that cross at red unasked), ``red_judged`` (driven vehicles in files with lights), ``standing_moves`` (vehicles
-put in with speed 0 that move), ``edit_median_s``.
+put in with speed 0 that move), ``edit_median_s``; with ``--advice``, as ``make bench-edits`` has it, those of
+``plannerforge.evals.modification.advice`` besides: ``advice_succeeds``, ``advice_mends`` …
 """
 
 import argparse
@@ -22,6 +23,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import anyio
+
 from ....engine.commonroad import read_scenario
 from ....engine.edits import apply_edits
 from ....engine.execution import silent
@@ -30,6 +33,7 @@ from ....engine.vehicles import BMW_320I
 from ....schemas.errors import PlannerForgeError
 from ....schemas.modification import Edit, ModificationOutcome, ModificationRequest
 from ...harness import existing, print_figures, shared_scenarios
+from ..advice.measure import measure_advice
 from .motion import MOTION_KINDS, Drawn, Told
 from .red_lights import red_crossings
 from .scenes import SCENE_KINDS
@@ -151,6 +155,7 @@ def _main() -> int:
     parser.add_argument("--seed", type=int, default=37)
     parser.add_argument("--limit", type=int, default=None, help="only so many files: a sample")
     parser.add_argument("--kinds", nargs="*", default=None, help="only these kinds of edits")
+    parser.add_argument("--advice", type=int, default=0, help="draw so many refusals and follow their advice")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
     files = sorted(existing(given.folder).rglob("*.xml"))
@@ -174,7 +179,7 @@ def _main() -> int:
     for line in (*counts.wrong, *(f"refused {reason}" for reason in counts.reasons)):
         sys.stderr.write(f"{line[:300]}\n")
     rows = [(kind, f"{count} made, {counts.refused[kind]} refused") for kind, count in sorted(counts.made.items())]
-    figures = {
+    figures: dict[str, float | int | str] = {
         "seed": given.seed,
         "files": len(files[: given.limit]),
         "new_edits": made,
@@ -185,6 +190,8 @@ def _main() -> int:
         "standing_moves": counts.standing_moves,
         "edit_median_s": round(statistics.median(counts.seconds or [0.0]), 3),
     }
+    if given.advice:
+        figures |= anyio.run(measure_advice, existing(given.folder), given.half, given.seed, given.advice)
     print_figures("Edits", figures, [*rows, *((key, str(value)) for key, value in figures.items())])
     return 0
 
