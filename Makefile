@@ -12,7 +12,7 @@ RECORD ?= same-bytes.json
 SEED ?= 1
 
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
-	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-edits bench-import-crashes bench-drivable bench-same-bytes \
+	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-manoeuvres bench-edits bench-import-crashes bench-drivable bench-same-bytes \
 	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-osm-tags bench-places bench-analysis bench-tuning bench-serve bench-loop bench-database bench-peers \
 	dist requirements bundle starter house chat-page tutorial-page reference docs train-rbfn format clean
 
@@ -122,6 +122,9 @@ bench-places: $(DEV_STAMP)
 
 bench-modification: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.modification --workers $(WORKERS)
+
+bench-manoeuvres: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.selection.manoeuvres $(if $(FOLDER),--folder "$(FOLDER)") $(if $(SEED),--seed $(SEED))
 
 bench-edits: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.modification.new_edits --advice 240

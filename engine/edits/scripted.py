@@ -1,7 +1,7 @@
 """Edits T with a prescribed motion: cut_in, swerve, wrong_way, and speeds and lane changes with prescribed values.
 
-The motion is computed here and replayed: the others see it and react, and it dodges nobody. What came out is measured
-on the motion that is written. Lengths are in m, speeds in m/s; times count from the scenario's start.
+The motion is computed here and replayed: the others see it and react, while it reacts to no one. The values that come
+out are measured on the motion that is written. Lengths are in m, speeds in m/s; times count from the scenario's start.
 """
 
 import math
@@ -38,29 +38,29 @@ from .population import class_named
 from .references import EGO_WORDS, select, select_one
 
 _LOOK_M = 250.0
-"""A path is led on so far beyond a motion at least, and as far again as its speed takes it (chosen)."""
+"""A path extends at least this far beyond a motion (chosen)."""
 _BACK_M = 150.0
-"""A path is led back so far behind where a motion begins (chosen)."""
+"""A path extends this far back from the start of a motion (chosen)."""
 _JOIN_M = 30.0
-"""A vehicle recorded beside the middle of its lane comes to it within this beyond its recording (chosen)."""
+"""Beyond its recording a vehicle returns to the centre of its lane within this distance (chosen)."""
 CUT_IN_S, SWERVE_S = 3.0, 1.5
-"""How long moving aside takes where nothing is said: a lane change at about 1.2 m/s, and a hasty move (chosen)."""
+"""Default durations of a lane change, at about 1.2 m/s to the side, and of a swerve (chosen)."""
 _USUAL_GAP_S = 1.0
-"""The time gap of a cut-in where nothing is said (chosen): below the 2 s of UN Regulation 157."""
+"""The default time gap of a cut-in (chosen): below the 2 s of UN Regulation 157."""
 _SWERVE_M, _SWERVE_HOLD_S = 1.0, 1.0
-"""How far aside a swerve goes, and how long it stays there, where nothing is said (chosen)."""
+"""By default a swerve goes this far to the side and stays there this long (chosen)."""
 _EASY_MPS2, _HARDEST_MPS2 = 2.0, 6.0
 """A cut-in begins as soon as its preparation takes no more than this, and is refused if it takes more than that."""
 _BESIDE_M = (1.8, 6.0)
-"""How far beside another one's path a vehicle of the next lane drives (chosen): half a lane to one and a half lanes."""
+"""Lateral distance of a vehicle in the next lane from a path (chosen): half a lane to one and a half lanes."""
 _TRIED_S = 0.2
-"""Times of a cut-in that are tried are this far apart (chosen)."""
+"""Start times of a cut-in are tried at this interval (chosen)."""
 _VALUE_SHARE = 0.1
 """A prescribed value is reached if it differs by no more than this share (chosen)."""
 _GAPS_TRIED_S = (1.0, 2.0)
 """Time gaps of a cut-in that are proposed if another one is not possible (chosen)."""
 _ONCOMING_RAD = math.radians(120.0)
-"""Lanes whose directions differ by more are oncoming ones (chosen)."""
+"""If the directions of two lanes differ by more, each is oncoming to the other (chosen)."""
 
 
 def prescribed(scene: Scene, changes: Changes, vehicle_id: int, acts: Sequence[Act]) -> tuple[Changes, Track, Track]:
@@ -148,9 +148,9 @@ def _standing(start: Track, count: int) -> Track:
 
 
 def beyond(scene: Scene, track: Track) -> Points:
-    """Where the centre of a road user goes on beyond its track, (n, 2): along its lane and straight on behind it.
+    """Return the path (n, 2) of a road user's centre beyond its track: along its lane, then straight on.
 
-    A distance beside the middle of the lane fades out.
+    An offset from the centre of the lane fades out.
     """
     match, last = scene.matcher.match(track), len(track.positions) - 1
     if match is None:
@@ -159,7 +159,7 @@ def beyond(scene: Scene, track: Track) -> Points:
 
 
 def line_from(scene: Scene, place: Points, lanelets: tuple[int, ...]) -> Points:
-    """The path (n, 2) from a place, its first point, along lanelets and straight on behind them."""
+    """Return the path (n, 2) from a place, which is its first point, along lanelets and then straight on."""
     lanes = scene.layout.table.lanes
     chain = list(lanelets)
     while sum(lanes[key].length_m for key in chain) < _LOOK_M + lanes[chain[0]].length_m:
@@ -182,7 +182,7 @@ def line_from(scene: Scene, place: Points, lanelets: tuple[int, ...]) -> Points:
 
 
 def _joined_centers(scene: Scene, chain: Sequence[int]) -> Points:
-    """The centre lines of lanelets one after the other; of one beside the one before only what lies ahead."""
+    """Join the centre lines of consecutive lanelets; after a lane change only the part that lies ahead is used."""
     lanes, successors = scene.layout.table.lanes, scene.layout.table.successors
     parts = [lanes[chain[0]].center]
     for before, key in pairwise(chain):
@@ -197,7 +197,7 @@ def _joined_centers(scene: Scene, chain: Sequence[int]) -> Points:
 
 
 def _behind(scene: Scene, point: Points, lanelet_id: int) -> Points:
-    """The way (n, 2) that leads to a place on a lanelet, from the farther end on, without the place itself."""
+    """Return the path (n, 2) that leads to a place on a lanelet, without the place itself."""
     table = scene.layout.table
     chain, total = [lanelet_id], project(table.lanes[lanelet_id].center, point)[0]
     while total < _BACK_M:
@@ -216,7 +216,7 @@ def _behind(scene: Scene, point: Points, lanelet_id: int) -> Points:
 
 @dataclass(frozen=True)
 class _Path:
-    """The path of a motion's centre: its line (n, 2) with arc lengths, and the station of the centre at every state."""
+    """The path of a road user's centre: its line (n, 2) with arc lengths, and its station at every state."""
 
     line: Points
     along: Values
@@ -224,7 +224,7 @@ class _Path:
 
     @classmethod
     def of(cls, scene: Scene, track: Track, ahead: Points | None = None) -> "_Path":
-        """The path of a track, led back and on."""
+        """Return the path of a track, extended at both ends."""
         match = scene.matcher.match(track)
         back = np.zeros((0, 2)) if match is None else _behind(scene, track.positions[0], match.at(0))
         line = _thinned(np.concatenate([back, track.positions, beyond(scene, track) if ahead is None else ahead]))
@@ -233,7 +233,7 @@ class _Path:
 
 
 def _thinned(points: Points) -> Points:
-    """The points of a path that are no nearer than half a metre to the one before."""
+    """Drop points of a path that are closer than half a metre to the one before."""
     kept = [points[0]]
     for point in points[1:]:
         if float(np.linalg.norm(point - kept[-1])) >= 0.5:
@@ -244,7 +244,7 @@ def _thinned(points: Points) -> Points:
 
 
 def _step_of(edit: Edit, scene: Scene, changes: Changes, track: Track) -> int:
-    """The step from which on an edit holds: by its time, by its trigger, or when the ego and the vehicle are there.
+    """Return the step at which an edit begins: its time, its trigger, or the first step with both ego and vehicle.
 
     Raises:
         InvalidRequest: the vehicle is not there then, or no such trigger.
@@ -266,18 +266,18 @@ def _step_of(edit: Edit, scene: Scene, changes: Changes, track: Track) -> int:
 
 
 def _since(edit: Edit) -> str:
-    """From when on an edit holds, as the end of a sentence."""
+    """Return when an edit begins, as the end of a sentence."""
     if edit.when is not None:
         return f" once {edit.when} holds"
     return "" if edit.time_s is None else f" from {edit.time_s:g} s on"
 
 
 def _triggered(edit: Edit, scene: Scene, changes: Changes, track: Track) -> int:
-    """The step at which the trigger of an edit holds.
+    """Return the step at which the trigger of an edit holds.
 
     Raises:
-        InvalidRequest: a time as well, or no such trigger.
-        NotPossible: it never holds while the vehicle is there.
+        InvalidRequest: a time is given too, or there is no such trigger.
+        NotPossible: the trigger never holds while the vehicle is in the scenario.
     """
     if edit.time_s is not None:
         raise InvalidRequest("when and time_s both say when", valid=["when", "time_s"], next_step="name one of them")
@@ -298,7 +298,7 @@ def _triggered(edit: Edit, scene: Scene, changes: Changes, track: Track) -> int:
 
 
 def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterable[int]) -> EditStep:
-    """Bring vehicles to a speed by a prescribed acceleration from a time on, whatever is ahead of them."""
+    """Bring vehicles to a speed with a prescribed acceleration, whatever is ahead of them."""
     vehicles = tuple(vehicles)
     rate = COMFORTABLE_MPS2 if edit.rate_mps2 is None else edit.rate_mps2
     if rate > HARDEST_BRAKING_MPS2:
@@ -341,10 +341,10 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
 
 
 def wanted_speed(text: str, now_mps: float) -> float:
-    """The speed in m/s that a text means: a quantity, or with a sign or a percent sign one relative to a speed.
+    """Return the speed in m/s that a text means; a sign or a percent sign makes it relative to the current speed.
 
     Raises:
-        InvalidRequest: it is neither.
+        InvalidRequest: the text is no speed.
     """
     body = text.strip()
     if body.endswith("%"):
@@ -356,7 +356,7 @@ def wanted_speed(text: str, now_mps: float) -> float:
 
 
 def is_relative(text: str) -> bool:
-    """Whether a speed is one relative to what a vehicle drives."""
+    """Return whether a speed is relative to the current speed of a vehicle."""
     body = text.strip()
     return body.endswith("%") or body[:1] == "+" or (body[:1] == "-" and len(body) > 1)
 
@@ -364,7 +364,7 @@ def is_relative(text: str) -> bool:
 def achieved(
     key: int, quantity: str, asked: float | None, value: float, unit: str, *, reached: bool | None = None
 ) -> Achieved:
-    """What came out of a value; without a verdict it is reached within a tenth of what was asked for."""
+    """Return a measured value with the one asked for; by default it is reached within a tenth of that."""
     if reached is None:
         reached = asked is None or abs(value - asked) <= _VALUE_SHARE * max(abs(asked), 0.5)
     rounded = None if asked is None else round(asked, 3)
@@ -372,7 +372,7 @@ def achieved(
 
 
 def scripted_lane_change(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterable[int]) -> EditStep:
-    """Move vehicles one lane aside in a prescribed time, whoever is there."""
+    """Move vehicles to the next lane in a prescribed time, even if that lane is occupied."""
     vehicles, duration_s = tuple(vehicles), CUT_IN_S if edit.lateral_s is None else edit.lateral_s
     made: dict[int, tuple[int, float, Track]] = {}
     for vehicle_id in vehicles:
@@ -387,7 +387,7 @@ def scripted_lane_change(edit: Edit, scene: Scene, changes: Changes, vehicles: I
 
 
 def _asides(edited: EditedScene, made: dict[int, tuple[int, float, Track]]) -> tuple[Achieved, ...]:
-    """How far aside vehicles got from the motion before."""
+    """Measure how far vehicles moved to the side of their earlier motion."""
     found = []
     for key, (step, aside_m, before) in made.items():
         if key not in edited.changes.replays:
@@ -399,7 +399,7 @@ def _asides(edited: EditedScene, made: dict[int, tuple[int, float, Track]]) -> t
 
 
 def _largest_aside(before: Track, track: Track, step: int, aside_m: float) -> float:
-    """How far a motion gets aside from an earlier one from a step on, at most, on the side that is meant."""
+    """Return the largest lateral distance of a motion from an earlier one after a step, on the intended side."""
     line = _thinned(before.positions)
     ahead = track.positions[step - track.first_step :]
     offsets = project_all(line, ahead)[1]
@@ -407,16 +407,16 @@ def _largest_aside(before: Track, track: Track, step: int, aside_m: float) -> fl
 
 
 def _aside_to_lane(scene: Scene, track: Track, step: int, side: str) -> float:
-    """How far a vehicle has to move to the middle of the lane beside; left positive.
+    """Return how far a vehicle has to move to the centre of the next lane; left is positive.
 
     Raises:
-        NotPossible: no lane of its direction is there.
+        NotPossible: there is no lane of its direction on that side.
     """
     match, index = scene.matcher.match(track), step - track.first_step
     lanes = scene.layout.table.lanes
     here = None if match is None else match.at(index)
-    beside = None if here is None else (lanes[here].left if side == "left" else lanes[here].right)
-    if beside is None or beside not in lanes:
+    neighbour = None if here is None else (lanes[here].left if side == "left" else lanes[here].right)
+    if neighbour is None or neighbour not in lanes:
         other = {"left": "right", "right": "left"}[side]
         raise NotPossible(
             f"vehicle {track.obstacle_id} has no lane of its direction to its {side} on lanelet {here}",
@@ -424,7 +424,7 @@ def _aside_to_lane(scene: Scene, track: Track, step: int, side: str) -> float:
             next_step="choose another time or another lane",
             remedies=[with_values(lane=other)],
         )
-    return -project(lanes[beside].center, track.positions[index])[1]
+    return -project(lanes[neighbour].center, track.positions[index])[1]
 
 
 def swerve(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
@@ -458,7 +458,7 @@ def swerve(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 @dataclass(frozen=True)
 class _CutIn:
-    """How a vehicle cuts in: its stations on the other's path at every step from ``first`` on, and when it is in."""
+    """A cut-in: stations on the other vehicle's path from step ``first`` on, and the step at which it is complete."""
 
     first: int
     last: int
@@ -467,14 +467,14 @@ class _CutIn:
 
 
 def cut_in(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Have a vehicle of the next lane move in ahead of the ego, or of another vehicle, with a time gap.
+    """Have a vehicle in the next lane cut in ahead of the ego, or of another vehicle, with a time gap.
 
-    It takes the other's speed, or the one that is named, and then moves over in the prescribed time; the gap holds when
-    it has moved over. Of the ego its drive by an ordinary driver counts.
+    It takes on the speed of the vehicle that it cuts off, or the given one, and moves over in the prescribed time. The
+    gap holds at the end of the move. The ego is taken to drive as an ordinary driver would.
 
     Raises:
-        InvalidRequest: several vehicles, or a time at which it is not there.
-        NotPossible: it is not in a lane beside, or cannot be there with that gap.
+        InvalidRequest: several vehicles are named, or the vehicle is not there at that time.
+        NotPossible: it is not in the next lane, or cannot reach that gap.
     """
     key = select_one(edit, scene, changes)
     other, who = _cut_off(edit, scene, changes)
@@ -484,13 +484,13 @@ def cut_in(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     gap_s, lateral_s = _USUAL_GAP_S if edit.gap_s is None else edit.gap_s, edit.lateral_s or CUT_IN_S
     first = max(base.first_step, other.first_step, scene.ego.step if scene.ego else 0)
     path, own = _Path.of(scene, other), _Path.of(scene, base)
-    _check_beside(scene, base, path, first, who)
+    _check_next_lane(scene, base, path, first, who)
     found = _cut_in_motion(edit, scene, base, other, path, first, gap_s, lateral_s, who)
     over = round(lateral_s / scene.step_s)
     share = smooth_step((np.arange(len(found.stations)) - (found.last - over - found.first)) / over)
     there = interpolate(path.line, path.along, found.stations)
-    beside = interpolate(own.line, own.along, project_all(own.line, there)[0])
-    centers = beside * (1.0 - share)[:, None] + there * share[:, None]
+    kept = interpolate(own.line, own.along, project_all(own.line, there)[0])
+    centers = kept * (1.0 - share)[:, None] + there * share[:, None]
     track = joined_track(base, found.first, centers, scene.last_step, scene.step_s)
     if track is None:
         raise NotPossible(f"the scenario ends before vehicle {key} could cut in", next_step="choose an earlier time_s")
@@ -505,7 +505,7 @@ def cut_in(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _cut_off(edit: Edit, scene: Scene, changes: Changes) -> tuple[Track, str]:
-    """The motion of the road user that is cut off, and its name."""
+    """Return the motion and the name of the road user that is cut off."""
     text = (edit.at or "ego").strip()
     if text.lower() in EGO_WORDS:
         drive = changes.ego_drive()
@@ -520,11 +520,11 @@ def _cut_off(edit: Edit, scene: Scene, changes: Changes) -> tuple[Track, str]:
     return track or base, f"vehicle {others[0]}"
 
 
-def _check_beside(scene: Scene, base: Track, path: _Path, first: int, who: str) -> None:
-    """Refuse a vehicle that is not in the lane beside another one's path.
+def _check_next_lane(scene: Scene, base: Track, path: _Path, first: int, who: str) -> None:
+    """Refuse a vehicle that is not in the lane next to a path.
 
     Raises:
-        NotPossible: where it is.
+        NotPossible: it is not in that lane; the message says where it is.
     """
     index = first - base.first_step
     if not 0 <= index < len(base.positions):
@@ -537,16 +537,19 @@ def _check_beside(scene: Scene, base: Track, path: _Path, first: int, who: str) 
     low, high = _BESIDE_M
     if low <= abs(aside) <= high and turned < math.radians(45.0):
         return
-    where = "drives another way" if turned >= math.radians(45.0) else f"is {abs(aside):.1f} m beside its path"
-    beside = [key for key in scene.tracks if key != base.obstacle_id and _is_beside(scene.tracks[key], path, first)]
+    where = "drives another way" if turned >= math.radians(45.0) else f"is {abs(aside):.1f} m to the side of its path"
+    fitting = [
+        key for key in scene.tracks if key != base.obstacle_id and _is_in_next_lane(scene.tracks[key], path, first)
+    ]
     raise NotPossible(
-        f"vehicle {base.obstacle_id} cannot cut in on {who}: it {where}, and not in the lane beside",
-        valid=[f"vehicles=['{key}']" for key in beside] or ["add_vehicle with lane=left or right, then vehicles=new:0"],
-        next_step="choose a vehicle in the lane beside, or add one there",
+        f"vehicle {base.obstacle_id} cannot cut in on {who}: it {where}, not in the next lane",
+        valid=[f"vehicles=['{key}']" for key in fitting]
+        or ["add_vehicle with lane=left or right, then vehicles=new:0"],
+        next_step="choose a vehicle in the next lane, or add one there",
     )
 
 
-def _is_beside(track: Track, path: _Path, step: int) -> bool:
+def _is_in_next_lane(track: Track, path: _Path, step: int) -> bool:
     index = track.index_at(step)
     if index is None:
         return False
@@ -566,12 +569,12 @@ def _cut_in_motion(
     lateral_s: float,
     who: str,
 ) -> _CutIn:
-    """The motion along the other's path that has the gap when the vehicle is over: as early as it is easy, or easiest.
+    """Find the motion along the other vehicle's path that ends with the gap: the earliest easy one, or the easiest.
 
-    The acceleration of the preparation changes linearly in time, so that place and speed at its end are met.
+    While the vehicle prepares, its acceleration changes linearly in time, so that it meets place and speed at the end.
 
     Raises:
-        NotPossible: at no time, or not at the one that is named.
+        NotPossible: no time works, or the given one does not.
     """
     step_s, index = scene.step_s, first - base.first_step
     x0, v0 = project(path.line, base.positions[index])[0], float(max(base.speeds_mps[index], 0.0))
@@ -643,7 +646,7 @@ def _prepared(
 def _cut_in_achieved(
     edited: EditedScene, key: int, other: Track, path: _Path, found: _CutIn, gap_s: float
 ) -> tuple[Achieved, ...]:
-    """The gap when the vehicle is over, in s and in m, by the motions that are written."""
+    """Measure the gap at the end of the move, in s and in m, on the motions that are written."""
     replay = edited.changes.replays.get(key)
     if replay is None:
         return ()
@@ -664,11 +667,11 @@ def _cut_in_achieved(
 
 
 def wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Have vehicles drive in the oncoming lane, or put one in that drives against the direction of a lane.
+    """Have vehicles drive in the oncoming lane, or add one that drives against the direction of a lane.
 
     Raises:
-        InvalidRequest: neither vehicles nor a place, or both.
-        NotPossible: no oncoming lane beside, a place that is taken, or a vehicle that cannot be driven.
+        InvalidRequest: neither vehicles nor a place is given, or both are.
+        NotPossible: there is no oncoming lane, the place is taken, or a vehicle cannot be driven.
     """
     if bool(edit.vehicles) == (edit.at is not None):
         raise InvalidRequest(
@@ -694,10 +697,10 @@ def _sent_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _aside_to_oncoming(scene: Scene, track: Track, step: int) -> float:
-    """How far a vehicle has to move to the middle of the nearest oncoming lane beside; left positive.
+    """Return how far a vehicle has to move to the centre of the nearest oncoming lane; left is positive.
 
     Raises:
-        NotPossible: none is near.
+        NotPossible: no oncoming lane is near.
     """
     index = step - track.first_step
     place, heading = track.positions[index], float(track.headings_rad[index])
@@ -709,7 +712,7 @@ def _aside_to_oncoming(scene: Scene, track: Track, step: int) -> float:
             found.append((abs(aside), key, aside))
     if not found:
         raise NotPossible(
-            f"vehicle {track.obstacle_id} has no oncoming lane beside it at {step * scene.step_s:g} s",
+            f"vehicle {track.obstacle_id} has no oncoming lane next to it at {step * scene.step_s:g} s",
             valid=["at=LANELET, which puts in one that drives against it", "another time_s"],
             next_step="choose one of these",
             remedies=[with_values(vehicles=None, at=str(scene.matches[track.obstacle_id].at(index)))]

@@ -271,29 +271,38 @@ def _tries(
     near = sorted(fitting, key=lambda key: (float(np.linalg.norm(tracks[key].positions[0] - place)), key))[:NEAREST]
     if can_be_scripted(wanted):
         usual = PEDESTRIAN.name if wanted.name == "crossing" else "car"
-        yield from _TRIES[wanted.name](near, wanted.vehicle_class or usual, speed_mps)
+        yield from _TRIES[wanted.name](_Surroundings(tuple(near), wanted.vehicle_class or usual, speed_mps))
 
 
-def _cut_ins(near: Sequence[int], vehicle_class: str, speed_mps: float) -> Iterator[tuple[Edit, ...]]:
-    for key in near:
+@dataclass(frozen=True)
+class _Surroundings:
+    """What tries are made of: vehicles near the ego, the nearest first, the class of an actor, and the ego's speed."""
+
+    near: tuple[int, ...]
+    vehicle_class: str
+    speed_mps: float
+
+
+def _cut_ins(there: _Surroundings) -> Iterator[tuple[Edit, ...]]:
+    for key in there.near:
         yield (Edit(op="cut_in", vehicles=[str(key)], gap_s=CUT_IN_GAPS_S[0]),)
-    own_mps = _speed_of(vehicle_class, speed_mps)
-    speed = None if own_mps == speed_mps else f"{own_mps:.2f}m/s"
+    own_mps = _speed_of(there.vehicle_class, there.speed_mps)
+    speed = None if own_mps == there.speed_mps else f"{own_mps:.2f}m/s"
     for gap_s, ahead_m, side in product(CUT_IN_GAPS_S, AHEAD_M, ("left", "right")):
-        entry = _added(vehicle_class, speed_mps, lane=side, offset_m=ahead_m)
+        entry = _added(there.vehicle_class, there.speed_mps, lane=side, offset_m=ahead_m)
         yield entry, Edit(op="cut_in", vehicles=["new:0"], gap_s=gap_s, speed=speed)
 
 
-def _brakings(near: Sequence[int], vehicle_class: str, speed_mps: float) -> Iterator[tuple[Edit, ...]]:
+def _brakings(there: _Surroundings) -> Iterator[tuple[Edit, ...]]:
     def brakes(who: str) -> Edit:
         return Edit(op="set_speed", vehicles=[who], speed="0m/s", rate_mps2=BRAKES_MPS2, time_s=BEGINS_S)
 
     yield (brakes("lead"),)
     for gap_s in GAPS_S:
-        yield _added(vehicle_class, speed_mps, lane="same", gap_s=gap_s), brakes("new:0")
+        yield _added(there.vehicle_class, there.speed_mps, lane="same", gap_s=gap_s), brakes("new:0")
 
 
-def _cut_outs(near: Sequence[int], vehicle_class: str, speed_mps: float) -> Iterator[tuple[Edit, ...]]:
+def _cut_outs(there: _Surroundings) -> Iterator[tuple[Edit, ...]]:
     def moves_out(who: str, side: str) -> Edit:
         return Edit.model_validate(
             {"op": "change_lane", "vehicles": [who], "lane": side, "lateral_s": 3.0, "time_s": BEGINS_S}
@@ -303,11 +312,11 @@ def _cut_outs(near: Sequence[int], vehicle_class: str, speed_mps: float) -> Iter
         yield (moves_out("lead", side),)
     for gap_s in GAPS_S:
         for side in ("left", "right"):
-            yield _added(vehicle_class, speed_mps, lane="same", gap_s=gap_s), moves_out("new:0", side)
+            yield _added(there.vehicle_class, there.speed_mps, lane="same", gap_s=gap_s), moves_out("new:0", side)
 
 
-def _crossings(near: Sequence[int], vehicle_class: str, speed_mps: float) -> Iterator[tuple[Edit, ...]]:
-    if vehicle_class != PEDESTRIAN.name:
+def _crossings(there: _Surroundings) -> Iterator[tuple[Edit, ...]]:
+    if there.vehicle_class != PEDESTRIAN.name:
         return
     for walk_s in WALKS_S:
         for side in ("right", "left"):
@@ -315,21 +324,21 @@ def _crossings(near: Sequence[int], vehicle_class: str, speed_mps: float) -> Ite
                 Edit.model_validate(
                     {
                         "op": "add_vehicle",
-                        "vehicle_class": vehicle_class,
+                        "vehicle_class": there.vehicle_class,
                         "at": "ego",
-                        "offset_m": round(speed_mps * walk_s, 1),
+                        "offset_m": round(there.speed_mps * walk_s, 1),
                         "side": side,
                     }
                 ),
             )
 
 
-def _oncoming_turns(near: Sequence[int], vehicle_class: str, speed_mps: float) -> Iterator[tuple[Edit, ...]]:
-    for key in near:
+def _oncoming_turns(there: _Surroundings) -> Iterator[tuple[Edit, ...]]:
+    for key in there.near:
         yield (Edit(op="reroute", vehicles=[str(key)], turn="left"),)
 
 
-_TRIES: dict[str, Callable[[Sequence[int], str, float], Iterator[tuple[Edit, ...]]]] = {
+_TRIES: dict[str, Callable[[_Surroundings], Iterator[tuple[Edit, ...]]]] = {
     "cut_in": _cut_ins,
     "cut_out": _cut_outs,
     "lead_brakes_hard": _brakings,
