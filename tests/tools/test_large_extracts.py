@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from mcp import Client
+from mcp.types import TextContent
 from support.extracts import IDS_APART, SECOND_TOWN, elements, written
 from support.server import Connect
 
@@ -89,7 +90,8 @@ async def test_a_place_that_no_map_shows_is_refused_as_before(connect: Connect, 
         await added(client, country)
         answer = await client.call_tool("generate_scenarios", {"place": "Atlantis"})
         assert answer.is_error
-        assert "no map shows 'Atlantis'" in str(answer.content)
+        said = "".join(part.text for part in answer.content if isinstance(part, TextContent))
+        assert "no map shows 'Atlantis'" in said
 
 
 async def test_a_broken_extract_is_refused_and_leaves_nothing(

@@ -76,7 +76,7 @@ def test_a_speed_that_no_car_has_there_is_refused_with_those_it_can_have(apply: 
     place = {**NEAR, "position": "85m" if speed.startswith(">") else "49m", "goal_time": "<=5s"}
     with pytest.raises(NotPossible, match="no car that starts at 22") as caught:
         apply({**place, "goal_speed": speed}, builder=FAST)
-    (possible,) = re.findall(r"goal_speed '(.*)'", caught.value.valid[0])
+    (possible,) = re.findall(r"goal_speed='(.*)'", caught.value.valid[0])
     assert apply({**place, "goal_speed": possible}, builder=FAST).outcome.edits[0].done
 
 

@@ -29,7 +29,7 @@ WRONG: list[tuple[dict[str, Any], str, str]] = [
     ({"op": "reroute", "vehicles": ["ego"], "to": ["11"]}, "'ego' is the ego", ""),
     ({"op": "reroute", "vehicles": ["new:0"], "to": ["11"]}, "new:K", ""),
     ({"op": "remove_vehicle", "vehicles": ["nearset:1"]}, "'nearset:1' selects no vehicles", "nearest:3"),
-    ({"op": "remove_vehicle", "vehicles": ["nearest:0"]}, "'nearest:0' asks for nobody", "nearest:1"),
+    ({"op": "remove_vehicle", "vehicles": ["nearest:0"]}, "'nearest:0' selects no vehicle", "nearest:1"),
     ({"op": "remove_vehicle", "vehicles": ["nearest:9"]}, "'nearest:9' asks for more", "nearest:5"),
     ({"op": "remove_vehicle", "vehicles": ["nearest:many"]}, "'nearest:many' needs a whole number", "nearest:1"),
     ({"op": "remove_vehicle", "vehicles": ["class:tram"]}, "no vehicle class 'tram'", "tr"),

@@ -139,7 +139,9 @@ def test_an_unknown_preset_is_refused_with_the_six(apply: Apply) -> None:
 def test_a_value_out_of_range_is_refused_with_the_range(apply: Apply, text: str) -> None:
     with pytest.raises(InvalidRequest, match="out of range") as caught:
         apply({"op": "set_behaviour", "vehicles": ["31"], "params": [text]})
-    assert " in " in caught.value.valid[0]
+    nearest, in_range = caught.value.valid
+    assert " in " in in_range
+    assert apply({"op": "set_behaviour", "vehicles": ["31"], "params": [nearest]}).outcome.edits[0].done
 
 
 def test_an_unknown_parameter_is_refused_with_the_eleven(apply: Apply) -> None:
