@@ -10,6 +10,8 @@ from pydantic import Field, StringConstraints, field_validator, model_validator
 from .base import Answer, Arguments, Model, Result
 from .runs import LostCell, Outcome, Prediction, RunRecord, RunReview, RunSeries, RunSteps, RunTiming, Traffic, ending
 
+PLANNERS_VARIABLE = "PLANNERFORGE_PLANNERS"
+"""The environment variable of the setting that names planner programs; workers read it too."""
 WEIGHT_NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
 LONGEST_NAME = 60
 """Characters of the name of a weight, a cost term, a constraint or a debug value."""

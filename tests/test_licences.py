@@ -21,6 +21,7 @@ def test_every_table_of_others_data_names_its_source() -> None:
     tables = {path.name for path in (CHECKOUT / "engine" / "maps").rglob("*.json.gz")}
     sources = {"borders.json.gz": "Natural Earth", "country_names.json.gz": "Common Locale Data Repository"}
     sources["road_words.json.gz"] = "libpostal"
+    sources["regions.json.gz"] = "GeoNames"
     sources["legal_speeds.json.gz"] = "OpenStreetMap Wiki"
     assert tables == set(sources)
     assert all(source in PAGE for source in sources.values())

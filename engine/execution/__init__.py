@@ -20,7 +20,6 @@
 ``RunApart``: Runs an async function of a job with its arguments, in another thread for instance.
 ``Task``: A call that is carried out apart, whose answer is asked for later.
 ``TaskStore``: Reads and writes tasks.
-``PLANNERS_VARIABLE``: The setting that names planner programs, which workers read too.
 ``hide_environment``: Let other processes no longer read the environment that this one was started with.
 ``without_settings``: An environment without the settings that only the server reads, such as its tokens.
 ``Limits``: The folders, processes, memory in bytes and time in seconds that a call may use.
@@ -44,7 +43,7 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .claims import Claims
     from .cluster import ClusterExecutor
-    from .environment import PLANNERS_VARIABLE, hide_environment, without_settings
+    from .environment import hide_environment, without_settings
     from .executor import (
         Executor,
         ExecutorAround,

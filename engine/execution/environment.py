@@ -10,8 +10,8 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-PLANNERS_VARIABLE = "PLANNERFORGE_PLANNERS"
-"""The setting that names planner programs. Workers read it too."""
+from ...schemas.planning import PLANNERS_VARIABLE
+
 _SETTINGS = ("PLANNERFORGE_", "OTEL_")
 """How the names of settings begin: of this program, and of OpenTelemetry's exporter, which may send a key."""
 _ENVIRONMENT_BEGINS, _ENVIRONMENT_ENDS = 50, 51

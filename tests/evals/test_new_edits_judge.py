@@ -7,7 +7,7 @@ import numpy as np
 from support.builders import crossing, driving
 
 from plannerforge.evals.modification.new_edits.red_lights import red_crossings
-from plannerforge.evals.modification.new_edits.written import Light, RoadUser, WrittenFile
+from plannerforge.evals.modification.written_tracks import Light, RoadUser, WrittenFile
 
 
 def written(tmp_path: Path, phases: tuple[tuple[int, str], ...]) -> WrittenFile:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Annotated, Any, Literal, NotRequired, TypeVar
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, with_config
+from pydantic import Field, TypeAdapter, ValidationError
 from typing_extensions import TypedDict
 
 from ....schemas.text import one_line
@@ -27,15 +27,14 @@ _Text = Annotated[str, Field(max_length=4000)]
 _SHOWN = 120
 
 
-@with_config(ConfigDict(extra="ignore"))
-class Centre(TypedDict):
+class _Centre(TypedDict):
     """The middle of a way or relation, in degrees."""
 
     lat: _Latitude
     lon: _Longitude
 
 
-class Member(TypedDict):
+class _Member(TypedDict):
     """A member of a relation."""
 
     type: Literal["node", "way", "relation"]
@@ -43,7 +42,7 @@ class Member(TypedDict):
     role: NotRequired[_Tag]
 
 
-class Node(TypedDict):
+class _Node(TypedDict):
     """A node, at a position in degrees."""
 
     type: Literal["node"]
@@ -53,27 +52,27 @@ class Node(TypedDict):
     tags: NotRequired[dict[_Tag, _Tag]]
 
 
-class Way(TypedDict):
+class _Way(TypedDict):
     """A way: its nodes in order, or only its middle if that was asked for."""
 
     type: Literal["way"]
     id: _Id
     nodes: NotRequired[list[_Id]]
-    center: NotRequired[Centre]
+    center: NotRequired[_Centre]
     tags: NotRequired[dict[_Tag, _Tag]]
 
 
-class Relation(TypedDict):
+class _Relation(TypedDict):
     """A relation: its members in order, or only its middle if that was asked for."""
 
     type: Literal["relation"]
     id: _Id
-    members: NotRequired[list[Member]]
-    center: NotRequired[Centre]
+    members: NotRequired[list[_Member]]
+    center: NotRequired[_Centre]
     tags: NotRequired[dict[_Tag, _Tag]]
 
 
-class Origin(TypedDict):
+class _Origin(TypedDict):
     """Where the data are from."""
 
     timestamp_osm_base: NotRequired[_Tag]
@@ -82,11 +81,11 @@ class Origin(TypedDict):
 class MapData(TypedDict):
     """An answer of Overpass."""
 
-    elements: list[Annotated[Node | Way | Relation, Field(discriminator="type")]]
-    osm3s: NotRequired[Origin]
+    elements: list[Annotated[_Node | _Way | _Relation, Field(discriminator="type")]]
+    osm3s: NotRequired[_Origin]
 
 
-class Shape(TypedDict):
+class _Shape(TypedDict):
     """A GeoJSON geometry."""
 
     type: _Tag
@@ -109,7 +108,7 @@ class Finding(TypedDict):
     importance: NotRequired[Annotated[float, Field(allow_inf_nan=False)] | None]
     address: NotRequired[dict[_Tag, _Text]]
     namedetails: NotRequired[dict[_Tag, _Text] | None]
-    geojson: NotRequired[Shape]
+    geojson: NotRequired[_Shape]
 
 
 class NotReadable(ValueError):

@@ -23,9 +23,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from ....schemas.base import problem_of
 from ....schemas.errors import PlannerFailure
-from ....schemas.planning import WEIGHT_NAME, CommandPlanner, PlannerDeclaration
+from ....schemas.planning import PLANNERS_VARIABLE, WEIGHT_NAME, CommandPlanner, PlannerDeclaration
 from ....schemas.text import one_line
-from ...execution import PLANNERS_VARIABLE
 
 if TYPE_CHECKING:
     from ..interface import Planner

@@ -8,7 +8,7 @@ from typing import Any
 
 from mcp import Client
 
-from ..new_edits.written import WrittenFile
+from ..written_tracks import WrittenFile
 
 _PLACES = ("Musterstadt", "Fahrhausen", "Kreiselheim", "Neuland", "Quadratstadt", "Landmoor")
 """Names of the maps that come with the package."""

@@ -34,10 +34,10 @@ from ....schemas.errors import PlannerForgeError
 from ....schemas.modification import Edit, ModificationOutcome, ModificationRequest
 from ...harness import existing, print_figures, shared_scenarios
 from ..advice.measure import measure_advice
+from ..written_tracks import RoadUser, WrittenFile
 from .motion import MOTION_KINDS, Drawn, Told
 from .red_lights import red_crossings
 from .scenes import SCENE_KINDS
-from .written import RoadUser, WrittenFile
 
 _KINDS = (*MOTION_KINDS, *SCENE_KINDS)
 _STEPS = 100

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ..written_tracks import Array, Lane, RoadUser, WrittenFile
 from .red_lights import crossed
-from .written import Array, Lane, RoadUser, WrittenFile
 
 Edit = dict[str, Any]
 Judge = Callable[[WrittenFile, WrittenFile, "Told"], str]

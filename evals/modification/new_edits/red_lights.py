@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .written import Lane, Light, RoadUser, WrittenFile
+from ..written_tracks import Lane, Light, RoadUser, WrittenFile
 
 OVER_M = 1.0
 """A front so far behind the line has crossed it; a nose over the line has not."""

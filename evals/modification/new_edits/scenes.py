@@ -5,8 +5,8 @@ import random
 
 import numpy as np
 
+from ..written_tracks import Lane, RoadUser, WrittenFile
 from .motion import Drawn, Told, movers, on_lane
-from .written import Lane, RoadUser, WrittenFile
 
 
 def _others_same(base: WrittenFile, new: WrittenFile, changed: set[str]) -> str:

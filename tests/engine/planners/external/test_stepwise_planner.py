@@ -144,7 +144,7 @@ SLOW = {"hangs", "hangs_with_child", "stops_itself", "never_ready", "slow", "clo
 
 @pytest.mark.parametrize(("behaviour", "reason"), EXPECTED.items())
 def test_misbehaviour_is_a_named_error(behaviour: str, reason: str, tmp_path: Path) -> None:
-    limits = {"start_time_s": 1.0, "step_time_s": 0.9, "time_s": 1.5} if behaviour in SLOW else {}
+    limits = {"start_time_s": 3.0, "step_time_s": 2.5, "time_s": 5.0} if behaviour in SLOW else {}
     with pytest.raises(PlannerFailure) as caught:
         driven(tmp_path, declared(behaviour, **limits))
     assert caught.value.reason == reason
