@@ -13,6 +13,7 @@ from .runs import LostCell, Outcome, Prediction, RunRecord, RunReview, RunSeries
 PLANNERS_VARIABLE = "PLANNERFORGE_PLANNERS"
 """The environment variable of the setting that names planner programs; workers read it too."""
 WEIGHT_NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
+"""Names of weights that assignments can name."""
 LONGEST_NAME = 60
 """Characters of the name of a weight, a cost term, a constraint or a debug value."""
 PrintedName = Annotated[str, StringConstraints(pattern=rf"^[A-Za-z0-9_][A-Za-z0-9_ .:/-]{{0,{LONGEST_NAME - 1}}}$")]
@@ -20,7 +21,6 @@ PrintedName = Annotated[str, StringConstraints(pattern=rf"^[A-Za-z0-9_][A-Za-z0-
 because it becomes a column of a table, a row of the player, and a word of an answer that a model reads."""
 MOST_TERMS = 64
 """Cost terms or constraints of a plan; Frenetix, which has the most of the built-in planners, has 13."""
-"""Names of weights that assignments can name."""
 LISTED_RUNS, LISTED_FAILURES, LISTED_CONFIGURATIONS = 20, 3, 8
 """How many runs, failures and configurations an answer lists; chosen to keep it short."""
 

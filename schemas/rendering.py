@@ -33,6 +33,7 @@ class RenderArguments(Arguments):
     kind: PictureKind = "auto"
     """What is drawn; `auto`: the outcomes of runs on several scenarios, else a picture."""
     time_s: float | None = Field(None, ge=0, description="moment of a picture; default: the start, or a run's end")
+    focus: int | None = Field(None, ge=0, description="id of the road user in a picture's middle; default: the ego")
 
 
 class RenderRequest(Model):
@@ -48,6 +49,7 @@ class RenderRequest(Model):
     configs: tuple[ConfigWeights, ...] = ()
     lineage: tuple[Lineage, ...] = Field((), exclude_if=lambda lineage: not lineage)
     time_s: float | None = None
+    focus: int | None = Field(None, exclude_if=lambda focus: focus is None)
     study: StudyRecord | None = Field(None, exclude_if=lambda study: study is None)
     folder: str
 

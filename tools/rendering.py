@@ -55,7 +55,13 @@ async def render(arguments: RenderArguments, call: ToolCall) -> ImageAnswer:
     study = _study(arguments.ids, call)
     scenario_ids, run_ids = ([], []) if study is not None else _meant(arguments.ids, call)
     made = await draw(
-        call, arguments.kind, scenario_ids=scenario_ids, run_ids=run_ids, time_s=arguments.time_s, study=study
+        call,
+        arguments.kind,
+        scenario_ids=scenario_ids,
+        run_ids=run_ids,
+        time_s=arguments.time_s,
+        focus=arguments.focus,
+        study=study,
     )
     links = tuple(picture_link(Path(image.path), image.mime_type) for image in made.images)
     lines = [f"{made.kind}: {image.alt_text}" for image in made.images]
@@ -126,6 +132,7 @@ async def draw(
     scenario_ids: Sequence[str] = (),
     run_ids: Sequence[str] = (),
     time_s: float | None = None,
+    focus: int | None = None,
     study: StudyRecord | None = None,
 ) -> Rendered:
     """Draw scenarios and runs, or a study; the images lie in the workspace's pictures, named after what they show.
@@ -143,6 +150,7 @@ async def draw(
         configs=config_weights(runs, call),
         lineage=lineages(drawn_on, call),
         time_s=time_s,
+        focus=focus,
         study=study,
         folder="",
     )

@@ -14,7 +14,7 @@ from functools import partial
 from ...schemas.catalog import FindScenariosArguments, Stage
 from ...schemas.errors import Faults, InvalidRequest, UnknownName, calling, closest
 from ...schemas.grammar import Condition, Interval, parse_condition, parse_interval, scope_first
-from ...schemas.text import one_line
+from ...schemas.text import one_line, quoted
 from ...schemas.vocabulary import (
     CIRCUMSTANCES,
     FEATURES,
@@ -141,15 +141,22 @@ def constraints_of(
 
 
 def _any_of(argument: str, with_circumstances: bool, text: str) -> Constraint:
-    """The condition of an argument; of conditions that stand between ``|`` one has to hold, or none behind a ``!``.
+    """At least one condition between ``|`` must hold; after a leading ``!``, none may.
 
     Raises:
         UnknownName: a word of no vocabulary.
-        InvalidRequest: one of them is malformed, or denies by itself.
+        InvalidRequest: one of them is malformed, or is denied once more after a leading ``!``.
     """
     parts = text.strip().removeprefix("!").split("|")
     if len(parts) == 1:
         return _taken(argument, with_circumstances, text)
+    if text.strip().startswith("!") and any(part.strip().startswith("!") for part in parts):
+        words = "|".join(part.strip().removeprefix("!") for part in parts)
+        raise InvalidRequest(
+            f"{quoted(text)} denies twice: a leading ! holds for all conditions between |",
+            valid=[f"!{words}"],
+            next_step="name the conditions after one !, or one entry for each",
+        )
     read = [_taken(argument, with_circumstances, part.strip()) for part in parts]
     # What a negated condition selects are the scenarios that do not hold it.
     every = "SELECT number FROM catalog_scenarios"

@@ -101,6 +101,10 @@ class ScenarioContent:
         tracks = self.tracks.items()
         return {key: track.positions[index] for key, track in tracks if (index := track.index_at(step)) is not None}
 
+    def places_at(self, step: int) -> dict[int, Points]:
+        """Return where all road users but the ego are at a step, standing obstacles too, by id; each a point (2,)."""
+        return {shape.vehicle_id: shape.center for shape in self.vehicles_at(step)}
+
     def vehicles_at(self, step: int) -> list[VehicleShape]:
         """All vehicles and standing obstacles that are there at a step, by id."""
         present = [(track, index) for track in self.tracks.values() if (index := track.index_at(step)) is not None]
@@ -313,11 +317,15 @@ def short_names(runs: Sequence[RunRecord]) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class ScenarioView:
-    """One scenario to draw: its content, the runs over it and the step that is shown."""
+    """One scenario to draw: its content, the runs over it and the step that is shown.
+
+    ``focus_id``: the road user in the middle, which is there at the step; None: the ego.
+    """
 
     content: ScenarioContent
     paths: tuple[DrivenPath, ...] = ()
     step: int = 0
+    focus_id: int | None = None
 
     @property
     def time_s(self) -> float:
@@ -341,7 +349,9 @@ class ScenarioView:
         return (records[0].ego_length_m, records[0].ego_width_m) if records else self.content.ego_size_m
 
     def focus(self) -> Points:
-        """The point of interest: the first run's ego, else the ego's start, else the middle of the map."""
+        """The point of interest: the chosen road user, else the first run's ego or its start, else the map's middle."""
+        if self.focus_id is not None:
+            return self.content.places_at(self.step)[self.focus_id]
         if self.paths:
             return self.paths[0].position_at(self.step)
         if self.content.ego_position is not None:
@@ -401,6 +411,11 @@ class Viewport:
         width, height = max(width, _SMALLEST_SPAN_M), max(height, _SMALLEST_SPAN_M / _FLATTEST_RATIO)
         height = max(height, width / _FLATTEST_RATIO)
         return cls.around((low + high) / 2, max(width, height * _STEEPEST_RATIO), height)
+
+    @classmethod
+    def near(cls, point: Points) -> "Viewport":
+        """The surroundings of a point (2,), as large as the smallest picture is wide."""
+        return cls.around(point, _SMALLEST_SPAN_M, _SMALLEST_SPAN_M / _STEEPEST_RATIO)
 
     @classmethod
     def around(cls, middle: Points, width_m: float, height_m: float) -> "Viewport":

@@ -6,7 +6,7 @@ Kinds are ``picture`` and ``animation``, which show scenarios from above, and th
 from dataclasses import replace
 from pathlib import Path
 
-from ...schemas.errors import InvalidRequest, NotPossible, with_values
+from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, with_values
 from ...schemas.rendering import Rendered, RenderedImage, RenderRequest
 from ...schemas.runs import ReviewRequest
 from ..analysis import RunSet, review_runs
@@ -119,8 +119,35 @@ def _views(request: RenderRequest, *, most: int) -> tuple[list[ScenarioView], li
                 f"the others are drawn on {source.scenario_id} as recorded: they moved differently in each run"
             )
         shown = tuple(paths[:_MOST_PATHS])
-        views.append(ScenarioView(content, shown, _step(content, shown, request.time_s)))
+        step = _step(content, shown, request.time_s)
+        views.append(ScenarioView(content, shown, step, _focus(content, step, request.focus)))
     return views, notes
+
+
+def _focus(content: ScenarioContent, step: int, focus_id: int | None) -> int | None:
+    """Return the road user to look at, if it is there at the step.
+
+    Raises:
+        UnknownName: it is not.
+    """
+    if focus_id is None:
+        return None
+    there = content.places_at(step)
+    if focus_id in there:
+        return focus_id
+    track = content.tracks.get(focus_id)
+    if track is None:
+        raise UnknownName(
+            f"{content.scenario_id} holds no road user {focus_id}",
+            valid=[str(key) for key in there],
+            next_step="choose one of these, or leave focus out to see the ego",
+        )
+    first_s, last_s = (step * content.step_s for step in (track.first_step, track.last_step))
+    raise InvalidRequest(
+        f"{track.kind} {focus_id} is in {content.scenario_id} from {first_s:.1f} to {last_s:.1f} s",
+        valid=[f"time_s={first_s:.1f}", f"time_s={last_s:.1f}"],
+        next_step="choose a time_s at which it is there",
+    )
 
 
 def _step(content: ScenarioContent, paths: tuple[DrivenPath, ...], time_s: float | None) -> int:

@@ -32,8 +32,8 @@ _LARGEST_COMPARED_M = 400.0
 
 def draw_picture(views: Sequence[ScenarioView]) -> Drawing:
     """One scenario, or several side by side; where these share a map, with one scale and all differences in view."""
-    viewports = [Viewport.of(view.content, view.paths, view.step) for view in views]
-    if _on_one_map(views):
+    viewports = [_viewport(view) for view in views]
+    if _on_one_map(views) and all(view.focus_id is None for view in views):
         viewports = [_widened(functools.reduce(Viewport.joined, viewports), views)] * len(views)
     width = PICTURE_WIDTH_PX if len(views) == 1 else _PAIR_WIDTH_PX
     plot_width = (width - 2 * SIDE_PX - _GAP_PX * (len(views) - 1)) / len(views)
@@ -54,6 +54,12 @@ def draw_picture(views: Sequence[ScenarioView]) -> Drawing:
         texts.append(_alt_text(view, counts))
     draw_legend(figure, shown)
     return Drawing(figure, " Beside it: ".join(texts))
+
+
+def _viewport(view: ScenarioView) -> Viewport:
+    if view.focus_id is not None:
+        return Viewport.near(view.focus())
+    return Viewport.of(view.content, view.paths, view.step)
 
 
 def draw_background(axes: "Axes", view: ScenarioView, viewport: Viewport) -> None:

@@ -70,11 +70,14 @@ def untraced_links(path: Path) -> list[str]:
     """
     try:
         net = read_net(path)
-        if len(net.lanes) > MOST_TRACED:
-            return []
-        missing = build_road_network(net, step_s=0.1, elapsed_s=0.0).lost_connections
     except (ValueError, KeyError, IndexError, ArithmeticError) as error:
         raise UnsafeInput(f"{path.name} is not readable as a SUMO network: {error}") from error
+    if len(net.lanes) > MOST_TRACED:
+        return []
+    try:
+        missing = build_road_network(net, step_s=0.1, elapsed_s=0.0).lost_connections
+    except (ValueError, KeyError, IndexError, ArithmeticError) as error:
+        return [f"not all of its lanelets can be drawn at once: {one_line(str(error))}"]
     if not missing:
         return []
     start, goal = missing[0]

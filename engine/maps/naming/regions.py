@@ -17,7 +17,7 @@ from .places import place_keys
 
 _FILE = Path(__file__).parent / "regions.json.gz"
 _DOUBT = 2.0
-"""A state with a town no further than so many times as far as the nearest one is possible too: of 2,994 smaller towns
+"""A state is possible if its nearest town is at most this many times as far as the nearest town: of 2,994 smaller towns
 of GeoNames, which the table does not hold, 98.6 of 100 lie in a possible state, and 81 of 100 have a single one."""
 Position = tuple[float, float]
 

@@ -276,3 +276,11 @@ def test_conditions_that_only_fail_together_are_named_together() -> None:
     assert emptied is not None
     assert emptied.together
     assert len(emptied.constraints) == 2
+
+
+@pytest.mark.parametrize("slots", [{"obstacles": ["!truck|!bus"]}, {"road_net": ["!roundabout|!crossing"]}])
+def test_conditions_that_are_denied_twice_are_refused_with_one_denial(slots: dict[str, list[str]]) -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        constraints_of(FindScenariosArguments.model_validate(slots), ())
+    (text,) = next(iter(slots.values()))
+    assert caught.value.valid == (f"!{text.replace('!', '')}",)

@@ -12,7 +12,7 @@ from support.runs import DEFAULT, SAFE, record, source
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.rendering.charts import CHARTS
 from plannerforge.engine.rendering.pictures import render
-from plannerforge.schemas.errors import InvalidRequest, NotPossible
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
 from plannerforge.schemas.rendering import PictureKind, RenderedImage, RenderRequest
 from plannerforge.schemas.runs import RunSource, ScenarioSource
 
@@ -147,6 +147,22 @@ def test_auto_chooses_outcomes_for_several_scenarios(tmp_path: Path, town: Scena
 def test_charts_without_runs_are_refused(tmp_path: Path, town: ScenarioSource, kind: str) -> None:
     with pytest.raises(NotPossible, match="no run was named"):
         drawn(tmp_path, kind=kind, scenarios=(town,))
+
+
+def test_a_picture_is_of_the_surroundings_of_a_road_user(tmp_path: Path, town: ScenarioSource) -> None:
+    ego, other = (
+        drawn(tmp_path / name, scenarios=(town,), focus=focus, time_s=1.0)
+        for name, focus in (("ego", None), ("35", 35))
+    )
+    assert "35" in other.alt_text.partition("labelled")[2]
+    assert other.alt_text != ego.alt_text
+    assert Path(other.path).read_bytes() != Path(ego.path).read_bytes()
+
+
+def test_a_road_user_that_is_not_there_is_refused_with_those_that_are(tmp_path: Path, town: ScenarioSource) -> None:
+    with pytest.raises(UnknownName) as caught:
+        drawn(tmp_path / "out", scenarios=(town,), focus=99)
+    assert "31" in caught.value.valid
 
 
 def test_a_moment_after_the_end_is_refused(tmp_path: Path, town: ScenarioSource) -> None:
