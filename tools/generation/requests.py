@@ -248,7 +248,7 @@ def check_demands(arguments: GenerateScenariosArguments) -> None:
 
 
 def _check_classes(demands: Sequence[VehicleDemand], arguments: GenerateScenariosArguments) -> None:
-    known = {*vehicle_classes(), PEDESTRIAN.name}
+    known = list(dict.fromkeys([*vehicle_classes(), PEDESTRIAN.name]))
     for name in (demand.vehicle_class for demand in demands):
         if name not in known:
             near = closest(name, known)
