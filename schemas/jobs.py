@@ -1,7 +1,6 @@
 """Arguments and answer of the tools that look at long work."""
 
-from collections.abc import Mapping
-from typing import Any, ClassVar, Literal
+from typing import Literal
 
 from pydantic import Field
 
@@ -26,8 +25,6 @@ class GetJobArguments(Arguments):
 
 class CancelJobArguments(Arguments):
     """Stop a job; what is finished stays."""
-
-    usual_values: ClassVar[Mapping[str, Any]] = {"job_id": "latest"}
 
     job_id: str
     """The job."""

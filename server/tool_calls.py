@@ -19,6 +19,7 @@ from ..schemas.errors import (
     InvalidRequest,
     NextCall,
     NotPossible,
+    OutsideRoots,
     PlannerForgeError,
     Remedy,
     UnexpectedFailure,
@@ -26,10 +27,12 @@ from ..schemas.errors import (
     calling,
     differences,
     followed,
+    with_values,
 )
 from ..schemas.text import printable
 from ..tools.call import ImageAnswer, Question, ToolCall
 from ..tools.registry import TOOLS, ToolSpec
+from ..tools.scenarios import one_scenario
 from .arguments.checking import read_arguments
 from .arguments.loose_reading import read_loosely
 
@@ -45,13 +48,13 @@ _ESCAPE = re.compile(r"\\[ubfr]")
 """Stands in JSON for a character that is not printed; line breaks and tabulators are."""
 
 
+_SCENARIOS_LISTED = calling("list_artifacts", kind="scenario")
 _LOOKS: Mapping[str, tuple[Remedy, ...]] = {
     "describe_catalog": (calling("describe_catalog"),),
     "generate_scenarios": (calling("describe_catalog", facet="maps"),),
     "find_scenarios": (calling("describe_catalog"),),
-    "import_files": (calling("describe_catalog"),),
-    "describe_scenario": (calling("describe_scenario", "scenario_id"),),
-    "modify_scenario": (VEHICLES_LISTED,),
+    "describe_scenario": (calling("describe_scenario", "scenario_id"), _SCENARIOS_LISTED),
+    "modify_scenario": (VEHICLES_LISTED, _SCENARIOS_LISTED),
     "list_planners": (calling("list_planners"),),
     "configure_planner": (calling("list_planners"),),
     "run_planner": (calling("list_planners"),),
@@ -64,7 +67,9 @@ _LOOKS: Mapping[str, tuple[Remedy, ...]] = {
     "list_artifacts": (calling("list_artifacts"),),
     "export_artifacts": (calling("list_artifacts"),),
 }
-"""By tool, what shows from what its arguments are written: for refusals of which nothing else is known that helps."""
+"""The call, by tool, that lists valid values; used if no better remedy is known."""
+_NEVER_PROPOSED = frozenset({"cancel_job"})
+"""Tools whose calls cannot be taken back: what they are to do is for the caller alone to say."""
 
 
 class InputNeeded(Exception):
@@ -102,21 +107,28 @@ async def answer(
         error = as_told(raised, spec.name)
         if isinstance(error, UnexpectedFailure):
             logger.error("incident %s:\n%s", error.incident, error.details)  # noqa: TRY400 - it holds the traceback
-        return refusal(error, _next_call(error, spec, given, offered))
+        return refusal(error, _next_call(error, spec, given, call, offered))
 
 
 def _next_call(
-    error: PlannerForgeError, spec: ToolSpec, given: Mapping[str, Any], offered: Mapping[str, ToolSpec] | None
+    error: PlannerForgeError,
+    spec: ToolSpec,
+    given: Mapping[str, Any],
+    call: ToolCall,
+    offered: Mapping[str, ToolSpec] | None,
 ) -> NextCall | None:
     """The first call that an error proposes, that the client may make, and that has valid arguments; None if none is.
 
-    Of a corrected call it is looked whether its arguments are valid, not yet whether it can be carried out.
+    A corrected call is checked for valid arguments only; whether it can be carried out is not tried. A scenario that
+    another call takes over from the refused one has to exist.
     """
     tools = {tool.name: tool for tool in TOOLS} if offered is None else offered
     read = read_loosely(spec.arguments_type, given).values
-    for remedy in (*error.remedies, *(_LOOKS.get(spec.name, ()) if isinstance(error, InvalidRequest) else ())):
+    for remedy in (*error.remedies, *_looks(error, spec)):
         following = followed(remedy, spec.name, read)
-        if following is None or following.tool not in tools:
+        if following is None or following.tool not in tools or following.tool in _NEVER_PROPOSED:
+            continue
+        if "scenario_id" in remedy.carried and not _is_known(following.arguments.get("scenario_id", "latest"), call):
             continue
         try:
             arguments = read_arguments(tools[following.tool].arguments_type, following.arguments)
@@ -125,6 +137,25 @@ def _next_call(
         written = _as_written(arguments.model_dump(mode="json", exclude_unset=True))
         return replace(following, arguments=written, changed=following.changed and dict(differences(read, written)))
     return None
+
+
+def _looks(error: PlannerForgeError, spec: ToolSpec) -> tuple[Remedy, ...]:
+    """What helps if nothing better is known: the call that lists valid values, or an argument's usual path."""
+    if isinstance(error, OutsideRoots):
+        return (with_values(**spec.arguments_type.usual_values),)
+    return _LOOKS.get(spec.name, ()) if isinstance(error, InvalidRequest) else ()
+
+
+def _is_known(scenario_id: object, call: ToolCall) -> bool:
+    """Whether there is a scenario with this id, or any scenario if it is ``latest``."""
+    scenario, _, problem = str(scenario_id).partition("#")
+    if scenario == "latest":
+        return not problem and bool(call.workspace.newest(kind="scenario", limit=1))
+    try:
+        one_scenario(str(scenario_id), call)
+    except PlannerForgeError:
+        return False
+    return True
 
 
 def _as_written(value: Any) -> Any:

@@ -128,8 +128,7 @@ def _country(arguments: ImportFilesArguments, files: Sequence[tuple[Path, _Impor
 def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, _ImportKind]]:
     path = call.allowed_path(arguments.path)
     if not path.exists():
-        beside = [entry.name for entry in sorted(path.parent.iterdir())] if path.parent.is_dir() else []
-        near = closest(path.name, beside) if path.name else []
+        near = closest(path.name, _names_beside(path, call)) if path.name else []
         raise InvalidRequest(
             f"{quoted(arguments.path)} does not exist",
             valid=near,
@@ -157,6 +156,14 @@ def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, 
             next_step="import its subfolders one by one",
         )
     return [(entry, _kind(entry, arguments.kind)) for entry in paths]
+
+
+def _names_beside(path: Path, call: ToolCall) -> list[str]:
+    """Names of what lies in the folder of a missing file; empty if the folder may not be used or cannot be read."""
+    try:
+        return sorted(entry.name for entry in call.allowed_path(str(path.parent)).iterdir() if is_utf8(entry.name))
+    except (OSError, InvalidRequest):
+        return []
 
 
 def _passed_over(call: ToolCall, arguments: ImportFilesArguments, files: Sequence[tuple[Path, _ImportKind]]) -> str:

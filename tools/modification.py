@@ -1,13 +1,17 @@
 """The tool that edits a scenario."""
 
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+import anyio
 from pydantic import ValidationError
 
 from ..engine.catalog import open_catalogue
 from ..engine.commonroad import derived_benchmark_id
 from ..engine.workspace import Artifact, Recipe, versions_of
-from ..schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, followed
+from ..schemas.errors import Change, InvalidRequest, NotPossible, PlannerForgeError, Remedy, UnexpectedFailure, followed
 from ..schemas.grammar import parse_selector
 from ..schemas.modification import (
     AMBIGUOUS_VEHICLE,
@@ -23,15 +27,19 @@ from .operations import APPLY_EDITS
 from .scenario_storage import store_scenario
 from .scenarios import one_scenario
 
+logger = logging.getLogger(__name__)
 _TOOL = "modify_scenario"
 _MOST_TRIED = 4
-"""What a refusal proposes and is tried, each for as long as the edit itself takes; chosen."""
+"""Proposals of a refusal that are tried; chosen."""
+_TRYING_S = 10.0
+"""Time for all of them together, after which the refusal is told without; chosen to be less than clients wait."""
 _MOST_QUESTIONS = 5
 """Questions of one call; chosen: whoever names more vehicles by unclear words better looks at the scenario first."""
 
 
 async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) -> ModifyScenarioResult:
     """Edit a scenario; where words fit several vehicles, the person at the client may say which one is meant."""
+    given = arguments
     try:
         for _ in range(_MOST_QUESTIONS):
             try:
@@ -43,30 +51,40 @@ async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) ->
                 arguments = meant
         return await _modified(arguments, call)
     except InvalidRequest as refusal:
-        await _keep_what_helps(refusal, arguments, call)
+        if arguments is not given:
+            refusal.remedies = tuple(_with_edits(arguments, remedy) for remedy in refusal.remedies)
+        looks = tuple(remedy for remedy in refusal.remedies if remedy.tool)
+        proposed, refusal.remedies = refusal.remedies, looks
+        with anyio.move_on_after(_TRYING_S):
+            refusal.remedies = (*await _that_help(proposed, given, call), *looks)
         raise
 
 
-async def _keep_what_helps(refusal: InvalidRequest, arguments: ModifyScenarioArguments, call: ToolCall) -> None:
-    """Try what a refusal proposes without storing anything, and leave the first that is carried out, or none.
+def _with_edits(arguments: ModifyScenarioArguments, remedy: Remedy) -> Remedy:
+    """The remedy for the call as it was sent, in which the person's choice of vehicles does not stand yet."""
+    if remedy.tool:
+        return remedy
+    chosen = Change(values={"edits": arguments.model_dump(mode="json", exclude_unset=True)["edits"]})
+    return replace(remedy, changes=(chosen, *remedy.changes))
 
-    If none of them is, the refusal proposes to look at what an edit is written from.
-    """
-    given = arguments.model_dump(mode="json", exclude_unset=True)
-    looks = [remedy for remedy in refusal.remedies if remedy.tool]
-    changing = [remedy for remedy in refusal.remedies if not remedy.tool]
-    for remedy in changing[:_MOST_TRIED]:
-        following = followed(remedy, _TOOL, given)
+
+async def _that_help(proposed: Sequence[Remedy], given: ModifyScenarioArguments, call: ToolCall) -> list[Remedy]:
+    """Try the proposals without storing; keep the first that works."""
+    sent = given.model_dump(mode="json", exclude_unset=True)
+    for remedy in [remedy for remedy in proposed if not remedy.tool][:_MOST_TRIED]:
+        following = followed(remedy, _TOOL, sent)
         if following is None:
             continue
         try:
             tried = ModifyScenarioArguments.model_validate(following.arguments)
             await _modified(tried.model_copy(update={"dry_run": True}), call)
+        except UnexpectedFailure as defect:
+            logger.error("incident %s:\n%s", defect.incident, defect.details)  # noqa: TRY400 - it holds the traceback
         except (PlannerForgeError, ValidationError):
             continue
-        refusal.remedies = (remedy,)
-        return
-    refusal.remedies = tuple(looks)
+        else:
+            return [remedy]
+    return []
 
 
 async def _with_vehicle_meant(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from ...schemas.catalog import FindScenariosArguments, Stage
-from ...schemas.errors import Faults, InvalidRequest, UnknownName, calling, closest
+from ...schemas.errors import Faults, InvalidRequest, UnknownName, calling, closest, misspelt
 from ...schemas.grammar import Condition, Interval, parse_condition, parse_interval, scope_first
 from ...schemas.text import one_line, quoted
 from ...schemas.vocabulary import (
@@ -260,9 +260,7 @@ def _feature(text: str) -> Constraint:
 
 def _road_net(text: str) -> Constraint:
     text = scope_first(text)
-    name = _name(
-        _parse_name(text), ROAD_NET_KEYS, _ROAD_NET_WORDS, "road_net key", "describe_catalog lists the road_net keys"
-    )
+    name = _name(_parse_name(text), ROAD_NET_KEYS, _ROAD_NET_WORDS, "road_net key")
     if name == "lanes":
         return _lanes(text)
     if name == "speed_limit" and any(mark in text for mark in "<>="):
@@ -452,11 +450,12 @@ def location_constraints(connection: sqlite3.Connection, country: str | None, ci
 def _country_code(connection: sqlite3.Connection, country: str) -> str:
     code = country_code(country)
     if code is None:
+        near = closest(country, known_places(connection).countries)
         raise UnknownName(
             f"'{country}' is no country",
-            valid=closest(country, known_places(connection).countries),
+            valid=near,
             next_step="give the ISO 3166-1 alpha-3 code, ZAM for artificial networks",
-            remedies=[calling("describe_catalog", facet="places")],
+            remedies=[*misspelt(country, near), calling("describe_catalog", facet="places")],
         )
     return code
 
@@ -485,7 +484,7 @@ def obstacle_type_of(word: str) -> str | None:
 def _obstacle_name(word: str) -> str:
     meant = vehicle_class_of(word)
     everyday = ({_key(word): _TYPE_OF_CLASS.get(meant, meant)} if meant else {}) | _OBSTACLE_WORDS
-    return _name(word, OBSTACLE_TYPES, everyday, "obstacle type", "describe_catalog lists the obstacle types")
+    return _name(word, OBSTACLE_TYPES, everyday, "obstacle type")
 
 
 def _tag_name(word: str) -> str:
@@ -499,7 +498,7 @@ def _circumstance_name(word: str) -> str:
 def _feature_name(word: str) -> str:
     """A feature, or for one that says what others do with the type of the road user behind it: ``cut_in:truck``."""
     name, mark, kind = word.partition(":")
-    found = _name(name, [*FEATURES, *MEASURES], _FEATURE_WORDS, "feature", "describe_catalog lists the features")
+    found = _name(name, [*FEATURES, *MEASURES], _FEATURE_WORDS, "feature")
     if not mark:
         return found
     if found not in MANOEUVRES:
@@ -518,9 +517,10 @@ def feature_constraint(name: str) -> Constraint:
 
 _FACETS = {"tag": "tags", "feature": "features", "road_net key": "road_net", "obstacle type": "obstacles"}
 """What lists the names of each kind, as a facet of describe_catalog."""
+_MOST_MEANT = UnknownName.tried_values
 
 
-def _name(word: str, known: Iterable[str], everyday: dict[str, str], what: str, next_step: str) -> str:
+def _name(word: str, known: Iterable[str], everyday: dict[str, str], what: str, next_step: str = "") -> str:
     """The name of the vocabulary that a word means, or an UnknownName with the nearest names."""
     names = list(known)
     by_key = {**everyday, **{_key(name): name for name in names}}
@@ -528,11 +528,13 @@ def _name(word: str, known: Iterable[str], everyday: dict[str, str], what: str, 
     for spelling in (key, key.removesuffix("s")):
         if spelling in by_key:
             return by_key[spelling]
+    near = closest(word, names)
+    listing = [calling("describe_catalog", facet=facet) for name, facet in _FACETS.items() if name == what]
     raise UnknownName(
         f"'{word.strip()}' is no {what}",
-        valid=closest(word, names),
+        valid=near,
         next_step=next_step,
-        remedies=[calling("describe_catalog", facet=facet) for name, facet in _FACETS.items() if name == what],
+        remedies=[*misspelt(word.strip(), near)[:_MOST_MEANT], *listing],
     )
 
 

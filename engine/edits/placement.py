@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...schemas.errors import LANELETS_LISTED, InvalidRequest, NotPossible, UnknownName, closest, with_values
+from ...schemas.errors import LANELETS_LISTED, InvalidRequest, NotPossible, UnknownName, closest, misspelt, with_values
 from ...schemas.grammar import SELECTORS, parse_quantity, parse_selector
 from ...schemas.modification import Edit
 from ..commonroad import Track
@@ -273,11 +273,12 @@ def _vehicles_meant(text: str, selector: str, scene: Scene, changes: Changes) ->
         parse_selector(selector)
     except InvalidRequest as error:
         known = [*map(str, scene.layout.table.lanes), *scene.layout.edges, "ego", *SELECTORS[1:]]
+        near = closest(text, known)
         raise UnknownName(
             f"'{text}' is no lanelet, edge or vehicle",
-            valid=closest(text, known),
+            valid=near,
             next_step="name a lanelet or an edge, the ego, or a vehicle by its id",
-            remedies=[LANELETS_LISTED],
+            remedies=[*misspelt(text, near, "at"), LANELETS_LISTED],
         ) from error
     return select([selector], scene, changes)
 

@@ -10,7 +10,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...schemas.errors import LANELETS_LISTED, InvalidRequest, NotPossible, UnknownName, closest, instead
+from ...schemas.errors import (
+    LANELETS_LISTED,
+    InvalidRequest,
+    NotPossible,
+    Remedy,
+    UnknownName,
+    closest,
+    instead,
+    misspelt,
+)
 from ...schemas.grammar import SELECTORS, Selector, parse_selector
 from ...schemas.modification import AMBIGUOUS_VEHICLE, Edit
 from ...schemas.text import counted
@@ -361,11 +370,12 @@ def known_lanelet(text: str, scene: Scene) -> int:
             remedies=[LANELETS_LISTED],
         )
     known = [*map(str, lanes), *scene.layout.edges]
+    near = closest(text, known)
     raise UnknownName(
         f"'{text}' is no lanelet or edge",
-        valid=closest(text, known),
+        valid=near,
         next_step=_NAME_A_LANELET,
-        remedies=[LANELETS_LISTED],
+        remedies=[*misspelt(text, near), LANELETS_LISTED],
     )
 
 
@@ -384,7 +394,7 @@ def route_to(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: s
             f" from lanelet {', '.join(map(str, begin))}: no successors or lane changes lead there",
             valid=nearest,
             next_step="choose a lanelet that can be reached",
-            remedies=[instead(str(wanted[0]), key) for key in nearest[:_MOST_MEANT]] if len(wanted) == 1 else [],
+            remedies=[_toward(wanted[0], key) for key in nearest[:_MOST_MEANT]] if len(wanted) == 1 else [],
         )
     return route
 
@@ -411,8 +421,13 @@ def drive_to(scene: Scene, start: int, targets: frozenset[int], who: str, *, is_
         "their lanes",
         valid=nearest,
         next_step="choose a target before or behind the junction",
-        remedies=[instead(str(key), other) for key in targets for other in nearest[:_MOST_MEANT]],
+        remedies=[_toward(key, other) for key in targets for other in nearest[:_MOST_MEANT]],
     )
+
+
+def _toward(lanelet: int, other: int) -> Remedy:
+    """The edit with another lanelet as its target, or as one that it leads through."""
+    return instead(str(lanelet), other, "to", "via")
 
 
 def nearest_driven(scene: Scene, start: int, targets: Sequence[int]) -> list[int]:

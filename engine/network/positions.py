@@ -34,7 +34,7 @@ def station_m(text: str, lanelet_id: int, length_m: float, margin_m: float = 0.0
                 f"lanelet {lanelet_id} is {length_m:.1f} m long; {text} lies beyond",
                 valid=[f"0m … {length_m:.1f}m", *_VALID[:-1]],
                 next_step="choose a position on it, or the lanelet after it",
-                remedies=[instead(text, word) for word in ("final", "middle")],
+                remedies=[instead(text, word, "position") for word in ("final", "middle")],
             )
         return _inside(metres, length_m, _INSIDE_M)
     fraction = POSITION_WORDS.get(body)
@@ -56,13 +56,13 @@ def _fraction(text: str) -> float:
             f"'{text}' is no position on a lanelet",
             valid=_VALID,
             next_step="name a position in one of these forms",
-            remedies=[*misspelt(text, POSITION_WORDS), instead(text, "middle")],
+            remedies=[*misspelt(text, POSITION_WORDS, "position"), instead(text, "middle", "position")],
         ) from None
     if not 0.0 <= value <= 1.0:
         raise InvalidRequest(
             f"position {text} is no fraction of a lanelet; metres are written '{text}m'",
             valid=_VALID,
             next_step=f"write '{text}m' for metres along it, or a fraction from 0 to 1",
-            remedies=[instead(text, f"{text}m"), instead(text, "final")],
+            remedies=[instead(text, f"{text}m", "position"), instead(text, "final", "position")],
         )
     return value

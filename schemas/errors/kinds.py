@@ -38,8 +38,9 @@ class PlannerForgeError(Exception):
         next_step: what to call or change next; by default what usually helps (``usual_step`` of the class).
         reason: a stable word for the kind of refusal, for code that decides by it; shown with ``shows_reason`` alone.
         given: the word of the call that is wrong, if one of ``valid`` can stand in its place as it is written there.
-        remedies: other ways to mend the call, the most useful first; the server writes the first that fits as a call.
-            By default those of ``valid`` that are fields with values, as ``lane=left``.
+        remedies: ways to mend the call, the most useful first; the server writes the first that fits as a call. By
+            default they are read from ``valid``: names that a quoted word may misspell (``names_valid``), and fields
+            with values, as ``lane=left``.
     """
 
     code: ClassVar[str] = "error"
@@ -48,7 +49,7 @@ class PlannerForgeError(Exception):
     tried_values: ClassVar[int] = 3
     """Valid values that are offered in the place of a wrong one, one after the other (chosen)."""
     names_valid: ClassVar[bool] = False
-    """Whether ``valid`` holds names, one of which may be what a word that the message quotes was meant as."""
+    """Whether ``valid`` holds names that a quoted word may misspell."""
     shows_reason: ClassVar[bool] = False
     longest_message: ClassVar[int] = 2000
     """Characters; chosen: the longest of our own, with a dozen problems, has half as many."""
@@ -66,9 +67,11 @@ class PlannerForgeError(Exception):
         self.message, self.reason = one_line(message, self.longest_message), reason
         self.valid: tuple[str, ...] = tuple(one_line(str(value)) for value in valid)
         replacing = [instead(given, value) for value in self.valid[: self.tried_values]] if given else []
-        if self.names_valid and not given:
-            replacing = misspellings(self.message, self.valid)[: self.tried_values]
-        self.remedies: tuple[Remedy, ...] = (*replacing, *(assignments(self.valid) if remedies is None else remedies))
+        if remedies is None:
+            if self.names_valid and not given:
+                replacing = misspellings(self.message, self.valid)[: self.tried_values]
+            remedies = assignments(self.valid)
+        self.remedies: tuple[Remedy, ...] = (*replacing, *remedies)
         self.next_step = next_step or self.usual_step
         super().__init__(self.text)
 

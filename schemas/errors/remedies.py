@@ -21,11 +21,15 @@ Place = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Change:
-    """A change of the arguments at a place: values that are set (None leaves one out), and words that become others."""
+    """A change of the arguments at a place: values that are set (None leaves one out), and words that become others.
+
+    ``fields``: the fields that hold the words; empty if it is not known which do.
+    """
 
     place: Place = ()
     values: Mapping[str, Any] = field(default_factory=dict)
     words: Mapping[str, str] = field(default_factory=dict)
+    fields: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -42,7 +46,7 @@ class Remedy:
 
     def at(self, place: Place) -> "Remedy":
         """The same with its changes at a place, which is put before their own."""
-        changes = tuple(Change((*place, *change.place), change.values, change.words) for change in self.changes)
+        changes = tuple(replace(change, place=(*place, *change.place)) for change in self.changes)
         return replace(self, changes=changes)
 
     def to_json(self) -> dict[str, Any]:
@@ -52,13 +56,15 @@ class Remedy:
     @classmethod
     def of_json(cls, value: Mapping[str, Any]) -> "Remedy":
         """The remedy that :meth:`to_json` wrote."""
-        changes = tuple(Change(tuple(one["place"]), one["values"], one["words"]) for one in value["changes"])
+        changes = tuple(
+            Change(tuple(one["place"]), one["values"], one["words"], tuple(one["fields"])) for one in value["changes"]
+        )
         return cls(changes, value["tool"], value["arguments"], tuple(value["carried"]))
 
 
-def instead(word: str, other: object) -> Remedy:
-    """The call again, with another word in the place of one."""
-    return Remedy((Change(words={word: str(other)}),))
+def instead(word: str, other: object, *fields: str) -> Remedy:
+    """The call again, with another word in the place of one; ``fields``: the only ones that it stands in, if known."""
+    return Remedy((Change(words={word: str(other)}, fields=fields),))
 
 
 def with_values(**values: Any) -> Remedy:
@@ -112,11 +118,11 @@ def misspellings(message: str, valid: Iterable[str]) -> list[Remedy]:
     return [remedy for word in re.findall(r"'([^']+)'", message) for remedy in misspelt(word, names)]
 
 
-def misspelt(word: str, names: Iterable[str]) -> list[Remedy]:
-    """Replacements of a word by the names that it may be a misspelling of."""
+def misspelt(word: str, names: Iterable[str], *fields: str) -> list[Remedy]:
+    """Replacements of a word, in the given fields or in all, by the names that it may be a misspelling of."""
     if re.fullmatch(r"[\d.]+", word):
         return []
-    return [instead(word, name) for name in names if _may_mean(word.strip().lower(), name.lower())]
+    return [instead(word, name, *fields) for name in names if _may_mean(word.strip().lower(), name.lower())]
 
 
 def _may_mean(word: str, name: str) -> bool:
@@ -149,10 +155,11 @@ class NextCall:
 
 
 def followed(remedy: Remedy, tool: str, given: Mapping[str, Any]) -> NextCall | None:
-    """The call that a remedy means after a refused call; None if it does not fit that call or changes nothing."""
+    """The call that a remedy means after a refused call; None if it does not fit that call or is the same call."""
     if remedy.tool:
         carried = {name: given[name] for name in remedy.carried if name in given}
-        return NextCall(remedy.tool, {**carried, **remedy.arguments})
+        following = {**carried, **remedy.arguments}
+        return None if remedy.tool == tool and following == given else NextCall(remedy.tool, following)
     arguments = copy.deepcopy(dict(given))
     for change in remedy.changes:
         holder: Any = arguments
@@ -169,7 +176,10 @@ def followed(remedy: Remedy, tool: str, given: Mapping[str, Any]) -> NextCall | 
             else:
                 holder[name] = value
         for word, other in change.words.items():
-            replaced = {name: _with_word(value, word, other) for name, value in holder.items()}
+            replaced = {
+                name: _with_word(value, word, other) if not change.fields or name in change.fields else value
+                for name, value in holder.items()
+            }
             if replaced == holder:
                 return None
             holder.clear()
@@ -196,15 +206,13 @@ def differences(before: Any, after: Any, path: str = "") -> list[tuple[str, Any]
 
 
 def _with_word(value: Any, word: str, other: str) -> Any:
-    """A value in whose texts a whole word is another one; numbers are words too."""
+    """The value with a whole word of its texts replaced; numbers and parts of numbers in texts stay as they are."""
     if isinstance(value, dict):
         return {name: _with_word(part, word, other) for name, part in value.items()}
     if isinstance(value, list):
         return [_with_word(part, word, other) for part in value]
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return other if str(value) == word else value
     if not isinstance(value, str):
         return value
     if value.strip() == word.strip():
         return other
-    return re.sub(rf"(?<![\w.]){re.escape(word)}(?!\w)", lambda _: other, value)
+    return re.sub(rf"(?<![\w.]){re.escape(word)}(?![\w.])", lambda _: other, value)

@@ -13,6 +13,7 @@ from plannerforge.schemas.errors import (
     calling,
     followed,
     instead,
+    rebuild,
     with_values,
 )
 from plannerforge.schemas.errors.remedies import SHOWN_CALL
@@ -69,7 +70,27 @@ def test_one_call_mends_all_faults() -> None:
     with pytest.raises(InvalidRequest) as caught:
         faults.raise_all()
     edits = [{"op": "set_speed", "speed": "9m/s"}, {"op": "set_behaviour", "preset": "wild"}]
-    assert arguments_of(caught.value.remedies[0]) == {**GIVEN, "edits": edits}
+    assert [arguments_of(remedy) for remedy in caught.value.remedies] == [{**GIVEN, "edits": edits}]
+
+
+def test_a_misspelt_word_is_replaced_in_the_edit_that_is_at_fault_alone() -> None:
+    given = {"edits": [{"op": "set_behaviour", "preset": "wyld", "params": ["wyld"]}, {"preset": "wyld"}]}
+    faults = Faults()
+    with faults.collecting("edit 1", ("edits", 1)):
+        raise UnknownName("there is no preset 'wyld'", valid=["wild"])
+    with pytest.raises(UnknownName) as caught:
+        faults.raise_all()
+    assert [arguments_of(one, given) for one in caught.value.remedies] == [
+        {"edits": [given["edits"][0], {"preset": "wild"}]}
+    ]
+
+
+def test_an_error_that_is_made_again_has_the_remedies_it_had() -> None:
+    error = UnknownName("there is no preset 'wyld'", valid=["wild"])
+    placed = [remedy.at(("edits", 1)) for remedy in error.remedies]
+    again = rebuild(error.code, error.message, error.valid, error.next_step, error.reason, placed)
+    assert again.remedies == tuple(placed)
+    assert rebuild(error.code, error.message, error.valid, error.next_step).remedies == ()
 
 
 def test_a_remedy_that_changes_nothing_is_none() -> None:
@@ -83,9 +104,28 @@ def test_whole_words_alone_are_replaced() -> None:
     assert arguments_of(instead("7", "12"), given) == {"ids": ["A-1#12"], "text": "A-17"}
 
 
+def test_numbers_and_parts_of_numbers_are_no_words() -> None:
+    given = {"vehicles": ["3"], "count": 3, "speed": "3.5m/s", "offset_m": 3.0, "goal_time": "1.3"}
+    assert arguments_of(instead("3", "12"), given) == {**given, "vehicles": ["12"]}
+
+
+def test_a_word_is_replaced_in_the_fields_that_a_remedy_names() -> None:
+    given = {"edits": [{"to": ["3"], "vehicles": ["3"], "speed": "3 m/s"}]}
+    remedy = Remedy.of_json(json.loads(json.dumps(instead("3", "12", "to", "via").at(("edits", 0)).to_json())))
+    assert arguments_of(remedy, given) == {"edits": [{"to": ["12"], "vehicles": ["3"], "speed": "3 m/s"}]}
+    assert arguments_of(instead("3", "12", "via").at(("edits", 0)), given) is None
+
+
 def test_another_call_takes_over_what_it_needs() -> None:
     assert arguments_of(VEHICLES_LISTED) == {"scenario_id": "A", "detail": "vehicles"}
     assert arguments_of(calling("list_planners")) == {}
+
+
+def test_the_refused_call_itself_is_not_proposed() -> None:
+    given = {"scenario_id": "A", "detail": "vehicles"}
+    assert followed(VEHICLES_LISTED, "describe_scenario", given) is None
+    assert followed(VEHICLES_LISTED, "describe_scenario", {"scenario_id": "A"}) is not None
+    assert followed(calling("list_planners"), "list_planners", {}) is None
 
 
 def test_remedies_survive_the_way_through_json() -> None:

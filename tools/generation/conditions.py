@@ -193,10 +193,11 @@ def _drivers(value: str) -> tuple[str, str]:
     names = value.split("+")
     for name in names:
         if name not in published:
+            near = closest(name, [*presets(), *published])
             raise UnknownName(
                 f"there is no driver preset or published calibration {name!r}",
-                valid=closest(name, [*presets(), *published]),
-                remedies=[calling("describe_catalog", facet="behaviours")],
+                valid=near,
+                remedies=[*misspelt(name, near), calling("describe_catalog", facet="behaviours")],
                 next_step="name one preset, or calibrations joined by +, such as drivers=gb_motorway+m25_gaps",
             )
     read = [published[name] for name in names]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from ...engine.maps import Closeness, MapEntry, MapMatch, country_code, find_maps, resolve_road_classes
 from ...engine.vehicles import PEDESTRIAN, vehicle_classes
-from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest, with_values
+from ...schemas.errors import InvalidRequest, NotPossible, Remedy, UnknownName, closest, misspelt, with_values
 from ...schemas.generation import (
     NATURAL_SHARES,
     GenerateScenariosArguments,
@@ -242,13 +242,28 @@ def check_demands(arguments: GenerateScenariosArguments) -> None:
         UnknownName: a vehicle class or road class that there is not.
         InvalidRequest: numbers of vehicles that cannot be meant.
     """
-    known = {*vehicle_classes(), PEDESTRIAN.name}
-    for demand in demands_of(arguments, read_conditions(arguments).others):
-        name = demand.vehicle_class
-        if name not in known:
-            raise UnknownName(f"there is no vehicle class {name!r}", valid=closest(name, known), reason="unknown_class")
+    demands_of(arguments, read_conditions(arguments).others)
     if arguments.road_classes is not None:
         resolve_road_classes(arguments.road_classes)
+
+
+def _check_classes(demands: Sequence[VehicleDemand], arguments: GenerateScenariosArguments) -> None:
+    known = list(dict.fromkeys([*vehicle_classes(), PEDESTRIAN.name]))
+    for name in (demand.vehicle_class for demand in demands):
+        if name not in known:
+            near = closest(name, known)
+            raise UnknownName(
+                f"there is no vehicle class {name!r}",
+                valid=near,
+                reason="unknown_class",
+                remedies=[*misspelt(name, near), *_without_class(name, arguments)],
+            )
+
+
+def _without_class(name: str, arguments: GenerateScenariosArguments) -> list[Remedy]:
+    """Return the call without the vehicles of a class; no remedy if ``vehicles`` does not name it."""
+    others = [text for text in arguments.vehicles if not re.search(rf"\b{re.escape(name)}\b", text)]
+    return [] if len(others) == len(arguments.vehicles) else [with_values(vehicles=others or None)]
 
 
 def demands_of(arguments: GenerateScenariosArguments, others: str) -> tuple[VehicleDemand, ...]:
@@ -259,10 +274,13 @@ def demands_of(arguments: GenerateScenariosArguments, others: str) -> tuple[Vehi
         others: the manoeuvre of another road user, such as ``cut_in:truck``; empty if none is asked for.
 
     Raises:
+        UnknownName: a vehicle class that does not exist.
         InvalidRequest: numbers of vehicles that cannot be meant.
     """
     demands = _with_the_actor_s_class(_vehicle_demands(arguments.vehicles), others)
-    return _with_the_ego_s_class(demands, ego_of(arguments))
+    demands = _with_the_ego_s_class(demands, ego_of(arguments))
+    _check_classes(demands, arguments)
+    return demands
 
 
 def _vehicle_demands(texts: list[str]) -> tuple[VehicleDemand, ...]:

@@ -1,0 +1,168 @@
+"""A refusal carries the call that mends it, in its text and for programs; that call exists, differs and is harmless."""
+
+import json
+import logging
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcp import Client
+from support.builders import town_road
+
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnexpectedFailure, with_values
+from plannerforge.server.assembly import create_server
+from plannerforge.server.settings import Settings
+from plannerforge.tools import modification
+
+pytestmark = pytest.mark.anyio
+KEY = "plannerforge/next_call"
+SCENARIO = "ZAM_Builder-1_1_T-1"
+SLOWER = {"op": "set_speed", "vehicles": ["31"], "speed": "5m/s"}
+
+
+@pytest.fixture
+async def client(settings: Settings, tmp_path: Path) -> AsyncIterator[Client]:
+    (tmp_path / "roots").mkdir()
+    town_road().write(tmp_path / "roots" / "town.xml")
+    own = settings.model_copy(update={"starter": False, "roots": (tmp_path / "roots",)})
+    async with Client(create_server(own, start_folder=tmp_path / "roots")) as opened:
+        assert not (await opened.call_tool("import_files", {"path": "town.xml"})).is_error
+        yield opened
+
+
+async def refused(client: Client, tool: str, arguments: dict[str, Any]) -> tuple[str, dict[str, Any] | None]:
+    result = await client.call_tool(tool, arguments)
+    assert result.is_error, result
+    call = (result.meta or {}).get(KEY)
+    assert call is None or call != {"tool": tool, "arguments": arguments}
+    return str(result.content[0].text), call  # type: ignore[union-attr]
+
+
+async def test_the_call_in_the_metadata_is_the_one_in_the_text_and_is_answered(client: Client) -> None:
+    text, call = await refused(client, "find_scenarios", {"road_net": ["stopp"]})
+    assert call == {"tool": "find_scenarios", "arguments": {"road_net": ["stop"]}}
+    assert f"Next: call again with {json.dumps(call['arguments'])}" in text
+    assert not (await client.call_tool(call["tool"], call["arguments"])).is_error
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments"),
+    [
+        ("describe_scenario", {"scenario_id": "unlike"}),
+        ("describe_scenario", {"scenario_id": "unlike", "detail": "vehicles"}),
+        ("modify_scenario", {"scenario_id": "unlike", "edits": [SLOWER]}),
+        ("modify_scenario", {"scenario_id": "unlike#1", "edits": []}),
+    ],
+)
+async def test_an_unlike_scenario_leads_to_a_list_of_those_that_exist(
+    client: Client, tool: str, arguments: dict[str, Any]
+) -> None:
+    _, call = await refused(client, tool, arguments)
+    assert call == {"tool": "list_artifacts", "arguments": {"kind": "scenario"}}
+
+
+async def test_a_scenario_that_exists_is_taken_over(client: Client) -> None:
+    _, call = await refused(client, "modify_scenario", {"scenario_id": SCENARIO, "edits": []})
+    assert call == {"tool": "describe_scenario", "arguments": {"scenario_id": SCENARIO, "detail": "vehicles"}}
+
+
+@pytest.mark.parametrize("arguments", [{}, {"job_id": "latest", "force": True}, {"jbo_id": "latest"}])
+async def test_a_cancellation_is_never_proposed(client: Client, arguments: dict[str, Any]) -> None:
+    _, call = await refused(client, "cancel_job", arguments)
+    assert call == {"tool": "list_artifacts", "arguments": {"kind": "job"}}
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments", "expected"),
+    [
+        ("import_files", {}, None),
+        ("import_files", {"path": "/etc/passwd"}, None),
+        ("import_files", {"path": "twn.xml"}, {"path": "town.xml"}),
+        ("generate_scenarios", {"vehicles": ["tank=2", "bus=1"]}, {"vehicles": ["bus=1"]}),
+        ("generate_scenarios", {"vehicles": ["trukc=2"]}, {"vehicles": ["truck=2"]}),
+        (
+            "export_artifacts",
+            {"ids": [SCENARIO], "folder": "/etc"},
+            {"ids": [SCENARIO], "folder": "plannerforge-export"},
+        ),
+    ],
+)
+async def test_what_does_not_help_is_not_proposed(
+    client: Client, tool: str, arguments: dict[str, Any], expected: dict[str, Any] | None
+) -> None:
+    _, call = await refused(client, tool, arguments)
+    assert call == (None if expected is None else {"tool": tool, "arguments": expected})
+
+
+async def test_names_outside_the_roots_are_not_listed(client: Client, tmp_path: Path) -> None:
+    (tmp_path / "rootz").mkdir()
+    (tmp_path / "roots").rename(tmp_path / "moved")
+    text, _ = await refused(client, "import_files", {"path": "."})
+    assert "rootz" not in text
+    assert "moved" not in text
+
+
+async def test_a_folder_that_cannot_be_listed_names_nothing(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: Path) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "iterdir", refuse)
+    text, call = await refused(client, "import_files", {"path": "twn.xml"})
+    assert text.startswith("[invalid_request] 'twn.xml' does not exist")
+    assert call is None
+
+
+async def test_a_defect_while_a_proposal_is_tried_is_logged_and_the_refusal_told(
+    client: Client, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    tried = []
+
+    async def edit(arguments: Any, _call: Any) -> Any:
+        if not arguments.dry_run:
+            raise InvalidRequest("too fast", remedies=[with_values(seed=seed) for seed in (1, 2)])
+        tried.append(arguments.seed)
+        raise UnexpectedFailure("an edit", "the details")
+
+    monkeypatch.setattr(modification, "_modified", edit)
+    with caplog.at_level(logging.ERROR):
+        text, _ = await refused(client, "modify_scenario", {"scenario_id": SCENARIO, "edits": [SLOWER]})
+    assert text.startswith("[invalid_request] too fast")
+    assert tried == [1, 2]
+    assert caplog.text.count("the details") == len(tried)
+
+
+async def test_proposals_that_take_too_long_are_not_made(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def edit(arguments: Any, call: Any) -> Any:
+        if not arguments.dry_run:
+            raise InvalidRequest("too fast", remedies=[with_values(seed=1)])
+        await call.progress(0.5)
+        pytest.fail("the time was over before")
+
+    monkeypatch.setattr(modification, "_modified", edit)
+    monkeypatch.setattr(modification, "_TRYING_S", 0.0)
+    text, call = await refused(client, "modify_scenario", {"scenario_id": SCENARIO, "edits": [SLOWER]})
+    assert text.startswith("[invalid_request] too fast")
+    assert call is not None
+    assert call["tool"] == "describe_scenario"
+
+
+async def test_a_chosen_vehicle_stands_in_the_call_that_is_proposed(
+    client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def chosen(_refusal: Any, arguments: Any, _call: Any) -> Any:
+        edits = [edit.model_copy(update={"vehicles": ["32"]}) for edit in arguments.edits]
+        return None if arguments.edits[0].vehicles == ["32"] else arguments.model_copy(update={"edits": edits})
+
+    async def edit(arguments: Any, _call: Any) -> Any:
+        if arguments.dry_run:
+            assert arguments.edits[0].vehicles == ["32"]
+            return None
+        raise NotPossible("too fast", remedies=[with_values(speed="4m/s").at(("edits", 0))])
+
+    monkeypatch.setattr(modification, "_modified", edit)
+    monkeypatch.setattr(modification, "_with_vehicle_meant", chosen)
+    unclear = {"op": "set_speed", "vehicles": ["one:car"], "speed": "5m/s"}
+    _, call = await refused(client, "modify_scenario", {"scenario_id": SCENARIO, "edits": [unclear]})
+    assert call is not None
+    assert call["arguments"]["edits"] == [{"op": "set_speed", "vehicles": ["32"], "speed": "4m/s"}]
