@@ -489,13 +489,15 @@ class Checks(Model):
 
     ``centers_on_lanelets`` and ``feasible_share`` are shares in [0, 1] over all recorded positions and all tracks;
     ``network_errors`` and ``network_warnings`` are the broken rules for road networks, with the first place of each.
+    ``recorded_ego_collision_free`` is None if others were scripted after the ego was recorded: an ordinary driver in
+    its place was checked instead.
     """
 
     schema_valid: bool
     goal_reachable: bool
     collisions_at_start: int
     overlapping_pairs: int
-    recorded_ego_collision_free: bool
+    recorded_ego_collision_free: bool | None
     centers_on_lanelets: float
     feasible_share: float
     infeasible_vehicles: tuple[int, ...]

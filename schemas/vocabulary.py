@@ -92,7 +92,7 @@ FEATURES: Final[dict[str, str]] = {
     "unprotected_left": "the ego's way turns left across oncoming lanes, and no light on it protects the turn",
     "cut_in": "a vehicle changes into the ego's lane within 3 s ahead of the ego",
     "cut_out": "a vehicle within 3 s ahead of the ego changes out of its lane",
-    "merging": "a vehicle joins the ego's lane from a road that leads into it, within 3 s ahead of the ego",
+    "merging": "a vehicle joins the ego's lane from a road into it or a lane that ends, within 3 s ahead of the ego",
     "overtaking": "a vehicle comes up behind another in its lane, moves beside it and passes it",
     "lead_brakes_hard": "a vehicle in the ego's lane, within 3 s ahead, brakes by over 3.4 m/s²",
     "crossing": "a road user crosses the ego's lane ahead of it",

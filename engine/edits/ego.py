@@ -110,7 +110,7 @@ def _first_that_can_be(
 
 
 _AHEAD_TRIED = 3
-"""Lanelets that the ego reaches of which a refusal proposes one as the goal (chosen)."""
+"""A refusal proposes at most this many reachable lanelets as goals (chosen)."""
 _SECONDS_MORE = (1, 5)
 """How much later than a car can be at a goal at the earliest a refusal proposes its time to end (chosen)."""
 

@@ -539,8 +539,8 @@ def _set_weather(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], T
     etree.SubElement(environment, "weather").text = wanted
     etree.SubElement(environment, "underground").text = "snow" if wanted in ("snow", "hail") else "wet"
     return (
-        f"the file says {wanted} now{taken}, by which it is found; planners and limits here do not use it, and the "
-        "traffic drives as before"
+        f"the file says {wanted} now{taken}, and searches find it by that; planners and limits here do not use it, and "
+        "the traffic drives as before"
     )
 
 

@@ -28,7 +28,7 @@ def check_scenario(path: Path, ego: BoxTrack | None, findings: Sequence[RuleFind
     Args:
         path: the CommonRoad file.
         ego: the ego's recorded motion, which the file does not hold; None if others were scripted after it was
-            recorded. Then it counts for nothing, and whoever scripts them checks what an ordinary driver does.
+            recorded. Then it is not checked; the caller checks an ordinary driver.
         findings: what the rules found in its road network.
     """
     with ThreadPoolExecutor(1) as beside:  # libxml2 works without Python's lock
@@ -44,7 +44,7 @@ def check_scenario(path: Path, ego: BoxTrack | None, findings: Sequence[RuleFind
             goal_reachable=_goal_reachable(loaded),
             collisions_at_start=_collisions_at_start(loaded, tracks),
             overlapping_pairs=sum(pair.first >= first for pair in overlaps),
-            recorded_ego_collision_free=all(pair.first >= first for pair in overlaps),
+            recorded_ego_collision_free=None if ego is None else all(pair.first >= first for pair in overlaps),
             centers_on_lanelets=_share_on_lanelets(loaded, tracks),
             feasible_share=1.0 - len(infeasible) / max(len(driven), 1),
             infeasible_vehicles=infeasible,
@@ -60,7 +60,7 @@ def faults_of(checks: Checks) -> tuple[list[str], list[str]]:
         "the file breaks CommonRoad's schema": not checks.schema_valid,
         "the goal cannot be reached": not checks.goal_reachable,
         "vehicles overlap": checks.overlapping_pairs > 0 or checks.collisions_at_start > 0,
-        "the ego's recorded way meets another vehicle": not checks.recorded_ego_collision_free,
+        "the ego's recorded way meets another vehicle": checks.recorded_ego_collision_free is False,
         f"the road network is wrong: {'; '.join(checks.network_errors)}": bool(checks.network_errors),
     }
     weak = {

@@ -7,7 +7,6 @@ scenarios that were written, the one with the fewest faults is kept.
 import gc
 import shutil
 import tempfile
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,13 +20,12 @@ from ...schemas.vocabulary import EGO_CLASSES
 from ..execution import ProgressReporter
 from ..maps import OsmMap, Site, read_map_file
 from ..traffic import GeneratedVehicle, lane_km_of, plan_counts
-from ..vehicles import PEDESTRIAN
 from .checks import check_scenario, faults_of
 from .flows import flow_notes
-from .others import LIKELY_AT, EgoChoice, WantedManoeuvre, can_be_scripted, found_in, scripted
+from .others import LIKELY_AT, MOST_TRIES, EgoChoice, WantedManoeuvre, can_be_scripted, found_in, scripted
 from .people import people_asked, people_notes, people_wanted, vehicles_asked
 from .planning_problem import PlanningTask, TaskSpec, choose_task
-from .record import record_of
+from .record import record_of, with_scripted
 from .site_network import SITE_LOST, SiteNetwork, prepare_site
 from .sites import fitting_sites, other_types
 from .traffic import NO_ROOM, TrafficAim, along_the_site, generate_traffic, without_spares
@@ -120,7 +118,7 @@ def _with_ego_class(request: GenerationRequest, spec: TaskSpec) -> tuple[list[st
 class _Attempt:
     """A scenario in a file of its own, and what is wrong with it in words, if anything.
 
-    ``lacks``: nobody makes the manoeuvre that was asked for, so that it is only the base of a scripted one.
+    ``lacks``: no road user makes the requested manoeuvre; used only as a base for scripting.
     """
 
     scenario: GeneratedScenario
@@ -149,8 +147,9 @@ class _Attempts:
     def run(self, osm: OsmMap, sites: Iterable[Site]) -> None:
         """Try the first site that is fit twice and the others once; the only one as often as all together are tried.
 
-        A lost site takes none of these tries: the next one is taken in its place. Where the request is to be given up
-        after fewer sites, it is as long as none of them gave a scenario.
+        Tries that are left while no road user makes the requested manoeuvre go to the first site too. A lost site takes
+        none of these tries: the next one is taken in its place. Where the request is to be given up after fewer sites,
+        it is as long as none of them gave a scenario.
         """
         fit: list[tuple[SiteNetwork, Path]] = []
         few = self._request.most_sites
@@ -173,7 +172,9 @@ class _Attempts:
                 return
             if self._spec.goal.lanelet is not None:  # an id means another lanelet elsewhere
                 break
-        if len(fit) == 1 and few is None and not any(refusal.reason == NO_ROOM for refusal in self.refusals):
+        is_sought = bool(fit) and self._wanted is not None and all(attempt.lacks for attempt in self.made)
+        is_full = any(refusal.reason == NO_ROOM for refusal in self.refusals)
+        if (len(fit) == 1 or is_sought) and few is None and not is_full:
             self._is_done(*fit[0], range(OWN_ROUNDS, MOST_ROUNDS))
 
     def best(self, osm: OsmMap) -> _Attempt:
@@ -246,8 +247,9 @@ class _Attempts:
         if self._wanted is None or any(not attempt.unusable and not attempt.lacks for attempt in self.made):
             return
         bases = sorted((attempt for attempt in self.made if not attempt.unusable), key=lambda one: len(one.faults))
+        numbers = iter(range(MOST_TRIES))
         for base in bases:
-            made = _scripted(base, self._wanted, self._request.seed)
+            made = _scripted(base, self._wanted, self._request.seed, numbers)
             if made is not None:
                 self.made.append(made)
                 return
@@ -256,7 +258,8 @@ class _Attempts:
         draws = counted(sum(attempt.lacks for attempt in self.made), "draw")
         scripted_too = ", and no scripted actor finds room for it" if can_be_scripted(wanted) else ""
         return NotPossible(
-            f"no road user makes the manoeuvre {wanted} on an ego's way in {draws} of traffic here{scripted_too}",
+            f"no road user makes the manoeuvre {wanted} on the way of the egos tried in {draws} of traffic "
+            f"here{scripted_too}",
             valid=[f"scenario_type={kind}" for kind in LIKELY_AT[wanted.name]],
             next_step="choose such a site, a higher density, a longer duration_s or another seed",
             reason="no_manoeuvre",
@@ -336,28 +339,23 @@ def _write(
     return scenario, [] if notes else missed
 
 
-def _scripted(base: _Attempt, wanted: WantedManoeuvre, seed: int) -> _Attempt | None:
-    """Return the scenario of an attempt with an actor that makes the manoeuvre, or None if none can."""
-    scenario = base.scenario
-    classes = scenario.vehicle_classes
-    made = scripted(base.path, scenario.benchmark_id, wanted, classes, base.path.parent, seed)
+def _scripted(base: _Attempt, wanted: WantedManoeuvre, seed: int, numbers: Iterator[int]) -> _Attempt | None:
+    """Return the scenario of an attempt with an actor that makes the manoeuvre, or None if none can.
+
+    ``numbers``: of the tries that the request still has.
+    """
+    scenario, folder = base.scenario, base.path.parent
+    classes, asked = scenario.vehicle_classes, scenario.classes_asked
+    needed = [name for name, count in scenario.classes_realised.items() if count <= asked.get(name, 0)]
+    made = scripted(base.path, scenario.benchmark_id, wanted, classes, folder, seed, numbers, needed)
     if made is None:
         return None
     checks = check_scenario(made.path, None, base.site.findings)
     broken, weak = faults_of(checks)
     if broken:
         return None
-    more, counts = Counter(made.added.values()), Counter(scenario.classes_realised)
-    on_foot, lane_km = more.pop(PEDESTRIAN.name, 0), lane_km_of(base.site.net)
-    counts += Counter({PEDESTRIAN.name: on_foot}) + more
-    vehicles, density = scenario.vehicles_realised + more.total(), scenario.density
-    updates = {
-        "vehicles_realised": vehicles,
-        "classes_realised": dict(counts),
-        "vehicle_classes": classes | {key: name for key, name in made.added.items() if name != PEDESTRIAN.name},
-        "density": density.model_copy(update={"at_start_per_lane_km": round(vehicles / lane_km, 2)}),
-        "checks": checks,
-        "others": made.found.in_words(),
-    }
-    missed = tuple(fault for fault in base.faults if fault not in faults_of(scenario.checks)[1])
-    return _Attempt(scenario.model_copy(update=updates), made.path, base.site, (*weak, *missed), unusable=False)
+    scenario = with_scripted(scenario, base.path, made.path, made.added).model_copy(
+        update={"checks": checks, "others": made.found.in_words()}
+    )
+    missed = tuple(fault for fault in base.faults if fault not in faults_of(base.scenario.checks)[1])
+    return _Attempt(scenario, made.path, base.site, (*weak, *missed), unusable=False)

@@ -5,7 +5,7 @@ edit with a prescribed motion makes it. Either way it is found by the computed f
 searches use too.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, product
 from pathlib import Path
@@ -20,17 +20,26 @@ from ...schemas.modification import Edit, ModificationRequest
 from ..commonroad import LoadedScenario, Track, kept_recording
 from ..edits import SCENARIO_FILE, apply_edits
 from ..execution import silent
+from ..geometry import Points
 from ..network import LaneletGraph
 from ..scenarios import Manoeuvre, manoeuvres_met
 from ..traffic import GeneratedVehicle
 from ..vehicles import PEDESTRIAN, class_by_size, vehicle_classes
-from .planning_problem import HEADING_MARGIN_RAD, PlanningTask
-from .writer import STEP_S
+from .planning_problem import PlanningTask
+from .writer import STEP_S, planning_problem_element
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
+    from commonroad.scenario.lanelet import LaneletNetwork
 
-NEAREST = 6
+MOST_PAIRS = 10_000
+"""Pairs of an ego and another road user that are looked at in one draw of traffic, the egos nearest to the site first
+(chosen): all egos of usual traffic, about 50 of 200 vehicles. A pair takes about a millisecond, so five draws take nearly
+a minute."""
+MOST_TRIES = 12
+"""Lists of edits that are tried for one request, all draws of traffic together (chosen): in dense traffic each takes up
+to 3.5 s."""
+NEAREST = 4
 """Vehicles of the traffic that an edit is tried on, the nearest to the ego first (chosen)."""
 BRAKES_MPS2 = 4.5
 """Most drivers brake harder than this for an unexpected object on the road (AASHTO, A Policy on Geometric Design, 2011:
@@ -70,6 +79,9 @@ _DOES = {
     "crossing": "crosses",
     "oncoming_turns": "turns across from the oncoming side",
 }
+
+
+_STAND_IN = "; an ordinary driver was checked in the ego's place and meets nothing"
 
 
 @dataclass(frozen=True)
@@ -116,11 +128,11 @@ class FoundManoeuvre:
         who = f"{self.vehicle_class} {self.obstacle_id} {_DOES[self.name]} at {self.step * STEP_S:.1f} s"
         if not self.edits:
             return f"{who}, in SUMO's traffic"
-        return f"{who}, scripted because no drawn traffic held it: {'; '.join(self.edits)}"
+        return f"{who}, scripted because no drawn traffic held it: {'; '.join(self.edits)}{_STAND_IN}"
 
 
 class EgoChoice:
-    """Tells for which cars of a traffic, each as the ego, a manoeuvre happens.
+    """Tells for which cars of a traffic, each as the ego, a manoeuvre happens, until ``MOST_PAIRS`` are looked at.
 
     Args:
         path: a scenario of this traffic, whichever car is its ego; only its lanes are used.
@@ -131,15 +143,20 @@ class EgoChoice:
         self._loaded = kept_recording(path, keep=False).loaded
         self._graph = LaneletGraph.of(self._loaded.scenario.lanelet_network)
         self._others_of = others_of
+        self._pairs = 0
         self._met: dict[str, tuple[tuple[Manoeuvre, ...], tuple[str, ...]]] = {}
 
     def happens(self, wanted: WantedManoeuvre, task: PlanningTask) -> bool:
-        """Return whether the manoeuvre happens on the way of a task's ego."""
+        """Return whether the manoeuvre happens on the way of a task's ego; False if it is not one of the first egos."""
         key = task.ego.vehicle_id
         if key not in self._met:
+            if self._pairs >= MOST_PAIRS:
+                return False
             others = self._others_of(task)
+            self._pairs += len(others)
             tracks = {number: _track(number, other) for number, other in enumerate(others)}
-            met = manoeuvres_met(self._loaded, self._graph, tracks, _problem(task), task.ego.vehicle_class.name)
+            problem = _problem(task, self._loaded.scenario.lanelet_network)
+            met = manoeuvres_met(self._loaded, self._graph, tracks, problem, task.ego.vehicle_class.name)
             self._met[key] = met, tuple(other.vehicle_class.name for other in others)
         met, classes = self._met[key]
         return wanted.first_of(met, classes.__getitem__) is not None
@@ -176,36 +193,19 @@ def _track(key: int, vehicle: GeneratedVehicle) -> Track:
     return Track(key, kind, length_m, width_m, 0, motion.positions, motion.headings_rad, motion.speeds_mps)
 
 
-def _problem(task: PlanningTask) -> "PlanningProblem":
-    """Return the planning problem of a task, as the writer would write it."""
-    from commonroad.common.util import AngleInterval, Interval
-    from commonroad.geometry.shape import Rectangle
-    from commonroad.planning.goal import GoalRegion
-    from commonroad.planning.planning_problem import PlanningProblem
-    from commonroad.scenario.state import CustomState, InitialState
+def _problem(task: PlanningTask, network: "LaneletNetwork") -> "PlanningProblem":
+    """Return the planning problem of a task as a reader of its file gets it."""
+    from commonroad.common.reader.file_reader_xml import PlanningProblemFactory
 
-    motion = task.ego.motion
-    start = InitialState(
-        time_step=0,
-        position=np.asarray(motion.positions[0]),
-        orientation=float(motion.headings_rad[0]),
-        velocity=float(motion.speeds_mps[0]),
-        yaw_rate=0.0,
-        slip_angle=0.0,
-    )
-    length_m, width_m = task.size_m
-    heading = float(task.heading_rad)
-    goal = CustomState(
-        time_step=Interval(*task.time_steps),
-        position=Rectangle(length_m, width_m, np.asarray(task.center), heading),
-        orientation=AngleInterval(heading - HEADING_MARGIN_RAD, heading + HEADING_MARGIN_RAD),
-    )
-    return PlanningProblem(1, start, GoalRegion([goal]))
+    return PlanningProblemFactory.create_from_xml_node(planning_problem_element(1, task), network)
 
 
 @dataclass(frozen=True)
 class ScriptedScenario:
-    """A file in which edits make the manoeuvre; ``added``: the class of each vehicle that they added, by its id."""
+    """A file in which edits make the manoeuvre; ``added``: the class of each vehicle that is new, by its id.
+
+    A vehicle that replaces another one keeps the id of that.
+    """
 
     path: Path
     found: FoundManoeuvre
@@ -213,7 +213,14 @@ class ScriptedScenario:
 
 
 def scripted(
-    path: Path, benchmark_id: str, wanted: WantedManoeuvre, classes: dict[int, str], folder: Path, seed: int
+    path: Path,
+    benchmark_id: str,
+    wanted: WantedManoeuvre,
+    classes: dict[int, str],
+    folder: Path,
+    seed: int,
+    numbers: Iterator[int],
+    needed: Collection[str] = (),
 ) -> ScriptedScenario | None:
     """Return the scenario with an actor that makes the manoeuvre, or None if no edit gets there.
 
@@ -228,14 +235,17 @@ def scripted(
         classes: our classes by obstacle id.
         folder: where files are written.
         seed: of the simulation that drives what the edits touch.
+        numbers: of the tries that the request still has; each list of edits takes one.
+        needed: classes of which no vehicle may be replaced, because the request asks for all that there are.
     """
     recorded = kept_recording(path, keep=False)
     same = found_in(path, wanted.of_any_class, classes) if wanted.vehicle_class is not None else None
     tries = _tries(recorded.loaded, recorded.tracks, wanted, classes)
-    if same is not None and PEDESTRIAN.name not in (wanted.vehicle_class, same.vehicle_class):
+    on_foot = same is not None and PEDESTRIAN.name in (wanted.vehicle_class, same.vehicle_class)
+    if same is not None and not on_foot and same.vehicle_class not in needed:
         other = Edit(op="replace", vehicles=[str(same.obstacle_id)], vehicle_class=wanted.vehicle_class)
         tries = chain([(other,)], tries)
-    for number, edits in enumerate(tries):
+    for edits, number in zip(tries, numbers, strict=False):
         output = folder / f"scripted_{number}"
         request = ModificationRequest(
             xml=path, edits=edits, benchmark_id=benchmark_id, output=output, on_conflict="refuse", seed=seed
@@ -268,10 +278,21 @@ def _tries(
     if speed_mps < LEAST_MPS:
         return
     fitting = [key for key in tracks if wanted.vehicle_class in (None, classes.get(key, tracks[key].kind))]
-    near = sorted(fitting, key=lambda key: (float(np.linalg.norm(tracks[key].positions[0] - place)), key))[:NEAREST]
+    near = nearest_at(place, int(state.time_step), {key: tracks[key] for key in fitting})[:NEAREST]
     if can_be_scripted(wanted):
         usual = PEDESTRIAN.name if wanted.name == "crossing" else "car"
         yield from _TRIES[wanted.name](_Surroundings(tuple(near), wanted.vehicle_class or usual, speed_mps))
+
+
+def nearest_at(place: Points, step: int, tracks: Mapping[int, Track]) -> list[int]:
+    """Return the ids of the road users that are there at a step, the nearest to a place (2,) in m first."""
+    there = {key: (track, track.index_at(step)) for key, track in tracks.items()}
+    away_m = {
+        key: float(np.linalg.norm(track.positions[index] - place))
+        for key, (track, index) in there.items()
+        if index is not None
+    }
+    return sorted(away_m, key=lambda key: (away_m[key], key))
 
 
 @dataclass(frozen=True)

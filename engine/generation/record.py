@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from ...schemas.generation import Checks, DensityFacts, GeneratedEgo, GeneratedScenario, GenerationRequest, SiteFacts
+from ..commonroad import kept_recording
 from ..traffic import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, GeneratedVehicle, lane_km_of
 from ..vehicles import PEDESTRIAN
 from .people import people_asked, people_wanted
@@ -80,6 +81,43 @@ def record_of(
         unsigned_limits_kmh=limits,
         vehicle_classes={obstacle_ids[other.vehicle_id]: other.vehicle_class.name for other in others},
     )
+
+
+def with_scripted(scenario: GeneratedScenario, base: Path, path: Path, added: Mapping[int, str]) -> GeneratedScenario:
+    """Return the record of a scenario after edits have added and replaced road users.
+
+    Args:
+        scenario: the record of the file before the edits.
+        base: the file before the edits.
+        path: the file after them.
+        added: the class of each road user that they added or replaced, by its id; a replaced one keeps its id.
+    """
+    classes, density = scenario.vehicle_classes, scenario.density
+    counts = Counter(scenario.classes_realised)
+    counts.update(added.values())
+    counts.subtract(classes[key] for key in added if key in classes)
+    on_wheels = {key: name for key, name in added.items() if name != PEDESTRIAN.name}
+    vehicles = scenario.vehicles_realised + len(on_wheels.keys() - classes.keys())
+    last_step = round(scenario.duration_s / STEP_S)
+    more_stay = _staying(path, last_step) - _staying(base, last_step)
+    reached = {
+        "at_start_per_lane_km": round(vehicles / density.lane_km, 2),
+        "at_end_per_lane_km": round(density.at_end_per_lane_km + more_stay / density.lane_km, 2),
+    }
+    return scenario.model_copy(
+        update={
+            "vehicles_realised": vehicles,
+            "classes_realised": {name: count for name, count in counts.items() if count},
+            "vehicle_classes": classes | on_wheels,
+            "density": density.model_copy(update=reached),
+        }
+    )
+
+
+def _staying(path: Path, last_step: int) -> int:
+    """Return how many vehicles of a file are there until the last step."""
+    tracks = kept_recording(path).tracks.values()
+    return sum(track.kind != PEDESTRIAN.commonroad_type and track.last_step >= last_step - 1 for track in tracks)
 
 
 def _density(

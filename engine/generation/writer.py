@@ -123,7 +123,7 @@ def write_scenario(
     else:
         copy_network(root, roads)
     ids = {vehicle.vehicle_id: network.next_id + number for number, vehicle in enumerate(traffic)}
-    _write_planning_problem(root, network.next_id + len(ids), task)
+    root.append(planning_problem_element(network.next_id + len(ids), task))
     etree.indent(root, space=" ")
     before, problem, after = etree.tostring(root, encoding="UTF-8", xml_declaration=True).rpartition(_PROBLEM)
     obstacles = "".join(_obstacle_text(ids[vehicle.vehicle_id], vehicle) for vehicle in traffic)
@@ -356,9 +356,9 @@ def _state_texts(tag: str, motion: Motion, steps: range, level: int) -> Iterator
         )
 
 
-def _write_planning_problem(root: etree._Element, problem_id: int, task: PlanningTask) -> None:
-    """Append the ego's initial state and its goal."""
-    element = etree.SubElement(root, "planningProblem", {"id": str(problem_id)})
+def planning_problem_element(problem_id: int, task: PlanningTask) -> etree._Element:
+    """Return the element of the ego's initial state and its goal."""
+    element = etree.Element("planningProblem", {"id": str(problem_id)})
     if task.ego.vehicle_class.name != "car":
         element.append(ego_class_instruction(task.ego.vehicle_class.name))
     initial = etree.fromstring("".join(_state_texts("initialState", task.ego.motion, range(1), 0)))
@@ -379,6 +379,7 @@ def _write_planning_problem(root: etree._Element, problem_id: int, task: Plannin
     orientation = _add(goal, "orientation")
     for tag, margin in (("intervalStart", -HEADING_MARGIN_RAD), ("intervalEnd", HEADING_MARGIN_RAD)):
         _add(orientation, tag, f"{task.heading_rad + margin:.{DECIMALS}f}")
+    return element
 
 
 def first_yaw_rate_radps(motion: Motion) -> float:

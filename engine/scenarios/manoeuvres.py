@@ -47,7 +47,8 @@ in the ego's (chosen)."""
 LINE_END_M = 0.5
 """Points that project this close to an end of the line may lie beyond it, so they are left out (chosen)."""
 JOINS_WITHIN = 4
-"""A vehicle that merges reaches the ego's way over at most so many lanelets; they are short inside junctions."""
+"""A vehicle that merges reaches the ego's way, or the end of its lane beside that, over at most so many lanelets; they
+are short inside junctions."""
 APPROACH_M = 25.0
 """A turning ego still has the heading of its approach this far before the lane that it crosses (chosen)."""
 
@@ -257,7 +258,8 @@ def _changes(network: "LaneletNetwork", graph: LaneletGraph, ego: _Ego, seen: _S
         other = lanelets_at(network, seen.positions[before if comes_in else after])
         is_next_lane = bool(graph.beside(other) & ego.lanelets) if other else True
         if comes_in:
-            merges = not is_next_lane and _joins(graph, other, ego.lanelets)
+            joins = not is_next_lane and _joins(graph, other, ego.lanelets)
+            merges = joins or _must_change_lane(graph, other, ego.lanelets)
             found.setdefault("merging" if merges else "cut_in", at)
         elif is_next_lane:
             found.setdefault("cut_out", at)
@@ -272,6 +274,23 @@ def _joins(graph: LaneletGraph, lanelets: Sequence[int], onto: frozenset[int]) -
         if reached & onto:
             return True
     return False
+
+
+def _must_change_lane(graph: LaneletGraph, lanelets: Sequence[int], onto: frozenset[int]) -> bool:
+    """Return whether lanelets lead only to ends of lanes beside a way, as an acceleration lane does.
+
+    A lane ends if one beside it goes on; where the file ends, none of them does.
+    """
+
+    def ends(key: int, within: int) -> bool:
+        after = graph.successors[key]
+        if after:
+            return within > 0 and all(ends(one, within - 1) for one in after)
+        row = graph.beside((key,)) - {key}
+        return bool(row & onto) and any(graph.successors[one] for one in row)
+
+    others = [key for key in lanelets if key not in onto]
+    return bool(others) and all(ends(key, JOINS_WITHIN) for key in others)
 
 
 def _braking(ego: _Ego, seen: _Seen, look_s: float) -> dict[str, int]:

@@ -291,10 +291,13 @@ class Judge:
             rows = {key for one in way for key in self._row(one)}
             is_next = [key in rows for key in from_]
             joins = [self._leads_to(key, way) for key in from_]
+            ending = [self._runs_out(key) for key in from_]
             if comes_in:
-                if from_ and all(is_next):
+                if from_ and all(ending):
+                    yield "merging", answer
+                elif from_ and all(is_next) and not any(ending):
                     yield "cut_in", answer
-                elif from_ and not any(is_next) and all(joins):
+                elif from_ and not any(is_next) and all(joins) and not any(ending):
                     yield "merging", answer
                 else:
                     yield "cut_in", Answer.OPEN
@@ -312,6 +315,18 @@ class Judge:
                     row.add(other)
                     waiting.append(other)
         return row
+
+    def _runs_out(self, key: int) -> bool:
+        """Return whether a lane comes to its end within five lanelets while a lane next to it goes on."""
+        here = [key]
+        for _ in range(5):
+            stuck = [one for one in here if not self._lanelets[one].successors]
+            if stuck:
+                rows = [self._row(one) - {one} for one in here]
+                goes_on = [any(self._lanelets[other].successors for other in row) for row in rows]
+                return len(stuck) == len(here) and all(goes_on)
+            here = [one for old in here for one in self._lanelets[old].successors if one in self._lanelets]
+        return False
 
     def _leads_to(self, key: int, way: set[int]) -> bool:
         reached = {key}

@@ -101,7 +101,7 @@ def _density(density: DensityFacts) -> str:
 
 
 def verdicts(checks: Checks) -> tuple[list[str], list[str]]:
-    """The checks that a scenario passed, and those that it failed, in words."""
+    """The checks that a scenario passed, and those that it failed, in words. One that was not made is in neither."""
     by_name = {
         "schema-valid": checks.schema_valid,
         "goal reachable": checks.goal_reachable,
@@ -110,7 +110,7 @@ def verdicts(checks: Checks) -> tuple[list[str], list[str]]:
         "recorded ego free of collisions": checks.recorded_ego_collision_free,
         "no error in the road network": not checks.network_errors,
     }
-    return [name for name, good in by_name.items() if good], [name for name, good in by_name.items() if not good]
+    return [name for name, good in by_name.items() if good], [name for name, good in by_name.items() if good is False]
 
 
 def kept_report(artifact: Artifact, call: ToolCall) -> GeneratedScenario | None:

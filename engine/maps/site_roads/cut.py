@@ -87,7 +87,7 @@ def cut_map(
         way_id = piece.way.way_id if piece.way.way_id not in used else next(new_ways)
         (whole.discard if piece.way.way_id in used else whole.add)(piece.way.way_id)
         used.add(piece.way.way_id)
-        # netconvert draws a road against its nodes beside them, and one along them on them.
+        # netconvert offsets a road that runs against its nodes, but centres one that follows them.
         is_against = reader is not None and tags.get("oneway") == "-1"
         references = [("nd", {"ref": str(node.node_id)}) for node in piece.nodes[:: -1 if is_against else 1]]
         append_object(root, "way", way_id, _turned(tags) if is_against else tags, parts=references)

@@ -98,6 +98,23 @@ def crossroads(*vehicles: Vehicle, goal: tuple[float, float] = (108.0, 80.0)) ->
     return ScenarioBuilder(lanes, vehicles, problems=(Problem(start=start, goal=(*goal, 8.0, 3.0)),))
 
 
+@pytest.mark.parametrize(("ends_at_m", "name"), [(150.0, "merging"), (300.0, "cut_in")])
+def test_a_change_out_of_a_lane_that_ends_is_merging(ends_at_m: float, name: str, tmp_path: Path) -> None:
+    """Lane 2 beside the ego's lane 1 ends first, as an acceleration lane does, or where the file ends."""
+    goes_on = ends_at_m < 300.0
+    lanes = [
+        Lane(1, line((0, 0), (ends_at_m, 0)), successors=(11,) if goes_on else (), right=(2, True)),
+        Lane(2, line((60, -3.5), (ends_at_m, -3.5)), predecessors=(3,), left=(1, True)),
+        Lane(3, line((0, -30), (60, -3.5)), successors=(2,)),
+    ]
+    if goes_on:
+        lanes.append(Lane(11, line((ends_at_m, 0), (300, 0)), predecessors=(1,)))
+    problems = (Problem(start=(40.0, 0.0, 0.0, 10.0), goal=(250.0, 0.0, 8.0, 3.0)),)
+    changing = moved(65.0, constant(10.0), shift(-3.5, 0.0))
+    facts = facts_of(ScenarioBuilder(tuple(lanes), (changing,), problems=problems), tmp_path)
+    assert DONE & set(facts.features) == {name}
+
+
 def test_a_left_turn_across_oncoming_lanes_without_a_light_is_unprotected(tmp_path: Path) -> None:
     features = facts_of(crossroads(), tmp_path).features
     assert {"ego_turns_left", "unprotected_left"} <= set(features)
