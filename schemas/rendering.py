@@ -27,13 +27,13 @@ PictureKind = Literal[
 
 
 class RenderArguments(Arguments):
-    """Picture, animation or chart of scenarios, runs or batches; two ids: side by side."""
+    """Picture, animation or chart; two ids: side by side."""
 
     ids: list[str] = Field(["latest"], min_length=1, max_length=200, description="scenario, run or batch ids")
     kind: PictureKind = "auto"
     """What is drawn; `auto`: the outcomes of runs on several scenarios, else a picture."""
-    time_s: float | None = Field(None, ge=0, description="moment of a picture; default: the start, or a run's end")
-    focus: int | None = Field(None, ge=0, description="id of the road user in a picture's middle; default: the ego")
+    time_s: float | None = Field(None, ge=0, description="default: start or a run's end")
+    focus: int | None = Field(None, description="vehicle to centre on")
 
 
 class RenderRequest(Model):

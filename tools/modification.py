@@ -31,7 +31,7 @@ logger = logging.getLogger(__name__)
 _TOOL = "modify_scenario"
 _MOST_TRIED = 4
 """Proposals of a refusal that are tried; chosen."""
-_TRYING_S = 10.0
+TRYING_S = 10.0
 """Time for all of them together, after which the refusal is told without; chosen to be less than clients wait."""
 _MOST_QUESTIONS = 5
 """Questions of one call; chosen: whoever names more vehicles by unclear words better looks at the scenario first."""
@@ -43,19 +43,19 @@ async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) ->
     try:
         for _ in range(_MOST_QUESTIONS):
             try:
-                return await _modified(arguments, call)
+                return await modified_once(arguments, call)
             except NotPossible as refusal:
-                meant = await _with_vehicle_meant(refusal, arguments, call)
+                meant = await with_vehicle_meant(refusal, arguments, call)
                 if meant is None:
                     raise
                 arguments = meant
-        return await _modified(arguments, call)
+        return await modified_once(arguments, call)
     except InvalidRequest as refusal:
         if arguments is not given:
             refusal.remedies = tuple(_with_edits(arguments, remedy) for remedy in refusal.remedies)
         looks = tuple(remedy for remedy in refusal.remedies if remedy.tool)
         proposed, refusal.remedies = refusal.remedies, looks
-        with anyio.move_on_after(_TRYING_S):
+        with anyio.move_on_after(TRYING_S):
             refusal.remedies = (*await _that_help(proposed, given, call), *looks)
         raise
 
@@ -77,7 +77,7 @@ async def _that_help(proposed: Sequence[Remedy], given: ModifyScenarioArguments,
             continue
         try:
             tried = ModifyScenarioArguments.model_validate(following.arguments)
-            await _modified(tried.model_copy(update={"dry_run": True}), call)
+            await modified_once(tried.model_copy(update={"dry_run": True}), call)
         except UnexpectedFailure as defect:
             logger.error("incident %s:\n%s", defect.incident, defect.details)  # noqa: TRY400 - it holds the traceback
         except (PlannerForgeError, ValidationError):
@@ -87,7 +87,7 @@ async def _that_help(proposed: Sequence[Remedy], given: ModifyScenarioArguments,
     return []
 
 
-async def _with_vehicle_meant(
+async def with_vehicle_meant(
     refusal: NotPossible, arguments: ModifyScenarioArguments, call: ToolCall
 ) -> ModifyScenarioArguments | None:
     """The arguments with the id of the vehicle that the person chooses; None where nothing was chosen or asked."""
@@ -118,7 +118,7 @@ def _reads_as(text: str, selector: str) -> bool:
         return False
 
 
-async def _modified(arguments: ModifyScenarioArguments, call: ToolCall) -> ModifyScenarioResult:
+async def modified_once(arguments: ModifyScenarioArguments, call: ToolCall) -> ModifyScenarioResult:
     """The edited scenario; one that was edited before is made anew from its base with all edits, old and new."""
     open_catalogue(call.workspace, with_starter=call.services.with_starter)
     given, named_problem = one_scenario(arguments.scenario_id, call)

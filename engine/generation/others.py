@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 MOST_PAIRS = 10_000
 """Pairs of an ego and another road user that are looked at in one draw of traffic, the egos nearest to the site first
-(chosen): all egos of usual traffic, about 50 of 200 vehicles. A pair takes about a millisecond, so five draws take nearly
-a minute."""
+(chosen): all egos of usual traffic, about 50 of 200 vehicles. A pair takes about a millisecond, so five draws take
+nearly a minute."""
 MOST_TRIES = 12
 """Lists of edits that are tried for one request, all draws of traffic together (chosen): in dense traffic each takes up
 to 3.5 s."""

@@ -124,7 +124,7 @@ async def test_a_defect_while_a_proposal_is_tried_is_logged_and_the_refusal_told
         tried.append(arguments.seed)
         raise UnexpectedFailure("an edit", "the details")
 
-    monkeypatch.setattr(modification, "_modified", edit)
+    monkeypatch.setattr(modification, "modified_once", edit)
     with caplog.at_level(logging.ERROR):
         text, _ = await refused(client, "modify_scenario", {"scenario_id": SCENARIO, "edits": [SLOWER]})
     assert text.startswith("[invalid_request] too fast")
@@ -139,8 +139,8 @@ async def test_proposals_that_take_too_long_are_not_made(client: Client, monkeyp
         await call.progress(0.5)
         pytest.fail("the time was over before")
 
-    monkeypatch.setattr(modification, "_modified", edit)
-    monkeypatch.setattr(modification, "_TRYING_S", 0.0)
+    monkeypatch.setattr(modification, "modified_once", edit)
+    monkeypatch.setattr(modification, "TRYING_S", 0.0)
     text, call = await refused(client, "modify_scenario", {"scenario_id": SCENARIO, "edits": [SLOWER]})
     assert text.startswith("[invalid_request] too fast")
     assert call is not None
@@ -160,8 +160,8 @@ async def test_a_chosen_vehicle_stands_in_the_call_that_is_proposed(
             return None
         raise NotPossible("too fast", remedies=[with_values(speed="4m/s").at(("edits", 0))])
 
-    monkeypatch.setattr(modification, "_modified", edit)
-    monkeypatch.setattr(modification, "_with_vehicle_meant", chosen)
+    monkeypatch.setattr(modification, "modified_once", edit)
+    monkeypatch.setattr(modification, "with_vehicle_meant", chosen)
     unclear = {"op": "set_speed", "vehicles": ["one:car"], "speed": "5m/s"}
     _, call = await refused(client, "modify_scenario", {"scenario_id": SCENARIO, "edits": [unclear]})
     assert call is not None
