@@ -117,7 +117,7 @@ class Group(Model):
     )
     valid_count: int = Field(0, description="its runs that could be attempted")
     metrics: "tuple[MetricSummary, ...]" = Field((), description="of a configuration: metrics over its valid runs")
-    causes: "CollisionCauses | None" = Field(None, description="of a configuration: who hit whom")
+    causes: "CollisionCauses | None" = Field(None, description="of a configuration: how collisions came about")
     trivial: "TrivialGoals | None" = Field(None, description="of a configuration: goals that asked for no driving")
     beyond_vehicle: "BeyondVehicle | None" = Field(None, description="of a configuration: runs beyond the vehicle")
 
@@ -482,7 +482,7 @@ class AnalyzeResultsResult(Result):
     review: RunReview | None = None
     measures: tuple[MeasuredValue, ...] = Field((), description="of a single run, detail=measures")
     spreads: tuple[MeasureSpread, ...] = Field((), description="of several runs, detail=measures")
-    causes: CollisionCauses | None = Field(None, description="who hit whom; null without collisions")
+    causes: CollisionCauses | None = Field(None, description="how collisions came about; null without collisions")
     trivial: TrivialGoals | None = Field(None, description="goals that asked for no driving; null where there are none")
     beyond_vehicle: BeyondVehicle | None = Field(
         None, description="runs beyond the limits of the vehicle; null where there are none"

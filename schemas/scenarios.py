@@ -221,7 +221,7 @@ class DescribeScenarioArguments(Arguments):
     scenario_id: str = "latest"
     """The scenario."""
     detail: Detail = "brief"
-    """What is told beside the brief description."""
+    """What is told in addition to the brief description."""
     focus: str | None = Field(None, description="ego, vehicle selector or lanelet id: the centre of what is listed")
     radius_m: float = Field(80, ge=0.1, le=2000)
     """How far around the focus is listed, in m."""
@@ -447,7 +447,7 @@ class DescribeScenarioResult(Result):
     scenario_id: str
     origin: Origin = Field(description="where it comes from")
     place: str = Field(description="the town or region; empty where it is not known")
-    detail: Detail = Field("brief", description="what is told beside the summary")
+    detail: Detail = Field("brief", description="what is told in addition to the summary")
     tags: tuple[str, ...] = Field(description="tags that it has")
     features: tuple[str, ...] = Field(description="features that its geometry shows")
     step_s: float = Field(description="length of a time step")
@@ -455,7 +455,7 @@ class DescribeScenarioResult(Result):
     counts: dict[str, int] = Field(description="road users by type")
     signs: tuple[str, ...] = Field(description="traffic signs, with their values")
     description: Description = Field(description="what its file shows around the focus")
-    other_problems: tuple[int, ...] = Field((), description="planning problems beside this one: ID#problem names one")
+    other_problems: tuple[int, ...] = Field((), description="other planning problems of the file: ID#problem names one")
     generation: DescribedGeneration | None = Field(None, description="how it was generated; null where it was not")
     recipe: dict[str, JsonValue] | None = Field(
         None, description="what makes it again; null where it was not asked for"

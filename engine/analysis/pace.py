@@ -27,6 +27,7 @@ from .run_set import RunSet, ego_track, tracks_in
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet
     from commonroad.scenario.traffic_light import TrafficLight
+    from shapely import LineString
 
 STANDING_MPS = 0.1
 """As in CommonRoad's own monitor of traffic rules: a slower vehicle counts as standing."""
@@ -190,8 +191,20 @@ class _InWay:
 
     track: Track
     inside: NDArray[np.bool_]
-    station_m: Values
-    along: NDArray[np.bool_]
+    course: _Course
+
+    def drives_along(self, index: int) -> bool:
+        """Return whether it drives in the ego's way, along it, at a step."""
+        return bool(self.inside[index] and self.course.along[index])
+
+
+@dataclass(frozen=True)
+class _Way:
+    """A line with the station of each of its points, and the heading of each of its segments."""
+
+    line: "LineString"
+    stations_m: Values
+    headings_rad: Values
 
 
 class _Pace:
@@ -479,14 +492,14 @@ class _Pace:
         shift = track.first_step - self._ego.first_step
         first, last = max(shift, 0), min(shift + len(track.positions), self._looked_at)
         station, along = np.full(self._looked_at, np.nan), np.zeros(self._looked_at, dtype=bool)
-        points, begins_m = self._way_from_behind
-        if first < last and len(points) > 1:
+        way = self._way_from_behind
+        if first < last and way is not None:
             theirs = slice(first - shift, last - shift)
-            located = shapely.line_locate_point(shapely.LineString(points), shapely.points(track.positions[theirs]))
-            directions, stations = headings(points), arc_length(points)
-            segment = np.clip(np.searchsorted(stations, located, side="right") - 1, 0, len(directions) - 1)
-            turned = wrap_angles(track.headings_rad[theirs] - directions[segment])
-            station[first:last], along[first:last] = located + begins_m, np.abs(turned) < SAME_DIRECTION_RAD
+            located = shapely.line_locate_point(way.line, shapely.points(track.positions[theirs])) + way.stations_m[0]
+            segment = np.searchsorted(way.stations_m, located, side="right") - 1
+            segment = np.clip(segment, 0, len(way.headings_rad) - 1)
+            turned = wrap_angles(track.headings_rad[theirs] - way.headings_rad[segment])
+            station[first:last], along[first:last] = located, np.abs(turned) < SAME_DIRECTION_RAD
         return _Course(station, along)
 
     @cached_property
@@ -495,17 +508,25 @@ class _Pace:
         return self._ego.last_step + round(CRITICAL_HEADWAY_S / self._step_s) - self._ego.first_step + 1
 
     @cached_property
-    def _way_from_behind(self) -> tuple[Points, float]:
-        """The ego's way with the route behind its beginning, where followers drive; and the first point's station."""
+    def _way_from_behind(self) -> _Way | None:
+        """The ego's way with the route behind its beginning, where followers drive; None for an ego without a way."""
+        import shapely
+
+        behind = self._route_behind
+        points = np.concatenate([behind, self._way])
+        if len(points) < 2:
+            return None
+        stations = arc_length(points)
+        return _Way(shapely.LineString(points), stations - stations[len(behind)], headings(points))
+
+    @property
+    def _route_behind(self) -> Points:
+        """The points of the route behind the ego's start; none if the ego started off its route."""
         if self._reference is None:
-            return self._way, 0.0
+            return self._way[:0]
         path = self._reference.points
         start_m, offset_m = self._reference.follower().place(self._ego.positions[0])
-        behind = path[arc_length(path) < start_m - _APART_M]
-        if not len(behind) or abs(offset_m) > _ONTO_M:
-            return self._way, 0.0
-        points = np.concatenate([behind, self._way])
-        return points, -float(arc_length(points)[len(behind)])
+        return path[arc_length(path) < start_m - _APART_M] if abs(offset_m) <= _ONTO_M else path[:0]
 
     @cached_property
     def _in_way(self) -> list[_InWay]:
@@ -534,8 +555,7 @@ class _Pace:
             place = at + track.first_step - self._ego.first_step
             inside[place] = shapely.distance(line, shapely.polygons(corners)) <= reach
             if inside.any():
-                course = self._course(track.obstacle_id)
-                found.append(_InWay(track, inside, course.station_m, course.along))
+                found.append(_InWay(track, inside, self._course(track.obstacle_id)))
         return found
 
     def _who_crosses(self, index: int) -> int | None:
@@ -547,9 +567,9 @@ class _Pace:
                 continue
             later = np.arange(index, min(until, len(other.inside) - 1) + 1)
             since_s = (later - index) * self._step_s
-            ahead = other.station_m[later] + other.track.length_m / 2 - front
+            ahead = other.course.station_m[later] + other.track.length_m / 2 - front
             near = (ahead > 0) & (ahead <= QUEUE_GAP_M + other.track.length_m + STARTING_MPS2 / 2 * since_s**2)
-            came = other.inside[later] & ~(other.inside[index] & other.along[index])
+            came = other.inside[later] & (not other.drives_along(index))
             if bool((near & came).any()):
                 return other.track.obstacle_id
         return None
@@ -560,10 +580,10 @@ class _Pace:
         until = index + round(CRITICAL_HEADWAY_S / self._step_s)
         best: _Cause | None = None
         for other in self._in_way:
-            if (other.inside[index] and other.along[index]) or self._is_behind(other.track.obstacle_id, index):
+            if other.drives_along(index) or self._is_behind(other.track.obstacle_id, index):
                 continue  # one ahead is looked at as such, and one behind is no reason to brake
             later = np.arange(index, min(until, len(other.inside) - 1) + 1)
-            away = other.station_m[later] - here
+            away = other.course.station_m[later] - here
             arrives_s = (away - self._ego.length_m / 2) / speed
             meets = other.inside[later] & (away > 0) & (np.abs(arrives_s - (later - index) * self._step_s) <= CLOSE_S)
             if not meets.any():

@@ -150,7 +150,8 @@ def _any_of(argument: str, with_circumstances: bool, text: str) -> Constraint:
     parts = text.strip().removeprefix("!").split("|")
     if len(parts) == 1:
         return _taken(argument, with_circumstances, text)
-    if text.strip().startswith("!") and any(part.strip().startswith("!") for part in parts):
+    negated = text.strip().startswith("!")
+    if negated and any(part.strip().startswith("!") for part in parts):
         words = "|".join(part.strip().removeprefix("!") for part in parts)
         raise InvalidRequest(
             f"{quoted(text)} denies twice: a leading ! holds for all conditions between |",
@@ -161,7 +162,6 @@ def _any_of(argument: str, with_circumstances: bool, text: str) -> Constraint:
     # What a negated condition selects are the scenarios that do not hold it.
     every = "SELECT number FROM catalog_scenarios"
     queries = [f"{every} WHERE number NOT IN ({one.query})" if one.negated else one.query for one in read]
-    negated = text.strip().startswith("!")
     return Constraint(
         read[0].stage,
         read[0].subject,

@@ -177,7 +177,7 @@ def _driven_motion(start: Track, index: int, onward: Points, step_s: float) -> M
 
 
 def _most_drivable(motions: Iterable[Motion], step_s: float, chassis: VehicleClass) -> Motion:
-    """Return the first motion that can be driven, or the one of which most can; motions after it are not made."""
+    """Return the first motion that can be driven, or the most drivable one; motions after the first are not made."""
     best: Motion | None = None
     most = -1.0
     for motion in motions:

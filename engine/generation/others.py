@@ -115,7 +115,7 @@ class WantedManoeuvre:
 
 @dataclass(frozen=True)
 class FoundManoeuvre:
-    """The manoeuvre in a written file: who makes it, of which class, and at which step; ``edits`` made it, if any."""
+    """The manoeuvre in a written file: who makes it, the class, and the step; ``edits`` made it, if any."""
 
     name: str
     obstacle_id: int
@@ -236,7 +236,7 @@ def scripted(
         folder: where files are written.
         seed: of the simulation that drives what the edits touch.
         numbers: of the tries that the request still has; each list of edits takes one.
-        needed: classes of which no vehicle may be replaced, because the request asks for all that there are.
+        needed: classes that must keep all their vehicles, because the request asks for that many.
     """
     recorded = kept_recording(path, keep=False)
     same = found_in(path, wanted.of_any_class, classes) if wanted.vehicle_class is not None else None

@@ -47,8 +47,8 @@ in the ego's (chosen)."""
 LINE_END_M = 0.5
 """Points that project this close to an end of the line may lie beyond it, so they are left out (chosen)."""
 JOINS_WITHIN = 4
-"""A vehicle that merges reaches the ego's way, or the end of its lane beside that, over at most so many lanelets; they
-are short inside junctions."""
+"""A vehicle that merges reaches the ego's way, or the end of its own lane next to it, over at most this many lanelets;
+they are short inside junctions."""
 APPROACH_M = 25.0
 """A turning ego still has the heading of its approach this far before the lane that it crosses (chosen)."""
 
@@ -277,9 +277,9 @@ def _joins(graph: LaneletGraph, lanelets: Sequence[int], onto: frozenset[int]) -
 
 
 def _must_change_lane(graph: LaneletGraph, lanelets: Sequence[int], onto: frozenset[int]) -> bool:
-    """Return whether lanelets lead only to ends of lanes beside a way, as an acceleration lane does.
+    """Return whether lanelets lead only to lanes that end next to a way, as an acceleration lane does.
 
-    A lane ends if one beside it goes on; where the file ends, none of them does.
+    A lane ends if the next lane goes on. At the end of the file all lanes stop, and no lane ends.
     """
 
     def ends(key: int, within: int) -> bool:

@@ -47,7 +47,7 @@ HALVES = 9
 BEGUN = 0.6
 """Share of the letters of a name that are typed when it is half typed (chosen)."""
 _SHORTEST_BEGUN = 10
-"""Letters of a name of which the beginning says more than its kind (chosen)."""
+"""The beginning of a name with at least this many letters says more than a kind of road (chosen)."""
 _CLOSED = ("access", "vehicle", "motor_vehicle", "motorcar")
 """Tags of a road; where one says ``no`` or ``private``, the road is part of no map for cars."""
 _DRIVEN = re.compile(r"(motorway|trunk|primary|secondary|tertiary)(_link)?|unclassified|residential|living_street")

@@ -43,7 +43,7 @@ def _meant(value: object) -> object:
 
 
 UnlistedMetric = Annotated[MetricName, BeforeValidator(_meant), WithJsonSchema({"type": "string"})]
-"""A metric whose name the schema leaves out, to stay small; a refusal lists them all.
+"""A metric. The schema leaves the names out, to stay small; a refusal lists them all.
 
 Taken is every name of it that an answer, a table or a legend prints.
 """

@@ -136,7 +136,7 @@ class Faults:
         return bool(self._found)
 
     def collecting(self, where: str = "", place: Place = ()) -> "_Collecting":
-        """A block whose refusal is kept for later.
+        """A block; if it is refused, the refusal is kept for later.
 
         Args:
             where: stands before its message.

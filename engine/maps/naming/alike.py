@@ -56,7 +56,7 @@ def is_abbreviated(typed: str, name: str) -> bool:
     """Whether a name's words stand in what was typed, some of them shortened (``V. del Corso``: ``Via del Corso``).
 
     A shortened word has the first letter of the whole one and some of the letters after it, in their order. It is
-    written with a point, or it stands beside a word that tells the name from others.
+    written with a point, or another word of the name tells it from others.
     """
     words, held = _told(typed), _told(name)
     if len(words) != len(held) or words == held:

@@ -1,4 +1,4 @@
-"""States and provinces that people name beside a city (``Seattle, WA``), and which of them a position lies in.
+"""States and provinces that people name after a city (``Seattle, WA``), and which of them a position lies in.
 
 Their names are those of the CLDR, of ISO 3166-2 and of GeoNames (``scripts/make_regions.py``). Where they lie is told
 by the towns of GeoNames: a position lies in the state of the town that is nearest to it.

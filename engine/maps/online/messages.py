@@ -42,34 +42,34 @@ class _Member(TypedDict):
     role: NotRequired[_Tag]
 
 
-class _Node(TypedDict):
+class _Element(TypedDict):
+    """What all elements have; ``center`` is there if only the middle of a way or relation was asked for."""
+
+    id: _Id
+    tags: NotRequired[dict[_Tag, _Tag]]
+    center: NotRequired[_Centre]
+
+
+class _Node(_Element):
     """A node, at a position in degrees."""
 
     type: Literal["node"]
-    id: _Id
     lat: _Latitude
     lon: _Longitude
-    tags: NotRequired[dict[_Tag, _Tag]]
 
 
-class _Way(TypedDict):
-    """A way: its nodes in order, or only its middle if that was asked for."""
+class _Way(_Element):
+    """A way: its nodes in order."""
 
     type: Literal["way"]
-    id: _Id
     nodes: NotRequired[list[_Id]]
-    center: NotRequired[_Centre]
-    tags: NotRequired[dict[_Tag, _Tag]]
 
 
-class _Relation(TypedDict):
-    """A relation: its members in order, or only its middle if that was asked for."""
+class _Relation(_Element):
+    """A relation: its members in order."""
 
     type: Literal["relation"]
-    id: _Id
     members: NotRequired[list[_Member]]
-    center: NotRequired[_Centre]
-    tags: NotRequired[dict[_Tag, _Tag]]
 
 
 class _Origin(TypedDict):

@@ -80,7 +80,7 @@ class Answered(Generic[_Read]):
 
 @dataclass(frozen=True)
 class _Question(Generic[_Read]):
-    """What is asked, of which kind of service, at which addresses.
+    """A question to services of one kind, at their addresses.
 
     ``ask``: asks the service at an address. ``read``: reads its answer or raises ``NotReadable``. ``holds``: whether an
     answer holds something.

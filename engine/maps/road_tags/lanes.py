@@ -123,7 +123,7 @@ def _side(tags: Tags, direction: Direction, oneway: int) -> Side:
 
 
 def _is_placed(tags: Tags, oneway: int, count: int) -> bool:
-    """Whether netconvert draws the lanes beside the nodes as ``placement`` says: it does so on roads in one direction.
+    """Return whether netconvert draws the lanes where ``placement`` says; it does so on one-way roads.
 
     ``right_of:1`` is the right edge of the leftmost lane (https://wiki.openstreetmap.org/wiki/Key:placement).
     """

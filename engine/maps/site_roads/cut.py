@@ -97,7 +97,7 @@ def cut_map(
 
 
 def _turned(tags: Mapping[str, str]) -> dict[str, str]:
-    """The tags of a road whose nodes are written the other way round."""
+    """Return the tags of a road after its nodes were written the other way round."""
     swapped = {"forward": "backward", "backward": "forward", "left": "right", "right": "left"}
 
     def word(text: str) -> str:

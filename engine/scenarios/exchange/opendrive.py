@@ -1,7 +1,7 @@
 """Lanelets as OpenDRIVE 1.7 (ASAM): a road for the lanelets side by side, all of its lanes to the right.
 
 Every road runs one way, along its reference line; ``road_plan`` says how roads are joined. The same lanelets give the
-same bytes. Each lane names its lanelet in ``userData``; those of bridges and connectors name the lanelet beside them.
+same bytes. Each lane names its lanelet in ``userData``; lanes of bridges and connectors name the lanelet next to them.
 """
 
 import re

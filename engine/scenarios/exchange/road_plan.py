@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
 
 SAME_M = 0.02
-"""Neighbours whose common bound differs by more, or that do not begin and end level by it, are roads of their own."""
+"""Neighbours are roads of their own if their common bound differs by more, or if they do not begin and end level."""
 
 
 @dataclass(frozen=True, order=True)
@@ -53,7 +53,7 @@ class Joint:
 
 @dataclass(frozen=True)
 class RoadPlan:
-    """Which lanelets are which lanes of which road, and how the roads hang together.
+    """The roads that a lanelet network becomes: their lanes, and how they join.
 
     ``roads``: road → lanelets from left to right, its id is that of the first; ``strips``: their shapes; ``following``:
     lanelet → those that follow it, drawn ones only; ``left_out``: lanelets without an area; ``apart``: links

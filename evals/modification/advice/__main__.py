@@ -25,7 +25,7 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=37)
     parser.add_argument("--refusals", type=int, default=240, help="how many are drawn")
     parser.add_argument("--tools", nargs="*", default=None, help="only refusals of these tools")
-    parser.add_argument("--kinds", nargs="*", default=None, help="only kinds whose names hold one of these")
+    parser.add_argument("--kinds", nargs="*", default=None, help="only kinds that have one of these in their names")
     given = parser.parse_args()
     folder = existing(given.folder)
     figures = anyio.run(measure_advice, folder, given.half, given.seed, given.refusals, given.tools, given.kinds)

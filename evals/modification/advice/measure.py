@@ -41,7 +41,7 @@ async def measure_advice(
         seed: of the draw.
         refusals: how many are drawn.
         tools: only these; all if it is None.
-        kinds: only kinds of faults whose names hold one of these; all if it is None.
+        kinds: only kinds of faults that have one of these in their names; all if it is None.
     """
     rng = random.Random(seed)  # noqa: S311 - a draw, no secret
     paths = sorted(path for path in folder.rglob("*.xml") if half == "both" or _half_of(path) == half)

@@ -100,7 +100,7 @@ def crossroads(*vehicles: Vehicle, goal: tuple[float, float] = (108.0, 80.0)) ->
 
 @pytest.mark.parametrize(("ends_at_m", "name"), [(150.0, "merging"), (300.0, "cut_in")])
 def test_a_change_out_of_a_lane_that_ends_is_merging(ends_at_m: float, name: str, tmp_path: Path) -> None:
-    """Lane 2 beside the ego's lane 1 ends first, as an acceleration lane does, or where the file ends."""
+    """Lane 2 next to the ego's lane 1 ends first, as an acceleration lane does, or where the file ends."""
     goes_on = ends_at_m < 300.0
     lanes = [
         Lane(1, line((0, 0), (ends_at_m, 0)), successors=(11,) if goes_on else (), right=(2, True)),
