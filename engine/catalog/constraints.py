@@ -157,6 +157,7 @@ def _any_of(argument: str, with_circumstances: bool, text: str) -> Constraint:
             f"{quoted(text)} denies twice: a leading ! holds for all conditions between |",
             valid=[f"!{words}"],
             next_step="name the conditions after one !, or one entry for each",
+            given=text,
         )
     read = [_taken(argument, with_circumstances, part.strip()) for part in parts]
     # What a negated condition selects are the scenarios that do not hold it.

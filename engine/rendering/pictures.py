@@ -141,12 +141,14 @@ def _focus(content: ScenarioContent, step: int, focus_id: int | None) -> int | N
             f"{content.scenario_id} holds no road user {focus_id}",
             valid=[str(key) for key in there],
             next_step="choose one of these, or leave focus out to see the ego",
+            remedies=[with_values(focus=key) for key in list(there)[:1]],
         )
     first_s, last_s = (step * content.step_s for step in (track.first_step, track.last_step))
     raise InvalidRequest(
         f"{track.kind} {focus_id} is in {content.scenario_id} from {first_s:.1f} to {last_s:.1f} s",
         valid=[f"time_s={first_s:.1f}", f"time_s={last_s:.1f}"],
         next_step="choose a time_s at which it is there",
+        remedies=[with_values(time_s=round(first_s, 3))],
     )
 
 
@@ -160,5 +162,6 @@ def _step(content: ScenarioContent, paths: tuple[DrivenPath, ...], time_s: float
         raise InvalidRequest(
             f"{content.scenario_id} ends at {last * content.step_s:.1f} s; time_s is {time_s:g}",
             valid=[f"0..{last * content.step_s:.1f}"],
+            remedies=[with_values(time_s=round(last * content.step_s, 3))],
         )
     return step
