@@ -24,8 +24,8 @@ from ..engine.planners import programs_named
 from ..engine.workspace import Quota, Workspace, make_private
 from ..schemas.catalog import BuildIndexRequest
 from ..schemas.errors import NotPossible, PlannerForgeError, as_told
-from ..tools.call import INDEX_FOLDER, Services
 from ..tools.registry import TOOLS, ToolSpec, only_reading
+from ..workflows.context import INDEX_FOLDER, Services
 from .application import MOST_CALLS, OnEnd, PlannerForgeServer
 from .observing.journal import JOURNAL, Journal
 from .observing.logs import log_call, log_to_stderr
@@ -201,7 +201,7 @@ async def warm_up(
     """
     await anyio.sleep(delay_s)
     await threads.run(_import_tools)
-    from ..tools.operations import BUILD_INDEX  # its models are not needed before the first answers
+    from ..workflows.operations import BUILD_INDEX  # its models are not needed before the first answers
 
     await workers.warm_up("compute")
     await workers.warm_up("retrieval")
