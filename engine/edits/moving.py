@@ -17,6 +17,7 @@ from ..cosimulation import (
     Manoeuvre,
     Replay,
     joined_track,
+    line_from,
     not_drivable,
     recorded_plan,
     resized,
@@ -33,7 +34,7 @@ from .entries import OccupiedPlaces
 from .placement import Place, first_place
 from .population import check_allowed, class_named
 from .references import select, select_one, target_lanelets
-from .scripted import achieved, line_from, motion_of
+from .scripted import achieved, motion_of
 
 _BARRIER_M, _BESIDE_BARRIER_M = 1.0, 0.2
 """Length of the barrier that closes a lane, and the room that it leaves on either side (chosen)."""
@@ -152,6 +153,7 @@ def replace_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             0 if before is None else before.shifted_steps,
             is_scripted=before is not None and before.is_scripted,
             from_step=scene.last_step if before is None else before.from_step,
+            script=None if before is None else before.script,
         )
         changes = changes.with_replay(made)
         fastest = float(base.speeds_mps.max(initial=0.0))
