@@ -55,15 +55,15 @@ class EditKind(NamedTuple):
 
 EDITS: Final[dict[EditOperation, EditKind]] = {
     "reroute": EditKind("T", ("vehicles", "to", "via", "turn")),
-    "change_lane": EditKind("T", ("vehicles", "lane", "time_s", "lateral_s", "when")),
-    "set_speed": EditKind("T", ("vehicles", "speed", "time_s", "rate_mps2", "when")),
+    "change_lane": EditKind("T", ("vehicles", "lane", "time_s", "lateral_s", "when", "dodge")),
+    "set_speed": EditKind("T", ("vehicles", "speed", "time_s", "rate_mps2", "when", "dodge")),
     "shift_time": EditKind("T", ("vehicles", "time_s")),
     "set_behaviour": EditKind("B", ("vehicles", "preset", "params")),
     "add_vehicle": EditKind(
         "P",
         (
             *("vehicle_class", "count", "spacing_m", "at", "lane", "offset_m", "position", "speed", "time_s", "to"),
-            *("preset", "params", "gap_s", "side", "when"),
+            *("preset", "params", "gap_s", "side", "when", "dodge"),
         ),
     ),
     "remove_vehicle": EditKind("P", ("vehicles",)),
@@ -71,10 +71,14 @@ EDITS: Final[dict[EditOperation, EditKind]] = {
     "set_ego": EditKind(
         "G", ("vehicles", "vehicle_class", "at", "lane", "offset_m", "position", "speed", "former_ego")
     ),
-    "cut_in": EditKind("T", ("vehicles", "at", "gap_s", "lateral_s", "time_s", "speed")),
-    "swerve": EditKind("T", ("vehicles", "side", "offset_m", "lateral_s", "duration_s", "time_s", "when")),
+    "cut_in": EditKind("T", ("vehicles", "at", "gap_s", "lateral_s", "time_s", "speed", "dodge")),
+    "swerve": EditKind("T", ("vehicles", "side", "offset_m", "lateral_s", "duration_s", "time_s", "when", "dodge")),
     "wrong_way": EditKind(
-        "T", ("vehicles", "time_s", "when", "lateral_s", "vehicle_class", "at", "lane", "offset_m", "position", "speed")
+        "T",
+        (
+            *("vehicles", "time_s", "when", "lateral_s", "vehicle_class", "at", "lane", "offset_m", "position"),
+            *("speed", "dodge"),
+        ),
     ),
     "run_red_light": EditKind("T", ("vehicles", "speed")),
     "move": EditKind("P", ("vehicles", "at", "lane", "offset_m", "position", "gap_s")),
@@ -95,14 +99,14 @@ class Edit(Arguments):
     """What is done; each takes only the arguments that belong to it."""
     vehicles: list[str] = Field(
         default=[],
-        description="ids, all (never the ego), one:truck ('the truck'), class:truck (all of them), nearest:3, "
+        description="ids, all (never the ego), one:truck ('the truck'), class:truck, nearest:3, "
         "farthest, lead, follow, fastest, slowest, standing, leftmost, rightmost, new:0 (added by edit 0); "
         "'!id' excludes",
     )
     to: list[str] = Field(
         default=[], description="lanelet or edge: goal, any end of a reroute, destination when adding; lanelet_of:lead"
     )
-    via: list[str] = Field([], description="reroute through these in order")
+    via: list[str] = Field([], description="reroute through")
     turn: Literal["left", "right", "straight"] | None = Field(None, description="at the next fork")
     preset: str | None = Field(None, description="aggressive, cautious, emergency (urgent), eco, balanced, speeder")
     params: list[str] = Field(
@@ -119,15 +123,15 @@ class Edit(Arguments):
     """Beside `at`, where that is the ego or a vehicle."""
     offset_m: float | None = Field(None, description="from at, between centres along the lane; - behind")
     position: str | None = Field(
-        None,
-        description="on the lanelet: beginning, quarter, middle, three_quarter, final (a goal's default), 0.66, '35m'",
+        None, description="on the lanelet: beginning, quarter, middle, three_quarter, final, 0.66, '35m'"
     )
     speed: str | None = Field(None, description="'30km/h', '8m/s', '+10%'")
     time_s: float | None = Field(None, description="from when on; shift_time: later by, - earlier")
     gap_s: float | None = Field(None, description="time gap bumper to bumper: cut_in; in place of offset_m")
     lateral_s: float | None = Field(None, ge=0.5, description="moving aside takes; prescribed")
     rate_mps2: float | None = Field(None, ge=0.1, description="prescribed acceleration or braking")
-    when: str | None = Field(None, description="trigger: 'ego@LANELET:35m', 'gap<=2s' of the ego; prescribed")
+    when: str | None = Field(None, description="trigger: 'ego@LANELET:35m', 'gap<=2s'; prescribed")
+    dodge: bool | None = Field(None, description="brakes for the ego")
     duration_s: float | None = Field(None, ge=0.1)
     """How long a swerve stays aside, a lane is closed, or a cut-out scenario lasts."""
     side: Literal["left", "right"] | None = Field(None, description="swerve to, pedestrian from, parked at this kerb")

@@ -4,6 +4,8 @@
 ``follows_naming``: whether country and place can be read from a benchmark id by CommonRoad's naming.
 ``derived_benchmark_id``: The base's id with a prediction number made of the recipe's digest (hexadecimal).
 ``prescribed_ids``: Ids of the road users of a file whose motion an edit prescribes.
+``script_texts``: What a file says of the motion of road users that depends on the ego.
+``without_scripts``: Take out what a document says of motions that depend on the ego.
 ``ScenarioDocument``: The XML tree of a scenario file, with what edits replace in it.
 ``schema_errors``: What CommonRoad's own XML schema (2020a) and the naming of benchmarks find wrong with a file.
 ``schema_faults``: What CommonRoad's schema (2020a) finds wrong with a file's tree, with the places in the file.
@@ -48,7 +50,15 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .benchmark_id import derived_benchmark_id, follows_naming, parse_benchmark_id
-    from .document import ScenarioDocument, ego_class_instruction, prescribed_ids, schema_errors, schema_faults
+    from .document import (
+        ScenarioDocument,
+        ego_class_instruction,
+        prescribed_ids,
+        schema_errors,
+        schema_faults,
+        script_texts,
+        without_scripts,
+    )
     from .reader import (
         LoadedScenario,
         RecordedScenario,

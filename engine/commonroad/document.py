@@ -12,11 +12,12 @@ CommonRoad's format has no field for the ego's class of vehicle. A processing in
 holds it: ``<?plannerforge ego-class="truck"?>``. XML provides these for data that concerns one program; the schema does
 not see them, and other readers ignore them. Without it, the ego is a car. commonroad-io's writer, which writes a file
 from its objects, drops it. Likewise ``<?plannerforge prescribed="12 34"?>`` at the beginning of a file names the road
-users whose motion an edit prescribes: they keep it in reactive traffic.
+users whose motion an edit prescribes: they keep it in reactive traffic. ``<?plannerforge script='{"id":12, …}'?>``
+holds what one of them does in reactive traffic if that depends on the ego, as JSON.
 """
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -36,8 +37,12 @@ _ATTRIBUTE = re.compile(rb"\s+([\w.-]+)\s*=\s*(?:\"([^\"<>]*)\"|'([^'<>]*)')")
 _INSTRUCTION = "plannerforge"
 """The target of our processing instruction."""
 _EGO_CLASS = re.compile(r'ego-class="([a-z_]{1,30})"')
-_INSTRUCTION_BYTES = re.compile(rb'<\?plannerforge (?:ego-class="[a-z_]{1,30}"|prescribed="[0-9 ]{0,9999}")\?>')
+_INSTRUCTION_BYTES = re.compile(
+    rb'<\?plannerforge (?:ego-class="[a-z_]{1,30}"|prescribed="[0-9 ]{0,9999}"|script=\'[^\'?<>]{2,4000000}\')\?>'
+)
 _PRESCRIBED = re.compile(rb'<\?plannerforge prescribed="([0-9 ]{0,9999})"\?>')
+_SCRIPT = re.compile(rb"<\?plannerforge script='([^'?<>]{2,4000000})'\?>")
+_SCRIPT_ID = re.compile(r'"id":\s{0,5}(-?\d{1,18})\b')
 _AN_ID = re.compile(rb"id\s*=")
 _PLAIN_ID = re.compile(rb"[^\"'<>&]*")
 _STAND_IN = re.compile(rb"<(?:dynamicObstacle|obstacle) id=\"[^\"]*\" chunk=\"(\d+)\"/>")
@@ -84,10 +89,27 @@ def _instructions(problem: "etree._Element") -> list["etree._ProcessingInstructi
     ]
 
 
+def _that_begin(root: "etree._Element", words: str) -> list["etree._ProcessingInstruction"]:
+    return [one for one in _instructions(root) if (one.text or "").startswith(words)]
+
+
+def without_scripts(root: "etree._Element") -> int:
+    """Take out what a document says of motions that depend on the ego; how many there were."""
+    found = _that_begin(root, "script=")
+    for one in found:
+        root.remove(one)
+    return len(found)
+
+
 def prescribed_ids(path: Path) -> frozenset[int]:
     """Return the ids of the road users of a file whose motion an edit prescribes."""
     found = _PRESCRIBED.search(path.read_bytes())
     return frozenset() if found is None else frozenset(map(int, found[1].split()))
+
+
+def script_texts(path: Path) -> tuple[str, ...]:
+    """Return what a file says of the motion of road users that depends on the ego: a text of JSON for each of them."""
+    return tuple(found[1].decode(errors="replace") for found in _SCRIPT.finditer(path.read_bytes()))
 
 
 @dataclass(frozen=True)
@@ -220,12 +242,24 @@ class ScenarioDocument:
     def set_prescribed(self, ids: Iterable[int]) -> None:
         """Say of road users, besides those of whom the file says so already, that their motion is prescribed."""
         known = set(ids)
-        for old in list(self.root):
-            if isinstance(old, etree._ProcessingInstruction) and old.target == _INSTRUCTION:
-                known |= {int(word) for word in re.findall(r"\d+", old.text or "")}
-                self.root.remove(old)
+        for old in _that_begin(self.root, "prescribed="):
+            known |= {int(word) for word in re.findall(r"\d+", old.text or "")}
+            self.root.remove(old)
         if known:
             made = etree.ProcessingInstruction(_INSTRUCTION, f'prescribed="{" ".join(map(str, sorted(known)))}"')
+            made.tail = self.root.text
+            self.root.insert(0, made)
+
+    def set_scripts(self, texts: Iterable[str], without: Container[int] = ()) -> None:
+        """Keep what road users do depending on the ego, as JSON with their ids, ``without`` what was kept of some."""
+        kept = []
+        for old in _that_begin(self.root, "script="):
+            own = _SCRIPT_ID.search(old.text or "")
+            if own is not None and int(own[1]) not in without:
+                kept.append(old.text or "")
+            self.root.remove(old)
+        for text in reversed([*kept, *(f"script='{text}'" for text in texts)]):
+            made = etree.ProcessingInstruction(_INSTRUCTION, text)
             made.tail = self.root.text
             self.root.insert(0, made)
 

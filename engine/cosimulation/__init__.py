@@ -19,6 +19,11 @@
 ``Act``: Either of them.
 ``scripted_track``: A track as prescribed acts change it.
 ``joined_track``: A track up to a step, and from there on the motion along a given track of the front.
+``beyond``: The path of a road user's centre beyond its track.
+``line_from``: The path from a place along lanelets and then straight on.
+``Script``: What a road user does in reactive traffic, where the ego sets off parts of its motion.
+``ScriptPart``: Acts of a script, with their step or their trigger.
+``Trigger``: What the ego has to do before a part of a script begins.
 ``resized``: The same motion with another body.
 ``smooth_step``: How far aside a vehicle is after shares of the time that it takes.
 ``class_of``: The vehicle class that stands for a CommonRoad obstacle type.
@@ -85,6 +90,7 @@ if TYPE_CHECKING:
         replayed_states,
         resimulate,
     )
-    from .scripts import Act, LateralAct, SpeedAct, joined_track, resized, scripted_track, smooth_step
+    from .scripts import beyond, joined_track, line_from, resized, scripted_track, smooth_step
+    from .triggers import Act, LateralAct, Script, ScriptPart, SpeedAct, Trigger
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

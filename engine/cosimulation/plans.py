@@ -22,6 +22,7 @@ from ..scene import NOT_DRIVEN, LaneMatch, Scene
 from ..vehicles import VehicleClass, vehicle_classes
 from .driver import Behaviour, usual_behaviour
 from .manoeuvres import Halt, Manoeuvre
+from .triggers import Script
 
 Cause = Literal["edited", "added", "handed_over"]
 
@@ -71,6 +72,7 @@ class Replay:
     was there before, moved by ``shifted_steps`` (later positive); None for an added one. ``is_scripted``: the motion is
     prescribed; it is kept whatever the others do, and each change of it is the track's. ``is_parked``: an added vehicle
     that stands and is no traffic. ``from_step``: the first step at which it differs from its recording.
+    ``script``: what it does in reactive traffic, if that depends on the ego; None: it follows the track there too.
     """
 
     track: Track
@@ -80,6 +82,7 @@ class Replay:
     is_scripted: bool = False
     is_parked: bool = False
     from_step: int = 0
+    script: Script | None = None
 
 
 def recorded_plan(scene: Scene, vehicle_id: int, cause: Cause, from_step: int) -> DrivePlan:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Points, Values
-from ..traffic import Sumo, sumo_running
+from ..traffic import LaneChanges, Sumo, sumo_running
 from .actors import Actor
 from .controllers import SPEED_CONTROLLERS
 from .manoeuvres import LANE_CHANGE_S, ManoeuvreExecutor
@@ -258,6 +258,7 @@ class _Run:
         self._held: set[str] = set()
         self._standing: set[str] = set()
         self._driving: list[_Place] = []
+        self._kept_to_lane: set[str] = set()
         self._used_lanes: set[tuple[str, str]] = set()
         self._seen: dict[int, list[tuple[int, float, float, str]]] = {}
         handovers = {actor.key: actor.drive_from for actor in actors if actor.drive_from is not None}
@@ -362,11 +363,24 @@ class _Run:
         highest = [] if key in self.astray else [each.highest_speed_mps(actor, lane) for each in self._controllers]
         highest_mps = min((speed for speed in highest if speed is not None), default=None)
         self._used_lanes.add((key, lane))
+        self._keep_to_light(actor, lane)
         self._change_to_wanted_lane(actor, lane)
         self._manoeuvres.act(key, actor.manoeuvres, step, highest_mps)
         front = self._sumo.front(key)
         self._seen.setdefault(actor.track.obstacle_id, []).append((step, *front, lane))
         self._driving.append(_Place.of(actor, np.array(front), self._sumo.speed_mps(key)))
+
+    def _keep_to_light(self, actor: Actor, lane: str) -> None:
+        """Keep one that runs a light in the lanes that lead to it, and leave its lanes to the driver behind it."""
+        if not actor.ignores_lights:
+            return
+        leads_there = lane in {"{}_{}".format(*hint) for hint in actor.through}
+        if leads_there and actor.key not in self._kept_to_lane:
+            self._kept_to_lane.add(actor.key)
+            self._sumo.allow_lane_changes(actor.key, LaneChanges.NONE)
+        elif not leads_there and actor.key in self._kept_to_lane:
+            self._kept_to_lane.remove(actor.key)
+            self._sumo.allow_lane_changes(actor.key, LaneChanges.DRIVERS_OWN)
 
     def _change_to_wanted_lane(self, actor: Actor, lane: str) -> None:
         """Send a vehicle to the lane of its edge that it has to use and has not used yet, or to that of its target."""

@@ -9,43 +9,30 @@ and comes to it and back to none in a sixth of the time each.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..commonroad import Track
-from ..geometry import Points, Values, arc_length, interpolate
+from ..geometry import Points, Values, arc_length, interpolate, length_m, point_at, project
+from ..scene import Scene
 from .handover import led_track
+from .triggers import Act, LateralAct, SpeedAct
 
 _TANGENT_M = 1.5
 """The direction of a path is that between two points this far before and behind a place (chosen)."""
 _REPEATED_M = 0.02
 """Points of a path nearer to each other are one: a vehicle that stands is recorded many times at one place."""
 
+_LOOK_M = 250.0
+"""A path extends at least this far beyond a motion (chosen)."""
+_JOIN_M = 30.0
+"""Beyond its recording a vehicle returns to the centre of its lane within this distance (chosen)."""
+
 RAMP_SHARE = 1.0 / 6.0
 """The share of a lateral motion in which it gets to its speed, and that in which it comes to rest again (chosen)."""
-
-
-@dataclass(frozen=True)
-class SpeedAct:
-    """From a step on, speed up or slow down by ``rate_mps2`` to ``speed_mps``, which is kept then."""
-
-    from_step: int
-    speed_mps: float
-    rate_mps2: float
-
-
-@dataclass(frozen=True)
-class LateralAct:
-    """From a step on, move aside by ``aside_m`` (left positive) within ``duration_s``."""
-
-    from_step: int
-    aside_m: float
-    duration_s: float
-
-
-Act = SpeedAct | LateralAct
 
 
 def scripted_track(base: Track, acts: Sequence[Act], beyond: Points, last_step: int, step_s: float) -> Track | None:
@@ -142,3 +129,52 @@ def _left_of(line: Points, along: Values, stations: Values) -> Points:
 def resized(track: Track, kind: str, length_m: float, width_m: float) -> Track:
     """The same motion of the centre with another body."""
     return replace(track, kind=kind, length_m=length_m, width_m=width_m)
+
+
+def beyond(scene: Scene, track: Track) -> Points:
+    """Return the path (n, 2) of a road user's centre beyond its track: along its lane, then straight on.
+
+    An offset from the centre of the lane fades out.
+    """
+    match, last = scene.matcher.match(track), len(track.positions) - 1
+    if match is None:
+        return np.zeros((0, 2))
+    return line_from(scene, track.positions[last], (match.at(last),))[1:]
+
+
+def line_from(scene: Scene, place: Points, lanelets: tuple[int, ...]) -> Points:
+    """Return the path (n, 2) from a place, which is its first point, along lanelets and then straight on."""
+    lanes = scene.layout.table.lanes
+    chain = list(lanelets)
+    while sum(lanes[key].length_m for key in chain) < _LOOK_M + lanes[chain[0]].length_m:
+        following = scene.edge_graph.straight_on(chain[-1])
+        if not following or not set(chain).isdisjoint(following):
+            break
+        chain += following
+    middle = _joined_centers(scene, chain)
+    station, aside = project(middle, place)
+    along = arc_length(middle)
+    ahead = np.arange(1.0, max(float(along[-1]) - station, 1.0), 1.0)
+    points = interpolate(middle, along, station + ahead)
+    if not len(points):
+        return np.asarray(place)[None]
+    direction = np.gradient(np.vstack([place, points]), axis=0)[1:]
+    direction /= np.maximum(np.linalg.norm(direction, axis=1), 1e-9)[:, None]
+    left = np.column_stack([-direction[:, 1], direction[:, 0]])
+    fade = 1.0 - smooth_step(ahead / _JOIN_M)
+    return np.vstack([place, points + left * (aside * fade)[:, None]])
+
+
+def _joined_centers(scene: Scene, chain: Sequence[int]) -> Points:
+    """Join the centre lines of consecutive lanelets; after a lane change only the part that lies ahead is used."""
+    lanes, successors = scene.layout.table.lanes, scene.layout.table.successors
+    parts = [lanes[chain[0]].center]
+    for before, key in pairwise(chain):
+        center = lanes[key].center
+        if key not in successors[before] and before in lanes:
+            begin = length_m(center) / 2
+            center = np.vstack([point_at(center, begin)[0], center[arc_length(center) > begin]])
+            kept = parts[-1][arc_length(parts[-1]) < length_m(parts[-1]) / 4]
+            parts[-1] = kept if len(kept) else parts[-1][:1]
+        parts.append(center)
+    return np.concatenate(parts)

@@ -17,6 +17,7 @@ from ..cosimulation import (
     Manoeuvre,
     Replay,
     joined_track,
+    line_from,
     not_drivable,
     recorded_plan,
     resized,
@@ -33,7 +34,7 @@ from .entries import OccupiedPlaces
 from .placement import Place, first_place
 from .population import check_allowed, class_named
 from .references import select, select_one, target_lanelets
-from .scripted import achieved, line_from, motion_of
+from .scripted import achieved, motion_of
 
 _BARRIER_M, _BESIDE_BARRIER_M = 1.0, 0.2
 """Length of the barrier that closes a lane, and the room that it leaves on either side (chosen)."""
@@ -43,6 +44,8 @@ _SLOWEST_SHARE, _FASTEST_SHARE, _LEAST_MPS = 0.4, 1.4, 3.0
 """How much slower and faster than it would a vehicle may come to a light to run it, and how slow at least (chosen)."""
 _OVER_LINE_M = 1.0
 """A front so far behind the line has crossed it; a nose over the line has not (chosen)."""
+_NEAR_LINE_M = 8.0
+"""A front farther behind the line has crossed it before, or elsewhere (chosen)."""
 _INTO_RED_S = 0.7
 """A vehicle that runs a light crosses the line this long after it turns red and before it turns green (chosen)."""
 _SPEEDING_UP_MPS2 = 2.0
@@ -152,6 +155,7 @@ def replace_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             0 if before is None else before.shifted_steps,
             is_scripted=before is not None and before.is_scripted,
             from_step=scene.last_step if before is None else before.from_step,
+            script=None if before is None else before.script,
         )
         changes = changes.with_replay(made)
         fastest = float(base.speeds_mps.max(initial=0.0))
@@ -198,7 +202,14 @@ def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
                 remedies=[VEHICLES_LISTED],
             )
         order = Manoeuvre(plan.from_step, speed_mps=speed_mps)
-        changes = changes.with_plan(replace(plan, manoeuvres=(*plan.manoeuvres, order), ignores_lights=True))
+        # It stays in the lanes that lead to its light: another lane has another light, or no light at all.
+        kept = (
+            plan.through | {*plan.lanelets[: plan.lanelets.index(lanelet) + 1]}
+            if lanelet in plan.lanelets
+            else plan.through
+        )
+        plan = replace(plan, manoeuvres=(*plan.manoeuvres, order), ignores_lights=True, through=kept)
+        changes = changes.with_plan(plan)
         lines[key] = signal, lanelet
         words.append(f"{key} comes to the light of lanelet {lanelet} at {speed_mps:.1f} m/s")
 
@@ -272,13 +283,13 @@ def _speed_into_red(
 
 
 def crossing_step(scene: Scene, track: Track, lanelet: int) -> int | None:
-    """The step at which a vehicle's front is first over the end of a lanelet; None if it never is."""
+    """The step at which a vehicle's front is first over the end of a lanelet, within its width; None if it never is."""
     lane = scene.layout.table.lanes[lanelet]
     end, heading = point_at(lane.center, lane.length_m)
-    ahead = np.array([math.cos(heading), math.sin(heading)])
+    ahead, left = np.array([math.cos(heading), math.sin(heading)]), np.array([-math.sin(heading), math.cos(heading)])
     for index in range(len(track.positions)):
         away = track.front_at(index) - end
-        if float(away @ ahead) > _OVER_LINE_M and float(np.linalg.norm(away)) < 8.0:
+        if _OVER_LINE_M < float(away @ ahead) < _NEAR_LINE_M and abs(float(away @ left)) < lane.width_m / 2:
             return track.first_step + index
     return None
 

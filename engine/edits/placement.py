@@ -5,12 +5,10 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
 from ...schemas.errors import LANELETS_LISTED, InvalidRequest, NotPossible, UnknownName, closest, misspelt, with_values
 from ...schemas.grammar import SELECTORS, parse_quantity, parse_selector
 from ...schemas.modification import Edit
-from ..commonroad import Track
+from ..cosimulation import Trigger
 from ..geometry import Points, point_at, project, wrap_angle
 from ..network import station_m
 from ..scene import Scene, straightness
@@ -120,12 +118,10 @@ def _offset_m(edit: Edit, reference: _Reference, length_m: float) -> float:
     return math.copysign(room_m, edit.gap_s)
 
 
-_TRIGGER_REACH_M = 4.0
-"""The ego passes a place on a lanelet if it is no farther beside its middle (chosen): half of a wide lane and more."""
-
-
-def trigger_step(text: str, scene: Scene, changes: Changes, place_at: Callable[[int], Points | None]) -> int:
-    """The first step at which a trigger holds on the ego's drive by an ordinary driver.
+def read_trigger(
+    text: str, scene: Scene, changes: Changes, place_at: Callable[[int], Points | None]
+) -> tuple[Trigger, int]:
+    """A trigger, and the first step at which it holds on the ego's drive by an ordinary driver.
 
     ``ego@595:35m`` holds once the ego's centre has passed a place on a lanelet (``ego@595`` is its beginning), and
     ``gap<=2s`` once the ego would be at the road user in that time at its speed, and is behind it.
@@ -148,13 +144,12 @@ def trigger_step(text: str, scene: Scene, changes: Changes, place_at: Callable[[
     place = re.fullmatch(r"ego@(\w+)(?::(.+))?", word)
     if gap is not None:
         seconds = parse_quantity(gap[1], "s")
-        holds = (step for step in _steps_of(drive) if _is_near(drive, step, place_at(step), seconds))
+        trigger = Trigger(gap_s=seconds)
         never = f"the ego never comes within {seconds:g} s"
     elif place is not None:
         lanelet = known_lanelet(place[1], scene)
-        line = scene.layout.table.lanes[lanelet].center
         station = station_m(place[2] or "beginning", lanelet, scene.layout.table.lanes[lanelet].length_m)
-        holds = (step for step in _steps_of(drive) if _has_passed(drive, step, line, station))
+        trigger = Trigger(lanelet, station)
         never = f"the ego never passes lanelet {lanelet} at {station:.1f} m"
     else:
         raise InvalidRequest(
@@ -163,33 +158,17 @@ def trigger_step(text: str, scene: Scene, changes: Changes, place_at: Callable[[
             next_step="write it like one of these",
             remedies=[*(with_values(when=f"gap<={gap}s") for gap in (2, 4)), with_values(when=None)],
         )
-    step = next(holds, None)
-    if step is None:
-        raise NotPossible(
-            never,
-            valid=["another place", "a larger gap", "time_s"],
-            next_step="choose one of these",
-            remedies=[*(with_values(when=f"gap<={gap}s") for gap in (2, 4)), with_values(when=None)],
-        )
-    return step
-
-
-def _steps_of(track: Track) -> range:
-    return range(track.first_step, track.last_step + 1)
-
-
-def _is_near(drive: Track, step: int, place: Points | None, seconds: float) -> bool:
-    index = step - drive.first_step
-    if place is None:
-        return False
-    away, heading = place - drive.front_at(index), float(drive.headings_rad[index])
-    ahead_m = float(away[0]) * math.cos(heading) + float(away[1]) * math.sin(heading)
-    return ahead_m >= 0.0 and float(np.linalg.norm(away)) <= seconds * float(drive.speeds_mps[index])
-
-
-def _has_passed(drive: Track, step: int, line: Points, station: float) -> bool:
-    here, aside = project(line, drive.positions[step - drive.first_step])
-    return here >= station and abs(aside) <= _TRIGGER_REACH_M
+    lanes = scene.layout.table.lanes
+    for index in range(len(drive.positions)):
+        step = drive.first_step + index
+        if trigger.holds(drive, index, place_at(step), lambda key: lanes[key].center):
+            return trigger, step
+    raise NotPossible(
+        never,
+        valid=["another place", "a larger gap", "time_s"],
+        next_step="choose one of these",
+        remedies=[*(with_values(when=f"gap<={gap}s") for gap in (2, 4)), with_values(when=None)],
+    )
 
 
 def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: frozenset[int] = frozenset()) -> Place:

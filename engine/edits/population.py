@@ -18,14 +18,23 @@ from ...schemas.grammar import parse_quantity
 from ...schemas.modification import Edit
 from ...schemas.vocabulary import vehicle_class_of
 from ..commonroad import Track
-from ..cosimulation import DrivePlan, Manoeuvre, Replay, behaviour_from, own_minimum_gap_m, usual_behaviour
+from ..cosimulation import (
+    DrivePlan,
+    Manoeuvre,
+    Replay,
+    Script,
+    ScriptPart,
+    behaviour_from,
+    own_minimum_gap_m,
+    usual_behaviour,
+)
 from ..geometry import Points, length_m, point_at, project, without_repeats
 from ..network import station_m
 from ..scene import Scene
 from ..vehicles import VehicleClass, vehicle_classes
 from .changes import Changes, EditStep, check_speed, listed, within_time
 from .entries import CLEARANCE_M, PLACE_TAKEN, OccupiedPlaces, entry_speed, gaps_in_words
-from .placement import Place, advance_along_lane, first_place, trigger_step
+from .placement import Place, advance_along_lane, first_place, read_trigger
 from .references import drive_to, nearest_driven, select, target_lanelets
 
 _USUAL_SPACING_M = 10.0
@@ -78,6 +87,13 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     vehicle_class = class_named(edit.vehicle_class)
     if edit.side is not None:
         return _add_parked(edit, scene, changes, vehicle_class)
+    if edit.dodge is not None:
+        raise InvalidRequest(
+            "dodge is for pedestrians here; a vehicle that is added drives and yields by itself",
+            valid=["without dodge"],
+            next_step="leave it out",
+            remedies=[with_values(dodge=None)],
+        )
     if edit.when is not None:
         raise InvalidRequest(
             "when is for pedestrians here; a vehicle enters at a time",
@@ -368,8 +384,9 @@ def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     line, where = _line(edit, scene, changes, stands=speed == 0.0)
     middle = line[[0, -1]].mean(axis=0)
     first = _asked_step(edit, scene)
+    trigger = None
     if edit.when is not None:
-        first = trigger_step(edit.when, scene, changes, lambda _: middle)
+        trigger, first = read_trigger(edit.when, scene, changes, lambda _: middle)
     if not 0 <= first < scene.last_step:
         raise InvalidRequest(
             f"departure at {first * scene.step_s:.1f} s is not within the scenario",
@@ -383,8 +400,13 @@ def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         raise NotPossible(
             f"the place is taken by {occupant}", reason=PLACE_TAKEN, next_step="choose another position or departure"
         )
-    changes = replace(changes.with_replay(Replay(track, None)), next_id=changes.next_id + 1)
+    parts = () if trigger is None else (ScriptPart(first, (), trigger),)
+    script = Script(track, parts, bool(edit.dodge))
+    replay = Replay(track, None, script=script if script.depends_on_ego else None)
+    changes = replace(changes.with_replay(replay), next_id=changes.next_id + 1)
     what = f"pedestrian {track.obstacle_id} {where}, {speed:.1f} m/s, from {first * scene.step_s:.1f} s on"
+    if trigger is not None:
+        what += f"; in reactive runs once {edit.when} holds for the planner's ego"
     return EditStep(changes, (track.obstacle_id,), what, added=(track.obstacle_id,))
 
 

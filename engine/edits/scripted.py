@@ -5,9 +5,8 @@ out are measured on the motion that is written. Lengths are in m, speeds in m/s;
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -20,20 +19,25 @@ from ..cosimulation import (
     Act,
     LateralAct,
     Replay,
+    Script,
+    ScriptPart,
     SpeedAct,
+    Trigger,
+    beyond,
     class_of,
     joined_track,
+    line_from,
     not_drivable,
     scripted_track,
     smooth_step,
 )
-from ..geometry import Points, Values, arc_length, interpolate, length_m, point_at, project, project_all, wrap_angle
+from ..geometry import Points, Values, arc_length, interpolate, point_at, project, project_all, wrap_angle
 from ..scene import Scene, straightness
 from ..vehicles import COMFORTABLE_MPS2, HARDEST_BRAKING_MPS2
 from .changes import Changes, EditStep, check_speed, named_vehicles, within_time
 from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
-from .placement import first_place, trigger_step
+from .placement import first_place, read_trigger
 from .population import class_named
 from .references import EGO_WORDS, select, select_one
 
@@ -41,8 +45,6 @@ _LOOK_M = 250.0
 """A path extends at least this far beyond a motion (chosen)."""
 _BACK_M = 150.0
 """A path extends this far back from the start of a motion (chosen)."""
-_JOIN_M = 30.0
-"""Beyond its recording a vehicle returns to the centre of its lane within this distance (chosen)."""
 CUT_IN_S, SWERVE_S = 3.0, 1.5
 """Default durations of a lane change, at about 1.2 m/s to the side, and of a swerve (chosen)."""
 _USUAL_GAP_S = 1.0
@@ -63,14 +65,19 @@ _ONCOMING_RAD = math.radians(120.0)
 """If the directions of two lanes differ by more, each is oncoming to the other (chosen)."""
 
 
-def prescribed(scene: Scene, changes: Changes, vehicle_id: int, acts: Sequence[Act]) -> tuple[Changes, Track, Track]:
+def prescribed(
+    scene: Scene, changes: Changes, vehicle_id: int, part: ScriptPart, *, dodges: bool = False
+) -> tuple[Changes, Track, Track]:
     """The changes with a vehicle's motion as acts prescribe it, and its track before and after.
+
+    ``dodges``: in reactive traffic it brakes on its way before it would hit the ego.
 
     Raises:
         NotPossible: it cannot be driven, was rerouted by an edit before, or nothing of its motion is left.
     """
     base, earlier = motion_of(scene, changes, vehicle_id)
-    track = scripted_track(base, (*earlier, *acts), beyond(scene, base), scene.last_step, scene.step_s)
+    ahead = beyond(scene, base)
+    track = scripted_track(base, (*earlier, *part.acts), ahead, scene.last_step, scene.step_s)
     if track is None:
         raise NotPossible(
             f"the scenario ends before vehicle {vehicle_id} could move otherwise",
@@ -78,11 +85,19 @@ def prescribed(scene: Scene, changes: Changes, vehicle_id: int, acts: Sequence[A
             next_step="choose an earlier time_s",
             remedies=within_time(scene.last_step, base.first_step, base.last_step - 5, scene),
         )
-    first = min(act.from_step for act in (*earlier, *acts))
-    return with_motion(scene, changes, vehicle_id, track, first), base, track
+    first = min(act.from_step for act in (*earlier, *part.acts))
+    before = changes.replays.get(vehicle_id)
+    script = None if before is None else before.script
+    if script is None:
+        script = Script(scripted_track(base, earlier, ahead, scene.last_step, scene.step_s) or base)
+    script = Script(script.base, (*script.parts, part), script.dodges or dodges)
+    changes = with_motion(scene, changes, vehicle_id, track, first, script if script.depends_on_ego else None)
+    return changes, base, track
 
 
-def with_motion(scene: Scene, changes: Changes, vehicle_id: int, track: Track, from_step: int) -> Changes:
+def with_motion(
+    scene: Scene, changes: Changes, vehicle_id: int, track: Track, from_step: int, script: Script | None = None
+) -> Changes:
     """The changes with a prescribed motion of a vehicle, which differs from its recording after ``from_step``."""
     before = changes.replays.get(vehicle_id)
     recording = None if changes.is_added(vehicle_id) else scene.tracks[vehicle_id]
@@ -90,7 +105,7 @@ def with_motion(scene: Scene, changes: Changes, vehicle_id: int, track: Track, f
         recording = before.recording
         from_step = -1 if before.shifted_steps else min(from_step, before.from_step or from_step)
     match = scene.matcher.match(track)
-    return changes.with_replay(Replay(track, match, recording, is_scripted=True, from_step=from_step))
+    return changes.with_replay(Replay(track, match, recording, is_scripted=True, from_step=from_step, script=script))
 
 
 def motion_of(scene: Scene, changes: Changes, vehicle_id: int) -> tuple[Track, tuple[Act, ...]]:
@@ -147,55 +162,6 @@ def _standing(start: Track, count: int) -> Track:
     )
 
 
-def beyond(scene: Scene, track: Track) -> Points:
-    """Return the path (n, 2) of a road user's centre beyond its track: along its lane, then straight on.
-
-    An offset from the centre of the lane fades out.
-    """
-    match, last = scene.matcher.match(track), len(track.positions) - 1
-    if match is None:
-        return np.zeros((0, 2))
-    return line_from(scene, track.positions[last], (match.at(last),))[1:]
-
-
-def line_from(scene: Scene, place: Points, lanelets: tuple[int, ...]) -> Points:
-    """Return the path (n, 2) from a place, which is its first point, along lanelets and then straight on."""
-    lanes = scene.layout.table.lanes
-    chain = list(lanelets)
-    while sum(lanes[key].length_m for key in chain) < _LOOK_M + lanes[chain[0]].length_m:
-        following = scene.edge_graph.straight_on(chain[-1])
-        if not following or not set(chain).isdisjoint(following):
-            break
-        chain += following
-    middle = _joined_centers(scene, chain)
-    station, aside = project(middle, place)
-    along = arc_length(middle)
-    ahead = np.arange(1.0, max(float(along[-1]) - station, 1.0), 1.0)
-    points = interpolate(middle, along, station + ahead)
-    if not len(points):
-        return np.asarray(place)[None]
-    direction = np.gradient(np.vstack([place, points]), axis=0)[1:]
-    direction /= np.maximum(np.linalg.norm(direction, axis=1), 1e-9)[:, None]
-    left = np.column_stack([-direction[:, 1], direction[:, 0]])
-    fade = 1.0 - smooth_step(ahead / _JOIN_M)
-    return np.vstack([place, points + left * (aside * fade)[:, None]])
-
-
-def _joined_centers(scene: Scene, chain: Sequence[int]) -> Points:
-    """Join the centre lines of consecutive lanelets; after a lane change only the part that lies ahead is used."""
-    lanes, successors = scene.layout.table.lanes, scene.layout.table.successors
-    parts = [lanes[chain[0]].center]
-    for before, key in pairwise(chain):
-        center = lanes[key].center
-        if key not in successors[before] and before in lanes:
-            begin = length_m(center) / 2
-            center = np.vstack([point_at(center, begin)[0], center[arc_length(center) > begin]])
-            kept = parts[-1][arc_length(parts[-1]) < length_m(parts[-1]) / 4]
-            parts[-1] = kept if len(kept) else parts[-1][:1]
-        parts.append(center)
-    return np.concatenate(parts)
-
-
 def _behind(scene: Scene, point: Points, lanelet_id: int) -> Points:
     """Return the path (n, 2) that leads to a place on a lanelet, without the place itself."""
     table = scene.layout.table
@@ -243,8 +209,10 @@ def _thinned(points: Points) -> Points:
     return np.array(kept)
 
 
-def _step_of(edit: Edit, scene: Scene, changes: Changes, track: Track) -> int:
-    """Return the step at which an edit begins: its time, its trigger, or the first step with both ego and vehicle.
+def _begin_of(edit: Edit, scene: Scene, changes: Changes, track: Track) -> tuple[int, Trigger | None]:
+    """Return the step at which an edit begins, and its trigger.
+
+    It begins at its time, when its trigger holds for an ordinary ego, or at the first step with both ego and vehicle.
 
     Raises:
         InvalidRequest: the vehicle is not there then, or no such trigger.
@@ -262,18 +230,19 @@ def _step_of(edit: Edit, scene: Scene, changes: Changes, track: Track) -> int:
             next_step="choose a time_s at which it is there",
             remedies=within_time(step, begin, last, scene),
         )
-    return step
+    return step, None
 
 
-def _since(edit: Edit) -> str:
-    """Return when an edit begins, as the end of a sentence."""
+def _since(edit: Edit, made: Mapping[int, tuple[int, float, Track]], step_s: float) -> str:
+    """Return when an edit begins, as the end of a sentence; ``made`` has the steps at which it does."""
     if edit.when is not None:
-        return f" once {edit.when} holds"
+        times = ", ".join(f"{step * step_s:.1f} s" for step, _, _ in list(made.values())[:3])
+        return f" once {edit.when} holds (in reactive runs for the planner's ego; here for an ordinary one, at {times})"
     return "" if edit.time_s is None else f" from {edit.time_s:g} s on"
 
 
-def _triggered(edit: Edit, scene: Scene, changes: Changes, track: Track) -> int:
-    """Return the step at which the trigger of an edit holds.
+def _triggered(edit: Edit, scene: Scene, changes: Changes, track: Track) -> tuple[int, Trigger]:
+    """Return the step at which the trigger of an edit holds for an ordinary ego, and the trigger.
 
     Raises:
         InvalidRequest: a time is given too, or there is no such trigger.
@@ -286,7 +255,7 @@ def _triggered(edit: Edit, scene: Scene, changes: Changes, track: Track) -> int:
         index = track.index_at(step)
         return None if index is None else track.positions[index]
 
-    step = trigger_step(edit.when or "", scene, changes, place_at)
+    trigger, step = read_trigger(edit.when or "", scene, changes, place_at)
     if not track.first_step <= step <= track.last_step - 2:
         raise NotPossible(
             f"vehicle {track.obstacle_id} is not there any more when the trigger holds, at {step * scene.step_s:.1f} s",
@@ -294,7 +263,7 @@ def _triggered(edit: Edit, scene: Scene, changes: Changes, track: Track) -> int:
             next_step="choose one of these",
             remedies=[with_values(when=None, time_s=round(track.first_step * scene.step_s, 3))],
         )
-    return step
+    return step, trigger
 
 
 def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterable[int]) -> EditStep:
@@ -311,13 +280,14 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
     made: dict[int, tuple[int, float, Track]] = {}
     for vehicle_id in vehicles:
         base, _ = motion_of(scene, changes, vehicle_id)
-        step = _step_of(edit, scene, changes, base)
+        step, trigger = _begin_of(edit, scene, changes, base)
         now_mps = float(base.speeds_mps[step - base.first_step])
         wanted = wanted_speed(edit.speed or "", now_mps)
         check_speed(
             wanted, class_of(base.kind).maximum_speed_mps, f"a {base.kind} does not drive {edit.speed}", "choose less"
         )
-        changes, _, track = prescribed(scene, changes, vehicle_id, [SpeedAct(step, wanted, rate)])
+        part = ScriptPart(step, (SpeedAct(step, wanted, rate),), trigger)
+        changes, _, track = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge))
         made[vehicle_id] = step, wanted, track
 
     def measured(edited: EditedScene) -> tuple[Achieved, ...]:
@@ -334,7 +304,7 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
                 found.append(achieved(key, "acceleration", rate, float(change.max()), "m/s²"))
         return tuple(found)
 
-    when = _since(edit)
+    when = _since(edit, made, scene.step_s)
     speed = ", ".join(f"{wanted:.1f} m/s" for _, wanted, _ in list(made.values())[:3])
     what = f"{named_vehicles(vehicles)} brought to {speed} by {rate:g} m/s²{when}, prescribed"
     return EditStep(changes, vehicles, what, measure=measured)
@@ -377,11 +347,12 @@ def scripted_lane_change(edit: Edit, scene: Scene, changes: Changes, vehicles: I
     made: dict[int, tuple[int, float, Track]] = {}
     for vehicle_id in vehicles:
         base, _ = motion_of(scene, changes, vehicle_id)
-        step = _step_of(edit, scene, changes, base)
+        step, trigger = _begin_of(edit, scene, changes, base)
         aside_m = _aside_to_lane(scene, base, step, str(edit.lane))
-        changes, before, _ = prescribed(scene, changes, vehicle_id, [LateralAct(step, aside_m, duration_s)])
+        part = ScriptPart(step, (LateralAct(step, aside_m, duration_s),), trigger)
+        changes, before, _ = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge))
         made[vehicle_id] = step, aside_m, before
-    when = _since(edit)
+    when = _since(edit, made, scene.step_s)
     what = f"{named_vehicles(vehicles)} moved one lane to the {edit.lane} within {duration_s:g} s{when}, prescribed"
     return EditStep(changes, vehicles, what, measure=lambda edited: _asides(edited, made))
 
@@ -442,13 +413,14 @@ def swerve(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     made: dict[int, tuple[int, float, Track]] = {}
     for vehicle_id in vehicles:
         base, _ = motion_of(scene, changes, vehicle_id)
-        step = _step_of(edit, scene, changes, base)
+        step, trigger = _begin_of(edit, scene, changes, base)
         back = step + round((duration_s + hold_s) / scene.step_s)
-        acts = [LateralAct(step, aside_m, duration_s), LateralAct(back, -aside_m, duration_s)]
-        changes, before, _ = prescribed(scene, changes, vehicle_id, acts)
+        acts = LateralAct(step, aside_m, duration_s), LateralAct(back, -aside_m, duration_s)
+        part = ScriptPart(step, acts, trigger)
+        changes, before, _ = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge))
         made[vehicle_id] = step, aside_m, before
     side = "right" if edit.side == "right" else "left"
-    when = _since(edit)
+    when = _since(edit, made, scene.step_s)
     what = (
         f"{named_vehicles(vehicles)} swerves {far_m:g} m to the {side} within {duration_s:g} s{when}, stays there "
         f"{hold_s:g} s and comes back"
@@ -494,7 +466,8 @@ def cut_in(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     track = joined_track(base, found.first, centers, scene.last_step, scene.step_s)
     if track is None:
         raise NotPossible(f"the scenario ends before vehicle {key} could cut in", next_step="choose an earlier time_s")
-    changes = with_motion(scene, changes, key, track, found.first)
+    script = Script(track, dodges=True) if edit.dodge else None
+    changes = with_motion(scene, changes, key, track, found.first, script)
 
     def measured(edited: EditedScene) -> tuple[Achieved, ...]:
         return _cut_in_achieved(edited, key, other, path, found, gap_s)
@@ -687,11 +660,12 @@ def _sent_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     made: dict[int, tuple[int, float, Track]] = {}
     for vehicle_id in vehicles:
         base, _ = motion_of(scene, changes, vehicle_id)
-        step = _step_of(edit, scene, changes, base)
+        step, trigger = _begin_of(edit, scene, changes, base)
         aside_m = _aside_to_oncoming(scene, base, step)
-        changes, before, _ = prescribed(scene, changes, vehicle_id, [LateralAct(step, aside_m, duration_s)])
+        part = ScriptPart(step, (LateralAct(step, aside_m, duration_s),), trigger)
+        changes, before, _ = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge))
         made[vehicle_id] = step, aside_m, before
-    when = _since(edit)
+    when = _since(edit, made, scene.step_s)
     what = f"{named_vehicles(vehicles)} goes over to the oncoming lane within {duration_s:g} s{when} and stays there"
     return EditStep(changes, vehicles, what, measure=lambda edited: _asides(edited, made))
 
@@ -762,7 +736,8 @@ def _added_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     if track is None:
         raise NotPossible("the scenario ends before it could drive", next_step="choose an earlier time_s")
     key = changes.next_id
-    replay = Replay(track, scene.matcher.match(track), None, is_scripted=True, from_step=-1)
+    script = Script(track, dodges=True) if edit.dodge else None
+    replay = Replay(track, scene.matcher.match(track), None, is_scripted=True, from_step=-1, script=script)
     changes = replace(changes.with_replay(replay), next_id=key + 1)
     what = (
         f"{vehicle_class.name} {key} drives against lanelet {place.lanelet_id} from {place.station_m:.1f} m on at "

@@ -19,6 +19,7 @@ from ..cosimulation import (
     Manoeuvre,
     Replay,
     behaviour_from,
+    beyond,
     class_of,
     own_minimum_gap_m,
     parameters_set,
@@ -43,7 +44,7 @@ from .changes import (
 )
 from .edited_scene import EditedScene
 from .references import nearest_ids, select
-from .scripted import achieved, beyond, is_relative, motion_of, scripted_lane_change, scripted_speed, wanted_speed
+from .scripted import achieved, is_relative, motion_of, scripted_lane_change, scripted_speed, wanted_speed
 
 _STANDING_MPS = 0.1
 """Slower motion has no speed that a share could be taken of (chosen): SUMO's speed of a waiting vehicle."""
@@ -65,7 +66,7 @@ def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             "change_lane goes left or right", valid=["lane=left", "lane=right"], next_step="name one in 'lane'"
         )
     vehicles = select(edit.vehicles, scene, changes)
-    if edit.lateral_s is not None or edit.when is not None or not changes.scripted.isdisjoint(vehicles):
+    if edit.lateral_s is not None or edit.when is not None or edit.dodge or not changes.scripted.isdisjoint(vehicles):
         return scripted_lane_change(edit, scene, changes, vehicles)
     aims: dict[int, tuple[frozenset[int], ...]] = {}
     since: dict[int, int] = {}
@@ -155,7 +156,7 @@ def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             "set_speed needs a speed", valid=["speed='30km/h'", "speed='0m/s'"], next_step="name one in 'speed'"
         )
     vehicles = select(edit.vehicles, scene, changes)
-    if edit.rate_mps2 is not None or edit.when is not None or not changes.scripted.isdisjoint(vehicles):
+    if edit.rate_mps2 is not None or edit.when is not None or edit.dodge or not changes.scripted.isdisjoint(vehicles):
         return scripted_speed(edit, scene, changes, vehicles)
     if is_relative(edit.speed):
         return _relative_speed(edit, scene, changes, vehicles)

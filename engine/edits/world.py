@@ -17,7 +17,7 @@ from ...schemas.generation import WEATHER_WORDS, WEATHERS, Weather
 from ...schemas.grammar import parse_assignment
 from ...schemas.modification import Edit, EditOperation
 from ...schemas.text import quoted
-from ..commonroad import Track
+from ..commonroad import Track, without_scripts
 from ..geometry import oriented_rectangle, point_at
 from ..scene import Scene
 from .changes import Changes
@@ -40,6 +40,7 @@ _COLOURS = {
     "off": "inactive",
     "inactive": "inactive",
 }
+_MOVES_PLACES_OR_TIMES: tuple[EditOperation, ...] = ("crop", "mirror")
 _MOVING = ("dynamicObstacle", "obstacle")
 _REFERENCES = ("predecessor", "successor", "adjacentLeft", "adjacentRight")
 _FEWEST_STATES = 2
@@ -56,6 +57,8 @@ def transformed(edit: Edit, xml: Path, scene: Scene, drive: Callable[[], Track |
     """
     root = etree.parse(xml, etree.XMLParser(resolve_entities=False, huge_tree=True)).getroot()
     what = TRANSFORMS[edit.op](edit, root, scene, drive)
+    if edit.op in _MOVES_PLACES_OR_TIMES and without_scripts(root):
+        what += "; motions that depended on the ego are fixed now, as for an ordinary ego"
     output.write_bytes(etree.tostring(root.getroottree(), xml_declaration=True, encoding="UTF-8"))
     return what
 

@@ -37,6 +37,11 @@ def write_edits(document: ScenarioDocument, edited: EditedScene) -> list[str]:
     prescribed = ordered | {key for key, replay in changes.replays.items() if replay.is_scripted}
     if prescribed:
         document.set_prescribed(prescribed)
+    scripts = {key: replay.script for key, replay in changes.replays.items() if replay.script is not None}
+    document.set_scripts(
+        [script.text() for script in scripts.values()],
+        without=changes.removed | changes.replays.keys() | result.tracks.keys(),
+    )
     for key in sorted(changes.removed):
         document.remove(document.obstacle(key))
     for replay in changes.replays.values():

@@ -17,15 +17,16 @@ import numpy as np
 
 from ....schemas.errors import NotPossible
 from ...commonroad import LoadedScenario, Track
-from ...cosimulation import Actor, SimulationSetup, next_speed_mps, open_simulation
+from ...cosimulation import Actor, SimulationSetup, next_speed_mps, open_simulation, replayed_actor
 from ...geometry import Points, oriented_rectangle, rectangles_overlap, wrap_angle
 from ...network import signals_of, sumo_net
-from ...traffic import LaneHint, Sumo, sumo_pose
+from ...traffic import NO_LANE, LaneHint, Sumo, sumo_pose
 from ...vehicles import HARDEST_BRAKING_MPS2, VehicleParameters
 from ..goal import select_goal_state
 from ..interface import EgoState
 from .recorded import GrowingTrack, Traffic, rectangle
 from .roles import EGO, TrafficRoles
+from .scripted import actors_of
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
@@ -112,14 +113,18 @@ class _ReactiveTraffic:
         self._ego = ShownVehicle(sumo, EGO, ego_edges)
         self.moving: tuple[Track, ...] = ()
         self.standing = roles.replayed.standing
+        self._scripted = actors_of(roles.scripts, roles.scene, vehicle)
+        self._hints: dict[int, tuple[Track, tuple[LaneHint, ...]]] = {}
         self._braking: set[str] = set()
         self._first_step = ego.step
         self.advance(ego)
 
     @property
     def driven(self) -> tuple[Track, ...]:
-        """What the driven vehicles have done up to the present step, by ascending id."""
-        return tuple(self._tracks[key].track() for key in sorted(self._tracks))
+        """What those have done up to the present step that the ego may move otherwise, by ascending id."""
+        scripted = {key: track for key, actor in self._scripted.items() if (track := actor.driven) is not None}
+        tracks = {key: grown.track() for key, grown in self._tracks.items()} | scripted
+        return tuple(tracks[key] for key in sorted(tracks))
 
     @property
     def on_recording(self) -> tuple[int, ...]:
@@ -133,6 +138,8 @@ class _ReactiveTraffic:
         for actor in starting:
             self._waiting.remove(actor)
             _is_inserted(self._sumo, actor)
+        for scripted in self._scripted.values():
+            scripted.advance(ego)
         self._place_shown(ego.step)
         self._place_ego(ego)
         self._sumo.step()
@@ -179,19 +186,51 @@ class _ReactiveTraffic:
 
     def _place_shown(self, step: int) -> None:
         for actor in (*self._roles.shown, *self._lost):
-            index = self._shown_index(actor, step)
-            if index is not None:
+            place = self._shown_place(actor, step)
+            if place is not None:
                 if actor.key not in self._shown:
                     self._shown[actor.key] = ShownVehicle(self._sumo, actor.key, actor.edges)
-                self._shown[actor.key].place(actor.pose_at(index), actor.hints[index])
+                self._shown[actor.key].place(*place)
             elif actor.key in self._shown:
                 self._shown.pop(actor.key).leave()
 
     def _settle_shown(self, step: int, there: frozenset[str]) -> None:
         for actor in (*self._roles.shown, *self._lost):
+            speed_mps = self._shown_speed_mps(actor, step)
+            if speed_mps is not None:
+                self._shown[actor.key].settle(speed_mps, there)
+
+    def _shown_place(self, actor: Actor, step: int) -> tuple[tuple[float, float, float], LaneHint] | None:
+        """Where SUMO is to show a road user; None where it is not there."""
+        scripted = self._scripted.get(actor.track.obstacle_id)
+        if scripted is None:
             index = self._shown_index(actor, step)
-            if index is not None:
-                self._shown[actor.key].settle(float(actor.track.speeds_mps[index]), there)
+            return None if index is None else (actor.pose_at(index), actor.hints[index])
+        state = scripted.state_at(step)
+        if state is None:
+            return None
+        (x, y), heading, _ = state
+        hints = self._hints_of(scripted.motion)
+        return sumo_pose(float(x), float(y), heading, actor.track.length_m), hints[scripted.index]
+
+    def _shown_speed_mps(self, actor: Actor, step: int) -> float | None:
+        scripted = self._scripted.get(actor.track.obstacle_id)
+        if scripted is None:
+            index = self._shown_index(actor, step)
+            return None if index is None else float(actor.track.speeds_mps[index])
+        state = scripted.state_at(step)
+        return None if state is None else state[2]
+
+    def _hints_of(self, motion: Track) -> tuple[LaneHint, ...]:
+        """The lanes of a scripted motion at all its states, which are looked up anew if the motion has changed."""
+        key = motion.obstacle_id
+        if key not in self._hints or self._hints[key][0] is not motion:
+            match = self._roles.scene.matcher.match(motion)
+            hints = (NO_LANE,) * len(motion.positions)
+            if match is not None:
+                hints = replayed_actor(self._roles.scene, motion, match).hints
+            self._hints[key] = motion, hints
+        return self._hints[key][1]
 
     def _shown_index(self, actor: Actor, step: int) -> int | None:
         if actor.track.obstacle_id in self._roles.scene.standing:

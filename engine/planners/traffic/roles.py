@@ -1,6 +1,7 @@
 """The roles of road users in reactive traffic: which SUMO drives, which it only sees, and how the ego looks to it."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -8,7 +9,7 @@ import numpy as np
 
 from ....schemas.errors import NotPossible
 from ...commonroad import LoadedScenario, prescribed_ids
-from ...cosimulation import Actor, all_actors, lane_hint, not_drivable, recorded_plan
+from ...cosimulation import Actor, Script, all_actors, lane_hint, not_drivable, recorded_plan
 from ...geometry import Points, point_at, project
 from ...network import NetLayout
 from ...scene import MapMatcher, Scene, find_route
@@ -16,6 +17,7 @@ from ...traffic import NO_LANE, LaneHint, vehicle_type
 from ...vehicles import HARDEST_BRAKING_MPS2, VehicleParameters, vehicle_classes
 from ..interface import EgoState
 from .recorded import RecordedTraffic
+from .scripted import scripts_of
 
 if TYPE_CHECKING:
     from commonroad.planning.goal import GoalRegion
@@ -36,7 +38,8 @@ class TrafficRoles:
 
     ``driven``: SUMO drives them from their first state, or from the ego's first step if that is later. Road users whose
     motion an edit prescribes are not driven: they do as the edit says, and the driven ones react to them.
-    ``shown``: replayed as recorded and seen by the driven ones. ``replayed``: all that SUMO does not drive, shown or
+    ``scripts``: of those whose motion is prescribed and depends on the ego, by id. ``shown``: replayed as
+    recorded, or scripted, and seen by the driven ones. ``replayed``: all that SUMO does not drive, shown or
     not (an obstacle off the lanes is not).
     """
 
@@ -44,12 +47,14 @@ class TrafficRoles:
     driven: tuple[Actor, ...]
     shown: tuple[Actor, ...]
     replayed: RecordedTraffic
+    scripts: Mapping[int, Script]
 
     @classmethod
     def of(cls, loaded: LoadedScenario, first_step: int) -> "TrafficRoles":
         """Match all road users with the lanes and decide which are driven from the ego's first step on."""
-        scene = _scene(loaded, RecordedTraffic.of(loaded))
-        trajectories, prescribed = loaded.tracks, prescribed_ids(loaded.path)
+        scripts = scripts_of(loaded)
+        scene = _scene(loaded, RecordedTraffic.of(loaded), scripts)
+        trajectories, prescribed = loaded.tracks, prescribed_ids(loaded.path) | scripts.keys()
         keys = [
             key
             for key, track in trajectories.items()
@@ -62,7 +67,8 @@ class TrafficRoles:
             scene,
             driven=tuple(actor for actor in actors if actor.drive_from is not None),
             shown=tuple(actor for actor in actors if actor.drive_from is None),
-            replayed=RecordedTraffic.of(loaded, without=frozenset(keys)),
+            replayed=RecordedTraffic.of(loaded, without=frozenset(keys) | scripts.keys()),
+            scripts=scripts,
         )
 
     def keeping_to_route(self, keys: frozenset[str]) -> "TrafficRoles":
@@ -144,12 +150,14 @@ def _ego_type(vehicle: VehicleParameters) -> str:
     )
 
 
-def _scene(loaded: LoadedScenario, recorded: RecordedTraffic) -> Scene:
-    """The scenario's lanes and all its obstacles, occupancy sets as tracks of their centres."""
+def _scene(loaded: LoadedScenario, recorded: RecordedTraffic, scripts: Mapping[int, Script]) -> Scene:
+    """The scenario's lanes and all its obstacles, occupancy sets as tracks of their centres, scripted ones as without
+    what is prescribed."""
     network = loaded.scenario.lanelet_network
     layout = NetLayout.of(network)
     matcher = MapMatcher.of(layout, network)
     tracks = {track.obstacle_id: track for track in recorded.moving}
+    tracks |= {key: script.base for key, script in scripts.items()}
     standing = {track.obstacle_id: track for track in recorded.standing}
     usable = {key: track for key, track in (tracks | standing).items() if np.isfinite(track.headings_rad).all()}
     last = max((track.last_step for track in tracks.values()), default=0)
