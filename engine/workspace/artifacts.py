@@ -22,7 +22,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from ...schemas.base import Model, problems_of
 from ...schemas.errors import ResourceFailure, UnknownName, closest
-from ...schemas.text import one_line
+from ...schemas.text import cited
 from .database import Database, make_private, still_runs
 from .recipe import Recipe
 
@@ -84,7 +84,7 @@ class Artifact(Model):
         try:
             return record_type.model_validate(self.record)
         except ValidationError as error:
-            problem = one_line(problems_of(record_type, error)[0][0])
+            problem = cited(problems_of(record_type, error)[0][0])
             raise ResourceFailure(
                 f"the record of {self.kind} {self.artifact_id} in the workspace cannot be read: {problem}",
                 next_step="`plannerforge workspace verify` lists such records, and `workspace repair` takes them out",

@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ...schemas.base import Model, problems_of
-from ...schemas.text import one_line, printable, quoted
+from ...schemas.text import cited, printable, shown_name
 from .artifacts import ArtifactKind
 from .recipe import Recipe, content_digest
 
@@ -54,12 +54,12 @@ def record_fault(
         read = record_type(kind).model_validate(record)
     except (ValidationError, RecursionError) as error:
         problem = problems_of(record_type(kind), error)[0][0] if isinstance(error, ValidationError) else "too deep"
-        return f"its record cannot be read: {one_line(problem)}"
+        return f"its record cannot be read: {cited(problem)}"
     if kind in _FROM_RECIPE and artifact_id != f"{kind}_{recipe.digest}":
         return f"its recipe makes {kind}_{recipe.digest}"
     own_id = _own_id(kind, read)
     if own_id not in (None, artifact_id):
-        return f"its record is that of {quoted(own_id)}"
+        return f"its record is that of {shown_name(own_id)}"
     if kind == "scenario" and folder is not None:
         file = folder / "scenario.xml"
         if file.is_file() and content_digest(file) != getattr(read, "content", None):
