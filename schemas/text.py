@@ -57,8 +57,11 @@ def one_line(text: str, longest: int = LONGEST_TEXT) -> str:
 def cited(text: object, longest: int = LONGEST_TEXT) -> str:
     """Return words from outside as an answer prints them: in the mark, on one line, at most ``longest`` characters.
 
-    Direction and control characters are left out, and a mark inside becomes single.
+    Direction and control characters are left out, and a mark inside becomes single. Of a list or mapping only the size
+    is told.
     """
+    if isinstance(text, dict | list | tuple | set):
+        return _size(text)
     return OPENING + one_line(str(text)[: 4 * longest + 1].translate(_INNER), longest) + CLOSING
 
 
@@ -93,7 +96,7 @@ def uncited(text: str) -> str:
 def quoted(value: Any, longest: int = LONGEST_TEXT) -> str:
     """A value of a call as an error repeats it: text in quotation marks; of a list or mapping, only its size."""
     if isinstance(value, dict | list | tuple | set):
-        return f"a {'mapping' if isinstance(value, dict) else 'list'} of {len(value):,}"
+        return _size(value)
     if isinstance(value, int) and value.bit_length() > _PRINTED_BITS:
         return "a whole number of too many digits"
     if value is None or isinstance(value, int | float):
@@ -166,3 +169,7 @@ def in_any_case(value: Any, words: Iterable[str]) -> Any:
 
 def _is_shown(character: str) -> bool:
     return character.isprintable() or unicodedata.category(character) == "Zs"
+
+
+def _size(value: "dict[Any, Any] | list[Any] | tuple[Any, ...] | set[Any]") -> str:
+    return f"a {'mapping' if isinstance(value, dict) else 'list'} of {len(value):,}"

@@ -16,7 +16,6 @@ import os
 import re
 import subprocess
 import sys
-import tempfile
 import threading
 import unicodedata
 import zipfile
@@ -478,7 +477,7 @@ async def drive_services(course: Course) -> None:
     course.workspace = course.folder / "online"
     label, remark, page = Poison("zqlabel"), Poison("zqremark"), Poison("zqpage")
 
-    def town(number: int, name: str) -> dict[str, Any]:
+    def town(number: int, name: str, state: str = "") -> dict[str, Any]:
         latitude, longitude = 47.0 + number, 11.0
         box = [str(latitude - 0.02), str(latitude + 0.02), str(longitude - 0.02), str(longitude + 0.02)]
         return {
@@ -493,7 +492,7 @@ async def drive_services(course: Course) -> None:
             "osm_type": "node",
             "osm_id": number,
             "importance": 0.5,
-            "address": {"town": name, "state": name, "country_code": "de"},
+            "address": {"town": name, "state": state or name, "country_code": "de"},
             "namedetails": {"name": name},
         }
 
@@ -506,7 +505,7 @@ async def drive_services(course: Course) -> None:
     }
     try:
         async with course.server(**settings) as model:
-            services.found = [town(1, f"Zweistadt {label.text}"), town(4, f"{label.text} Zweistadt")]
+            services.found = [town(1, "Zweistadt", f"East {label.text}"), town(4, "Zweistadt", label.text)]
             with course.path("places of Nominatim: which one is meant", label, model):
                 await model.call("generate_scenarios", place="Zweistadt", duration_s=5)
             services.found = [town(2, "Einort")]
@@ -536,10 +535,10 @@ async def drive_all(folder: Path) -> dict[str, list[str]]:
     return course.faults
 
 
-def measure() -> dict[str, float | int | str]:
-    """Drive all paths through servers of their own, and count those on which all words were in the mark."""
-    with tempfile.TemporaryDirectory() as folder:
-        faults = anyio.run(drive_all, Path(folder))
+async def driven_citations(folder: Path) -> dict[str, float | int | str]:
+    """Drive all paths through servers of their own in a folder, and count those whose words all were in the mark."""
+    folder.mkdir(exist_ok=True)
+    faults = await drive_all(folder)
     for name, found in faults.items():
         for fault in found[:3]:
             sys.stderr.write(f"{name}: {fault}\n")
