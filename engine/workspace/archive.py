@@ -27,8 +27,8 @@ from ... import __version__
 from ...schemas.base import Model, problems_of
 from ...schemas.errors import InvalidRequest, NotPossible, ResourceFailure, UnsafeInput
 from ...schemas.text import cited, one_line, shown_name
-from .artifacts import ARTIFACT_KINDS, ORDINARY_ID, ArtifactKind, NewArtifact, Workspace, disk_failure
-from .database import SCHEMA_VERSION, make_private
+from .artifacts import ARTIFACT_KINDS, ORDINARY_ID, ArtifactKind, NewArtifact, Workspace, disk_failure, stored_recipe
+from .database import SCHEMA_VERSION, make_private, stored_json
 from .export import write_whole
 from .recipe import Recipe, content_digest
 from .record_checks import in_one_line, record_fault
@@ -170,8 +170,8 @@ def _records_until(workspace: Workspace, newest: int) -> Iterator[_Record]:
             kind=row["kind"],
             artifact_id=row["artifact_id"],
             name=row["name"],
-            recipe=Recipe.model_validate_json(row["recipe"]),
-            record=json.loads(row["record"]),
+            recipe=stored_recipe(row["recipe"], f"the recipe of {row['kind']} {row['artifact_id']}"),
+            record=stored_json(row["record"], f"the record of {row['kind']} {row['artifact_id']}"),
             made_at=row["made_at"],
             files=tuple(sorted(file.name for file in folder.iterdir())) if folder.is_dir() else (),
         )

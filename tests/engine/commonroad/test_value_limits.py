@@ -69,10 +69,7 @@ BEYOND = {
         GOOD.replace("<velocity><exact>10.0000", "<velocity><exact>3e8", 1),
         "velocity of dynamicObst",
     ),
-    "a text of a megabyte": (
-        GOOD.replace('author="', 'author="' + "a" * 10**6),
-        "author of .* 1,000,\\d+ characters",
-    ),
+    "a text of a megabyte": (GOOD.replace('author="', 'author="' + "a" * 10**6), "author of .* 1,000,\\d+ characters"),
     "a thousand problems": (
         GOOD.replace(
             "</commonRoad>", "".join(f'<planningProblem id="{9000 + n}"/>' for n in range(200)) + "</commonRoad>"

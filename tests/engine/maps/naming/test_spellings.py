@@ -99,7 +99,9 @@ def test_a_part_of_a_map_means_its_own_area_and_the_answer_says_so() -> None:
     match = find_maps([a_map("Pine Street", areas=(quarter,))], place="Altstadt, Seattle")[0]
     assert match.area == quarter
     assert match.box == pytest.approx((54.5973, 5.24534, 54.6027, 5.25466), abs=1e-4)
-    assert match.understood == ("'Altstadt' is taken as quarter “Old Town”, 0.3 km around its centre (54.6000, 5.2500)",)
+    assert match.understood == (
+        "'Altstadt' is taken as quarter “Old Town”, 0.3 km around its centre (54.6000, 5.2500)",
+    )
 
 
 def test_the_largest_place_of_a_map_is_the_map() -> None:
