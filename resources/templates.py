@@ -18,7 +18,7 @@ from ..engine.workspace import ARTIFACT_KINDS, Artifact, ArtifactKind, Workspace
 from ..schemas.artifacts import RESOURCE_SCHEME
 from ..schemas.errors import NotPossible, UnknownName
 from ..schemas.modification import EDITS
-from ..schemas.text import printable, quoted
+from ..schemas.text import quoted, shown_name
 from ..schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ORIGINS, ROAD_NET_KEYS, SIGNS, TAGS
 
 SCHEME = RESOURCE_SCHEME
@@ -139,7 +139,7 @@ def artifact_link(artifact: Artifact, workspace: Workspace) -> Resource:
     return Resource(
         uri=f"{SCHEME}{artifact.kind}/{artifact.artifact_id}/{part}",
         name=artifact.artifact_id,
-        title=printable(artifact.name)
+        title=shown_name(artifact.name) * bool(artifact.name)
         or f"{_KINDS.get(artifact.kind, artifact.kind.capitalize())} {artifact.artifact_id}",
         description=f"{artifact.kind}, made by {artifact.recipe.tool}",
         mime_type=mime_type,
@@ -251,7 +251,7 @@ def _content(path: Path) -> bytes:
         content = stream.read(MOST_BYTES + 1)
     if len(content) > MOST_BYTES:
         raise NotPossible(
-            f"{path.name} has more than {MOST_BYTES:,} bytes, too much for one message",
+            f"{shown_name(path.name)} has more than {MOST_BYTES:,} bytes, too much for one message",
             next_step="export_artifacts copies it into a folder",
         )
     return content
