@@ -15,9 +15,8 @@ from plannerforge.engine.workspace import Recipe, Workspace
 from plannerforge.server import assembly
 from plannerforge.server.command_line import application
 from plannerforge.server.commands import ui
-from plannerforge.server.settings import Settings
 from plannerforge.server.http import serving
-from plannerforge.server.settings import settings_file
+from plannerforge.server.settings import Settings, settings_file
 
 pytestmark = pytest.mark.usefixtures("probe_tools")
 
