@@ -8,7 +8,20 @@ from typing import Annotated, Literal
 from pydantic import Field, StringConstraints, field_validator, model_validator
 
 from .base import Answer, Arguments, Model, Result
-from .runs import LostCell, Outcome, Prediction, RunRecord, RunReview, RunSeries, RunSteps, RunTiming, Traffic, ending
+from .runs import (
+    Bounded,
+    BoundedCost,
+    LostCell,
+    Outcome,
+    Prediction,
+    RunRecord,
+    RunReview,
+    RunSeries,
+    RunSteps,
+    RunTiming,
+    Traffic,
+    ending,
+)
 
 PLANNERS_VARIABLE = "PLANNERFORGE_PLANNERS"
 """The environment variable of the setting that names planner programs; workers read it too."""
@@ -551,10 +564,10 @@ class CommandRequest(Model):
 class CommandTrajectory(Model):
     """States of the ego's centre, one a time step; the first is the present: all lists are of the same length."""
 
-    x_m: tuple[float, ...]
-    y_m: tuple[float, ...]
-    heading_rad: tuple[float, ...]
-    speed_mps: tuple[float, ...]
+    x_m: tuple[Bounded, ...]
+    y_m: tuple[Bounded, ...]
+    heading_rad: tuple[Bounded, ...]
+    speed_mps: tuple[Bounded, ...]
 
     @model_validator(mode="after")
     def _same_lengths(self) -> "CommandTrajectory":
@@ -575,7 +588,7 @@ class CommandAnswer(Model):
     scenario_id: str = Field(description="as in the request")
     problem_id: int = Field(description="as in the request")
     trajectory: CommandTrajectory | None
-    costs: dict[PrintedName, float] = Field(
+    costs: dict[PrintedName, BoundedCost] = Field(
         default_factory=dict, max_length=MOST_TERMS, description="weighted cost term: value"
     )
     rejected: dict[PrintedName, Annotated[int, Field(ge=0)]] = Field(

@@ -2,13 +2,21 @@
 
 import hashlib
 from collections.abc import Iterable, Sequence
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
 from .base import Model
 from .text import measured
 
+Bounded = Annotated[float, Field(ge=-1e12, le=1e12)]
+"""A number of a motion, from which no derivative or square overflows.
+
+The magnitude exceeds each limit of a scenario file (docs/limits.md); its third derivative over steps of 1 ms, squared,
+is 1e42. A run of an archive or an answer of a planner program may state any number.
+"""
+BoundedCost = Annotated[float, Field(ge=-1e150, le=1e150)]
+"""A cost whose square is a finite number."""
 Outcome = Literal[
     "goal_reached",
     "goal_refused",
@@ -112,13 +120,13 @@ class DrivenObstacle(Model):
 
     obstacle_id: int
     kind: str
-    length_m: float
-    width_m: float
+    length_m: Bounded
+    width_m: Bounded
     first_step: int
-    x_m: tuple[float, ...]
-    y_m: tuple[float, ...]
-    heading_rad: tuple[float, ...]
-    speed_mps: tuple[float, ...]
+    x_m: tuple[Bounded, ...]
+    y_m: tuple[Bounded, ...]
+    heading_rad: tuple[Bounded, ...]
+    speed_mps: tuple[Bounded, ...]
 
 
 class RunSteps(Model):
@@ -133,14 +141,14 @@ class RunSteps(Model):
     """
 
     first_step: int
-    x_m: tuple[float, ...]
-    y_m: tuple[float, ...]
-    heading_rad: tuple[float, ...]
-    speed_mps: tuple[float, ...]
-    acceleration_mps2: tuple[float, ...]
-    steering_rad: tuple[float, ...] = ()
+    x_m: tuple[Bounded, ...]
+    y_m: tuple[Bounded, ...]
+    heading_rad: tuple[Bounded, ...]
+    speed_mps: tuple[Bounded, ...]
+    acceleration_mps2: tuple[Bounded, ...]
+    steering_rad: tuple[Bounded, ...] = ()
     plan_steps: tuple[int, ...]
-    costs: dict[str, tuple[float, ...]]
+    costs: dict[str, tuple[BoundedCost, ...]]
     rejected: dict[str, tuple[int, ...]] = Field(default_factory=dict)
     others: tuple[DrivenObstacle, ...] = ()
 
@@ -238,7 +246,7 @@ class RunRecord(Model):
     prediction: Prediction
     traffic: Traffic
     seed: int
-    step_s: float
+    step_s: float = Field(ge=0.001, le=10)
     outcome: Outcome
     reason: str = Field(description="one sentence: what ended the run, with figures")
     invalid_reason: InvalidReason | None = Field(None, description="stable code, only where the outcome is invalid")
@@ -255,8 +263,8 @@ class RunRecord(Model):
     beyond_vehicle: tuple[LimitExcess, ...] | None = Field(
         None, description="limits of the vehicle that the driven motion exceeds; null: the run is of a version before"
     )
-    ego_length_m: float = 4.508
-    ego_width_m: float = 1.61
+    ego_length_m: float = Field(4.508, ge=0.001, le=1000)
+    ego_width_m: float = Field(1.61, ge=0.001, le=1000)
     planner_version: str = Field(
         "", description="version of the planner: as declared or described by git, with a digest; empty: not known"
     )

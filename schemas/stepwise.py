@@ -11,7 +11,7 @@ from pydantic import Field, StringConstraints, model_validator
 
 from .base import Model
 from .planning import MOST_TERMS, CommandTrajectory, PrintedName
-from .runs import MOST_DEBUG_POINTS, MOST_DEBUG_POLYGONS, MOST_DEBUG_VALUES
+from .runs import MOST_DEBUG_POINTS, MOST_DEBUG_POLYGONS, MOST_DEBUG_VALUES, Bounded, BoundedCost
 
 PROTOCOL = 1
 """The version of the messages in this module; it changes when a program for an older one would no longer work."""
@@ -55,10 +55,10 @@ class Polygon(Line):
 class PlannedStates(CommandTrajectory):
     """A planned trajectory: one state for each time step, from the present one on. All lists have the same length."""
 
-    x_m: tuple[float, ...] = Field(max_length=MOST_STATES)
-    y_m: tuple[float, ...] = Field(max_length=MOST_STATES)
-    heading_rad: tuple[float, ...] = Field(max_length=MOST_STATES)
-    speed_mps: tuple[float, ...] = Field(max_length=MOST_STATES)
+    x_m: tuple[Bounded, ...] = Field(max_length=MOST_STATES)
+    y_m: tuple[Bounded, ...] = Field(max_length=MOST_STATES)
+    heading_rad: tuple[Bounded, ...] = Field(max_length=MOST_STATES)
+    speed_mps: tuple[Bounded, ...] = Field(max_length=MOST_STATES)
 
 
 class LaneletMessage(Model):
@@ -222,7 +222,7 @@ class PlanMessage(Model):
     type: Literal["plan"] = "plan"
     step: _Step = Field(description="as in the question")
     trajectory: PlannedStates | None
-    costs: dict[PrintedName, float] = Field(
+    costs: dict[PrintedName, BoundedCost] = Field(
         default_factory=dict, max_length=MOST_TERMS, description="weighted cost term: value"
     )
     rejected: dict[PrintedName, Annotated[int, Field(ge=0)]] = Field(

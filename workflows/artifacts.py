@@ -56,12 +56,16 @@ async def list_artifacts(arguments: ListArtifactsArguments, context: WorkflowCon
 
 
 async def _summaries(batches: Sequence[BatchRecord], context: WorkflowContext) -> list[BatchSummary]:
-    """What came out of each batch, configurations in order of their runs; rates are those of ``analyze_results``."""
+    """What came out of each batch, configurations in order of their runs; rates are those of ``analyze_results``.
+
+    A run that the workspace does not have counts as lost: an archive may have left it out, or its batch may be forged.
+    """
     run_ids = dict.fromkeys(run_id for batch in batches for run_id in batch.runs)
-    records = told_apart(run_record(context.workspace.get(run_id, "run")) for run_id in run_ids)
-    known = {record.run_id: record for record in records}
+    stored = (context.workspace.find("run", run_id) for run_id in run_ids)
+    known = {record.run_id: record for record in told_apart(run_record(run) for run in stored if run is not None)}
+    there = [[known[run_id] for run_id in batch.runs if run_id in known] for batch in batches]
     roots = {one.scenario_id: one.root for one in lineages((run.scenario_id for run in known.values()), context)}
-    groups = [_by_config([known[run_id] for run_id in batch.runs]) for batch in batches]
+    groups = [_by_config(runs) for runs in there]
     sets = tuple(
         tuple((roots.get(run.scenario_id, run.scenario_id), run.outcome == "goal_reached") for run in _valid(runs))
         for group in groups
@@ -73,9 +77,7 @@ async def _summaries(batches: Sequence[BatchRecord], context: WorkflowContext) -
         BatchSummary(
             prediction=batch.prediction,
             traffic=batch.traffic,
-            scenarios=len(
-                {known[run_id].scenario_id for run_id in batch.runs} | {cell.scenario_id for cell in batch.lost}
-            ),
+            scenarios=len({run.scenario_id for run in runs_of_batch} | {cell.scenario_id for cell in batch.lost}),
             configs=tuple(
                 ConfigSuccess(
                     config_id=configuration_id(config_id),
@@ -85,9 +87,9 @@ async def _summaries(batches: Sequence[BatchRecord], context: WorkflowContext) -
                 )
                 for config_id, runs in group.items()
             ),
-            lost=len(batch.lost),
+            lost=len(batch.lost) + len(batch.runs) - len(runs_of_batch),
         )
-        for batch, group in zip(batches, groups, strict=True)
+        for batch, runs_of_batch, group in zip(batches, there, groups, strict=True)
     ]
 
 

@@ -346,17 +346,30 @@ def _client(folder: Path) -> Any:
 
 
 def _fill(folder: Path, texts: Mapping[str, str], vectors: Vectors) -> None:
-    client = _client(folder)
+    """Write the vectors into a new collection.
+
+    Raises:
+        ResourceFailure: Chroma cannot write it, for instance because the disk is full. Nothing of it stays, on the disk
+            or in this process: Chroma would otherwise return the client that could not be opened to the next caller.
+    """
+    from chromadb.errors import ChromaError
+
     try:
-        collection = client.create_collection(
-            COLLECTION, embedding_function=None, configuration={"hnsw": {"space": "cosine"}}
-        )
-        keys = sorted(texts)
-        for begin in range(0, len(keys), _BATCH):
-            chosen = slice(begin, begin + _BATCH)
-            collection.add(ids=keys[chosen], embeddings=vectors[chosen].tolist())
-    finally:
-        client.close()
+        client = _client(folder)
+        try:
+            collection = client.create_collection(
+                COLLECTION, embedding_function=None, configuration={"hnsw": {"space": "cosine"}}
+            )
+            keys = sorted(texts)
+            for begin in range(0, len(keys), _BATCH):
+                chosen = slice(begin, begin + _BATCH)
+                collection.add(ids=keys[chosen], embeddings=vectors[chosen].tolist())
+        finally:
+            client.close()
+    except ChromaError as error:
+        _forget()
+        shutil.rmtree(folder, ignore_errors=True)
+        raise _unwritable(folder.parent, error) from error
 
 
 def _vectors(root: Path, texts: Mapping[str, str], model: str, embed: Embed, report: ProgressReporter) -> Vectors:

@@ -6,8 +6,10 @@ of their own: writers wait for each other, and nobody's transaction holds what a
 
 import contextlib
 import logging
+import math
 import os
 import sqlite3
+import sys
 import tempfile
 import threading
 import time
@@ -344,13 +346,33 @@ def _failure(path: Path, error: Exception) -> ResourceFailure:
 def still_runs(pid: int, since: float) -> bool:
     """Whether the process ``pid`` that wrote something at ``since`` (seconds since 1970) still runs.
 
-    Process ids are given again, so the time counts too.
+    Process ids are given again, so the time counts too. The start of a process is known by the clock as it was then;
+    if the clock was set back since, the age of the process decides, which no clock that can be set takes part in.
     """
     import psutil
 
     try:
-        return bool(psutil.Process(pid).create_time() <= since + 1.0)  # clocks of file systems and kernels differ
+        started_before = psutil.Process(pid).create_time() <= since + _CLOCKS_DIFFER_S
     except psutil.NoSuchProcess:
         return False
     except psutil.AccessDenied:
         return True
+    return bool(started_before or _age_s(pid) >= time.time() - since - _CLOCKS_DIFFER_S)
+
+
+_CLOCKS_DIFFER_S = 1.0
+"""Clocks of file systems and kernels differ by less; chosen."""
+
+
+def _age_s(pid: int) -> float:
+    """Return for how long a process has run, by the clock since the machine's start; minus infinity if it is not told.
+
+    The start of a process is the 22nd field of ``/proc/PID/stat``, in ticks (proc_pid_stat(5)).
+    """
+    if sys.platform != "linux":
+        return -math.inf
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
+        return time.clock_gettime(time.CLOCK_BOOTTIME) - int(fields[19]) / os.sysconf("SC_CLK_TCK")
+    except (OSError, ValueError, IndexError):
+        return -math.inf

@@ -1,6 +1,9 @@
-"""``make bench-hostile``: hostile inputs against a real server over stdio (``--http``: by HTTP).
+"""``make bench-hostile``: hostile inputs, and a server on the street.
 
-Keys: ``hostile_inputs``, ``unexpected`` (answers with ``[unexpected]``), ``server_deaths`` (died, hung or had to be
+``--parts`` names some of the parts; all of them are measured otherwise.
+
+``inputs``: hostile inputs against a real server over stdio (``--http``: by HTTP). Keys: ``hostile_inputs``,
+``unexpected`` (answers with ``[unexpected]``), ``server_deaths`` (died, hung or had to be
 ended for its memory), ``loop_blocked_ms_max`` (the longest wait for a cheap call while an input was under way, less the
 same call's on the idle server; the time in which the machine gave the server no core is left out),
 ``server_memory_mb_max`` (VmHWM of the server's process), ``outside_writes``, ``slowest_s`` (the slowest refusal),
@@ -8,6 +11,13 @@ same call's on the idle server; the time in which the machine gave the server no
 ``oversized_answers`` (more than 20,000 characters), ``unadvised_refusals`` (without a next step), ``outside_reads``,
 ``journal_faults`` (texts of callers in the journal longer than 200 characters or with control characters, or a journal
 that others may read), ``minutes``; and those of :mod:`citations`.
+that others may read), ``minutes``.
+
+``stranger``, ``archives``, ``answers``, ``secrets``, ``kills``: modules of :mod:`.street`, which explain their keys.
+What counts: ``honest_answered`` (goal: 1.0), ``honest_p95_ratio`` (at most 2), ``memory_over_bound_mb`` (0),
+``descriptors_left`` (0), ``log_lines_per_s`` (at most 5), ``archives_right`` (1.0), ``tools_broken_after`` (0),
+``bad_answers_kept`` (0), ``secrets_seen`` (0), ``killed`` (at least 50), ``lost`` (0). ``unexpected`` and
+``forged_lines`` are sums over all parts.
 """
 
 import argparse
@@ -17,21 +27,32 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from importlib import import_module
 from pathlib import Path
 
 import anyio
 
-from ..harness import print_figures
+from ..harness import Figures, print_figures
 from .campaign import Campaign
 from .citations import driven_citations
 from .inputs import read_kept
 from .preparation import prepared
 from .server_process import plannerforge_server
+from .street.bench import StreetBench
+
+PARTS = ("inputs", "stranger", "archives", "answers", "secrets", "kills")
+_SUMMED = ("unexpected", "forged_lines")
+"""Keys that several parts have."""
 
 
 def main() -> None:
     """Read the command line and measure."""
-    parser = argparse.ArgumentParser(description="Hostile inputs against a server.")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, metavar="PART", help="only these")
+    parser.add_argument("--minutes", type=float, default=20.0, help="for which the stranger stays (default: 20)")
+    parser.add_argument("--archives", type=int, default=500, help="forged archives (default: 500)")
+    parser.add_argument("--answers", type=int, default=2_000, help="forged answers (default: 2000)")
+    parser.add_argument("--kills", type=int, default=50, help="kills of the street's part (default: 50)")
     parser.add_argument("--inputs", type=int, default=20_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kind", choices=("args", "files", "holes", "all", "citations"), default="all")
@@ -45,7 +66,31 @@ def main() -> None:
         elif arguments.replay:
             anyio.run(_replay, Path(folder), arguments)
         else:
-            anyio.run(_measure, Path(folder), arguments)
+            _measure_parts(Path(folder), arguments)
+
+
+def _measure_parts(base: Path, arguments: argparse.Namespace) -> None:
+    """Measure the chosen parts one after the other, and print the figures of all."""
+    began, figures, rows = time.monotonic(), dict[str, float | int | str](), list[tuple[str, str]]()
+    bench = StreetBench(
+        base / "street", arguments.seed, arguments.minutes, arguments.archives, arguments.answers, arguments.kills
+    )
+    for part in arguments.parts:
+        sys.stderr.write(f"{part} …\n")
+        if part == "inputs":
+            found, more = anyio.run(_measure, base, arguments)
+            rows += more
+        else:
+            found = import_module(f"{__package__}.street.{part}").measure(bench)
+        figures |= merged(figures, found)
+    figures["minutes"] = round((time.monotonic() - began) / 60, 1)
+    print_figures("Robustness", figures, more_rows=rows)
+
+
+def merged(figures: Figures, found: Figures) -> dict[str, float | int | str]:
+    """Return figures of two parts; what both count is summed."""
+    both = {key: int(figures[key]) + int(found[key]) for key in _SUMMED if key in figures and key in found}
+    return {**figures, **found, **both}
 
 
 async def _replay(base: Path, arguments: argparse.Namespace) -> None:
@@ -57,8 +102,7 @@ async def _replay(base: Path, arguments: argparse.Namespace) -> None:
         sys.stdout.write(f"{path.name}: {said}\n")
 
 
-async def _measure(base: Path, arguments: argparse.Namespace) -> None:
-    began = time.monotonic()
+async def _measure(base: Path, arguments: argparse.Namespace) -> tuple[Figures, list[tuple[str, str]]]:
     ready = await prepared(base)
     campaign = Campaign(ready.folders, base, plannerforge_server(by_http=arguments.http))
     chance = random.Random(arguments.seed)  # noqa: S311 - hostile inputs, no secret
@@ -85,8 +129,7 @@ async def _measure(base: Path, arguments: argparse.Namespace) -> None:
         **citations,
         "minutes": round((time.monotonic() - began) / 60, 1),
     }
-    rows = [(name, str(value)) for name, value in figures.items()]
-    rows += [
+    rows = [
         ("calls", str(tally.calls)),
         ("answers by code", ", ".join(f"{code} {count}" for code, count in tally.answers.most_common())),
         ("a cheap call on the idle server", f"{tally.idle_ping_ms:.1f} ms"),
@@ -95,7 +138,7 @@ async def _measure(base: Path, arguments: argparse.Namespace) -> None:
         *(("in the journal", text) for text in tally.journal_faults[:10]),
         *(("written outside", text) for text in tally.outside_writes[:10]),
     ]
-    print_figures("Robustness", figures, rows)
+    return figures, rows
 
 
 if __name__ == "__main__":

@@ -54,7 +54,7 @@ def parts(seeds: Sequence[int], inputs: int, record: Path) -> dict[str, _Part]:
     return {
         "hostile": _Part(
             "robustness",
-            ("--inputs", str(inputs), "--seed", str(seeds[0]), "--keep", str(record / "findings")),
+            ("--parts", "inputs", "--inputs", str(inputs), "--seed", str(seeds[0]), "--keep", str(record / "findings")),
             _same(*hostile.split()),
         ),
         "growth": _Part("growth", (), _same("growth_exponent_max")),

@@ -17,7 +17,8 @@ _HERE = "127.0.0.1"
 def serve_pages(settings: Settings, *, open_it: bool) -> None:
     """Serve until a signal ends it; the address is told, and opened where there is a screen and it is wanted.
 
-    Tokens are not asked for: the pages listen on this machine alone, whatever the settings say of ``serve --http``.
+    Tokens are not asked for, so whatever the settings say of ``serve --http`` is left out: the pages listen on this
+    machine alone, and a web page that may call with a token may not call here without one.
 
     Raises:
         PlannerForgeError: the port is taken, or the workspace cannot be opened.
@@ -27,6 +28,8 @@ def serve_pages(settings: Settings, *, open_it: bool) -> None:
             "http_host": _HERE,
             "http_url": "",
             "http_hosts": (),
+            "http_origins": (),
+            "http_proxies": (),
             "http_tokens": (),
             "http_token_file": None,
             "oauth_issuer": "",

@@ -16,7 +16,7 @@ from plannerforge.server import assembly
 from plannerforge.server.command_line import application
 from plannerforge.server.commands import ui
 from plannerforge.server.http import serving
-from plannerforge.server.settings import settings_file
+from plannerforge.server.settings import Settings, settings_file
 
 pytestmark = pytest.mark.usefixtures("probe_tools")
 
@@ -185,6 +185,18 @@ def test_what_serves_shares_its_heaps_before_it_starts_threads(
     assert CliRunner().invoke(application, words).exit_code == 0
     assert begun[0] == "shared"
     assert begun[1:] in (["stdio"], ["http"])
+
+
+def test_pages_leave_out_origins_that_the_settings_let_in_with_a_token(
+    monkeypatch: pytest.MonkeyPatch, settings: Settings
+) -> None:
+    served: list[Settings] = []
+    for name in ("share_heaps", "hide_environment", "create_server"):
+        monkeypatch.setattr(ui, name, lambda *given: None)
+    monkeypatch.setattr(ui, "serve_http", lambda server, own, *given: served.append(own))
+    let_in = {"http_origins": ("https://page.example",), "http_hosts": ("forge.example",), "http_proxies": ("::1",)}
+    ui.serve_pages(settings.model_copy(update=let_in), open_it=False)
+    assert {name: getattr(served[0], name) for name in let_in} == dict.fromkeys(let_in, ())
 
 
 def completed(words: str, typed: str) -> list[str]:

@@ -77,6 +77,20 @@ async def test_each_batch_is_a_line_with_the_rates_of_its_configurations(connect
         assert not lines[1:]
 
 
+async def test_batch_that_names_a_run_that_is_not_there_is_listed_with_it_as_lost(
+    connect: Connect, settings: Settings
+) -> None:
+    async with connect() as client:
+        workspace = await _with_starter(client, settings)
+        _store(workspace, "batch_whole", record(ONE))
+        stored = workspace.get("batch_whole", "batch").read(BatchRecord)
+        forged = stored.model_copy(update={"batch_id": "batch_forged", "runs": (*stored.runs, "../../../etc/passwd")})
+        workspace.put("batch", "batch_forged", recipe=Recipe(tool="run_planner"), record=forged)
+        listed, _ = await _batches(client)
+        summaries = {item.artifact_id: item.batch for item in listed.artifacts}
+        assert {key: batch.lost for key, batch in summaries.items() if batch} == {"batch_whole": 0, "batch_forged": 1}
+
+
 async def test_edits_of_a_scenario_count_with_it_as_in_an_analysis(connect: Connect, settings: Settings) -> None:
     async with connect() as client:
         workspace = await _with_starter(client, settings)

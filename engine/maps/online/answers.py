@@ -31,6 +31,11 @@ class KeptAnswer(Generic[_Read]):
     asked_at: float
     answer: _Read
 
+    @property
+    def age_s(self) -> float:
+        """Its age in seconds. An answer from the future, which a clock that was set back leaves, ages the other way."""
+        return abs(time.time() - self.asked_at)
+
 
 class AnswerCache:
     """A folder of answers, one file each, written whole or not at all.
@@ -57,7 +62,7 @@ class AnswerCache:
         ):  # damaged, by whatever: it is asked for again
             path.unlink(missing_ok=True)
             return None
-        if kept.question != question or (not however_old and time.time() - kept.asked_at > self._most_s):
+        if kept.question != question or (not however_old and kept.age_s > self._most_s):
             return None
         with suppress(OSError):
             path.touch()

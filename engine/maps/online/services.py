@@ -250,9 +250,7 @@ class ServiceClient:
     def _ask(self, question: "_Question[_Read]") -> "Answered[_Read]":
         asks_none = self._services.mode == "cache"
         kept = self._kept(question, however_old=asks_none)
-        fresh = kept is not None and (
-            asks_none or question.holds(kept.answer) or time.time() - kept.asked_at < EMPTY_KEPT_S
-        )
+        fresh = kept is not None and (asks_none or question.holds(kept.answer) or kept.age_s < EMPTY_KEPT_S)
         if kept is not None and fresh:
             return Answered(kept.answer, kept.service, kept=True)
         if self._services.mode != "online":

@@ -275,3 +275,26 @@ def test_a_full_disk_is_no_damage(tmp_path: Path) -> None:
         ensure_generation(tmp_path, TEXTS, "letters", Full())
     assert failure.value.reason == ""
     assert "free the disk" in failure.value.text
+
+
+@pytest.mark.parametrize("bytes_of_a_file", [512, 180_000])
+def test_disk_that_fills_while_chroma_writes_is_named_and_the_next_call_succeeds(
+    bytes_of_a_file: int, tmp_path: Path
+) -> None:
+    """Chroma cannot make its database, or cannot add to it; the vectors are known before."""
+    resource = pytest.importorskip("resource")
+    embed = CountingEmbedding()
+    other, _ = ensure_generation(tmp_path, {"one": TEXTS["one"]}, "letters", embed)
+    before, _ = ensure_generation(tmp_path, TEXTS, "letters", embed)
+    shutil.rmtree(before)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (bytes_of_a_file, hard))
+    try:
+        with pytest.raises(ResourceFailure, match="cannot be written") as failure:
+            ensure_generation(tmp_path, TEXTS, "letters", embed)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert "free the disk" in failure.value.text
+    assert not before.exists()
+    for folder, count in ((other, 1), (ensure_generation(tmp_path, TEXTS, "letters", embed)[0], 3)):
+        assert len(query(folder, embed(["a truck"])[0], None, 5)) == count

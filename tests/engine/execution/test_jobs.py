@@ -3,6 +3,7 @@
 import logging
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -262,3 +263,15 @@ async def test_job_that_cannot_begin_fails_alone(store: JobStore) -> None:
             await anyio.sleep(0)
     assert (store.get(job.job_id).state, store.get(other.job_id).state) == ("failed", "done")
     assert "[resource_failure]" in store.get(job.job_id).error
+
+
+def test_job_runs_although_the_clock_was_set_back_before_it_began(
+    workspace: Workspace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By that clock its process has not been started yet."""
+    earlier = time.time() - 3600.0
+    monkeypatch.setattr(time, "time", lambda: earlier)
+    job, is_new = JobStore(workspace.database).start("batch", Recipe(tool="run_planner"))
+    assert is_new
+    assert JobStore(workspace.database).get(job.job_id).state == "running"
+    assert not JobStore(workspace.database).start("batch", Recipe(tool="run_planner"))[1]

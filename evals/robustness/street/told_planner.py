@@ -1,0 +1,15 @@
+"""A planner program that keeps what it was asked and says what it was told to, as bytes: ``told_planner.py FOLDER``.
+
+``FOLDER`` holds ``answer`` (for standard output), ``error`` (for standard error) and ``status`` (to exit with). It uses
+only the standard library.
+"""
+
+import sys
+from pathlib import Path
+
+folder = Path(sys.argv[1])
+(folder / "request").write_bytes(sys.stdin.buffer.readline())
+sys.stderr.buffer.write((folder / "error").read_bytes())
+sys.stdout.buffer.write((folder / "answer").read_bytes())
+sys.stdout.flush()
+sys.exit(int((folder / "status").read_text()))
