@@ -56,9 +56,13 @@ _DETAIL = {
     "span": "timeline",
 }
 """What else than the summary a client asks for, by what the user asks for."""
-_ENDINGS = {"goal_reached": "reached the goal", "collision": "collision: ", "goal_missed": "goal missed: "}
 _SPAN = (2.0, 4.0)
 _COMPARE_WORDS = {"cost": "cost", "distance": "distance", "ttc": "time", "safer": "safety"}
+
+
+def _ending(record: RunRecord) -> str:
+    """Return the words that an answer has for the outcome of a run."""
+    return "reached the goal" if record.outcome == "goal_reached" else f"{record.outcome.replace('_', ' ')}: "
 
 
 @dataclass(frozen=True)
@@ -191,7 +195,7 @@ class Situations:
         return _Situation("analyze_results", arguments, lambda ask, text: self._run_holds(record, ask, text))
 
     def _run_holds(self, record: RunRecord, ask: str, text: str) -> bool:
-        hit, ended = record.collision, _ENDINGS[record.outcome] in text
+        hit, ended = record.collision, _ending(record) in text
         figures: Mapping[str, Sequence[tuple[str, float | None]]] = {
             "duration": [(rf"(?:at|by|within) {N} s", record.metrics.duration_s if record.metrics else None)]
             if not hit
@@ -249,7 +253,7 @@ class Situations:
     def _pair_holds(self, before: RunRecord, after: RunRecord, ask: str, text: str) -> bool:
         names = {"distance": "minimum distance", "time": "time to collision", "cost": "mean total cost"}
         if ask == "success":
-            return all(_ENDINGS[one.outcome] in text and one.run_id in text for one in (before, after))
+            return all(_ending(one) in text and one.run_id in text for one in (before, after))
         if ask == "safety":
             return all(self._pair_holds(before, after, other, text) for other in ("distance", "time"))
         first, second = metric(before, names[ask]), metric(after, names[ask])

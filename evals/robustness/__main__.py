@@ -127,7 +127,6 @@ async def _measure(base: Path, arguments: argparse.Namespace) -> tuple[Figures, 
         "outside_reads": tally.count("outside_read"),
         "journal_faults": len(tally.journal_faults),
         **citations,
-        "minutes": round((time.monotonic() - began) / 60, 1),
     }
     rows = [
         ("calls", str(tally.calls)),
