@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from ..engine.catalog import open_catalogue
 from ..engine.planners import planner_version
 from ..engine.rendering import filled_page
 from ..engine.workspace import VIEWED_KINDS, Artifact, versions_of, write_whole
@@ -117,6 +118,7 @@ def named_artifact(word: str, context: WorkflowContext) -> Artifact:
     Raises:
         UnknownName: nothing of that name, or nothing was made yet.
     """
+    open_catalogue(context.workspace, with_starter=context.services.with_starter)
     if word == "latest":
         newest = context.newest("scenario", "run", "batch")
         if newest:

@@ -6,7 +6,7 @@ named: commonroad-io itself would fail with an error of Python, or place an ego 
 
 from typing import Any
 
-from .value_limits import BeyondLimits
+from .value_limits import OLD_GOAL, BeyondLimits
 
 READ_VERSIONS = ("2020a", "2018b")
 OLD_VERSION = "2017a"
@@ -22,10 +22,14 @@ def complete(root: Any) -> None:
 
     Heights of lanelets' points are left out, since roads are read as a plane; a file without tags gets an empty list, a
     location without a place the words for a place that is not known; a network of format 2017a is read as one of 2018b.
+    A ``<goalRegion>`` of the formats before 2017a is left out, as commonroad-io does: its problem then has no goal.
     """
     for point in root.iterfind("lanelet/*/point"):
         for height in point.findall("z"):
             point.remove(height)
+    for problem in root.iterfind("planningProblem"):
+        for region in problem.findall(OLD_GOAL):
+            problem.remove(region)
     if _is_old_network(root):
         root.set("commonRoadVersion", "2018b")
     if root.get("commonRoadVersion") == "2018b":

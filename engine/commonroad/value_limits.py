@@ -138,6 +138,8 @@ _NUMBERS = {name: allowed for name, allowed in NUMBER_RANGES.items() if name not
 """Of elements that hold a number as their text; a time of a state holds elements, that of a day is no number."""
 _FOREIGN = "<location>"
 """Holds what other programs write there, with ids of their own."""
+OLD_GOAL = "goalRegion"
+"""A goal of the formats before 2017a, which commonroad-io passes over; its times may be given in seconds."""
 _OBSTACLES = ("obstacle", "staticObstacle", "dynamicObstacle", "environmentObstacle", "phantomObstacle")
 _PLACED = ("lanelet", "planningProblem", *_OBSTACLES)
 """Elements whose points are places in the network; signs and lights may have a placeholder as theirs."""
@@ -231,9 +233,11 @@ _Places = list[tuple[float, float]]
 def _check_below(top: Any, owner: str, relative: Iterable[Any]) -> _Places:
     """Check all elements below one of the first level; returns the x and y of its points in m."""
     skipped = frozenset(map(id, relative))
+    unread = [one for region in top.iterfind(OLD_GOAL) for one in region.iter()]
+    ignored = frozenset(map(id, unread))
     places: _Places = []
     for parent in top.iter():
-        if not len(parent):
+        if not len(parent) or id(parent) in ignored:
             continue
         _check_count(parent)
         values = {}

@@ -21,7 +21,7 @@ from ..commonroad import Track
 from ..cosimulation import LANE_CHANGE_S, DrivePlan, Manoeuvre, TakenOverTrack, pedestrian_of
 from ..geometry import Values, project
 from ..scene import NOT_DRIVEN, Scene
-from .changes import EditStep
+from .changes import EditStep, listed
 from .edited_scene import EditedScene, SimulationResult, new_overlaps
 
 _SHORT_M = 5.0
@@ -103,8 +103,13 @@ def check_not_driven_past(edited: EditedScene, key: int) -> None:
 
 
 def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list[Achieved]]:
-    """For each vehicle that is held to a speed, when it reaches it, or how close it comes and what keeps it from it."""
-    step_s, sentences, achieved = edited.scene.step_s, list[str](), list[Achieved]()
+    """When the vehicles that are held to a speed reach it, or how close they come and what keeps them from it.
+
+    What is the same of several vehicles is said once.
+    """
+    step_s, achieved = edited.scene.step_s, list[Achieved]()
+    reached: dict[int, float] = {}
+    missed: dict[str, dict[int, float]] = {}
     for key, (wanted, first) in step.speeds.items():
         track = edited.result.tracks.get(key)
         if track is None:
@@ -114,20 +119,36 @@ def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list
         speeds = track.speeds_mps[max(first - track.first_step, 0) : until]
         near = np.flatnonzero(np.abs(speeds - wanted) <= _SPEED_TOLERANCE_MPS)
         if len(near):
-            when = (max(first, track.first_step) + int(near[0])) * step_s
-            sentences.append(f"{key} reaches it at {when:.1f} s")
+            reached[key] = (max(first, track.first_step) + int(near[0])) * step_s
             achieved.append(_speed_achieved(key, wanted, float(speeds[near[0]]), reached=True))
-        elif later is not None:
-            held = f"{later.speed_mps:.1f} m/s from {later.from_step * step_s:g} s on"
-            closest = float(speeds[np.argmin(np.abs(speeds - wanted))]) if len(speeds) else later.speed_mps or 0.0
-            sentences.append(f"{key} does not reach it, {closest:.1f} m/s at best: another edit holds it to {held}")
-            achieved.append(_speed_achieved(key, wanted, closest, reached=False))
-        elif len(speeds):
-            closest = float(speeds[np.argmin(np.abs(speeds - wanted))])
+            continue
+        if later is None and not len(speeds):
+            continue
+        if later is not None:
+            reason = f"another edit holds it to {later.speed_mps:.1f} m/s from {later.from_step * step_s:g} s on"
+        else:
             reason = _held_back(edited.scene, track, speeds, wanted)
-            sentences.append(f"{key} does not reach it, {closest:.1f} m/s at best: {reason}")
-            achieved.append(_speed_achieved(key, wanted, closest, reached=False))
+        closest = float(speeds[np.argmin(np.abs(speeds - wanted))]) if len(speeds) else 0.0
+        if later is not None and not len(speeds):
+            closest = later.speed_mps or 0.0
+        missed.setdefault(reason, {})[key] = closest
+        achieved.append(_speed_achieved(key, wanted, closest, reached=False))
+    sentences = []
+    if reached:
+        reach = "reaches" if len(reached) == 1 else "reach"
+        sentences.append(f"{listed(tuple(reached))} {reach} it at {_range_of(reached.values())} s")
+    for reason, closest_mps in missed.items():
+        do = "does" if len(closest_mps) == 1 else "do"
+        best = _range_of(closest_mps.values())
+        sentences.append(f"{listed(tuple(closest_mps))} {do} not reach it, {best} m/s at best: {reason}")
     return sentences, achieved
+
+
+def _range_of(values: Iterable[float]) -> str:
+    """The lowest and the highest of some values to one decimal, or the one that all are."""
+    ordered = sorted(values)
+    low, high = f"{ordered[0]:.1f}", f"{ordered[-1]:.1f}"
+    return low if low == high else f"{low} to {high}"
 
 
 def _speed_achieved(key: int, wanted_mps: float, speed_mps: float, *, reached: bool) -> Achieved:

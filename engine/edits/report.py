@@ -18,6 +18,7 @@ from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, TakenOverTrack
 from ..scene import NOT_DRIVEN, Scene, is_own_recording
 from ..vehicles import Feasibility, Motion, check_drivability, check_kinematics, nearest_class, refused_by_planners
+from .changes import listed
 from .edited_scene import EditedScene, SimulatedEdits
 from .ego_risk import EgoRisk, ego_risk_after
 from .entries import entering_onto_ego
@@ -107,12 +108,13 @@ def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tu
 
 
 def _values_in_words(values: tuple[Achieved, ...]) -> list[str]:
-    """What came out of the values that an edit asks for, for the first of its vehicles."""
-    words = []
+    """What came out of the values that an edit asks for, for the first of its vehicles; what is equal is said once."""
+    vehicles: dict[str, list[int]] = {}
     for one in values[:_MOST_VALUES]:
         asked = "" if one.asked is None or one.reached else f" (asked: {one.asked:g} {one.unit})"
-        words.append(f"{one.vehicle_id} {one.quantity.replace('_', ' ')} {one.value:.3g} {one.unit}{asked}")
-    return words
+        words = f"{one.quantity.replace('_', ' ')} {one.value:.3g} {one.unit}{asked}"
+        vehicles.setdefault(words, []).append(one.vehicle_id)
+    return [f"{listed(tuple(keys))} {words}" for words, keys in vehicles.items()]
 
 
 def _judged(request: ModificationRequest, edited: EditedScene) -> tuple[tuple[TouchedVehicle, ...], int | None]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, with_values
-from ...schemas.rendering import Rendered, RenderedImage, RenderRequest
+from ...schemas.rendering import PictureKind, Rendered, RenderedImage, RenderRequest
 from ...schemas.runs import ReviewRequest
 from ..analysis import RunSet, review_runs
 from ..commonroad import kept_recording
@@ -28,18 +28,22 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
 
     Raises:
         NotPossible: the kind needs runs, steps or a second configuration that are not there.
-        InvalidRequest: a moment outside the scenario.
+        InvalidRequest: a moment outside the scenario, or a moment or road user for a kind that shows none.
     """
     kind = request.kind
     if kind == "auto" and request.study is not None:
         kind = "search"
     elif kind == "auto":
         kind = "outcomes" if len({source.record.scenario_id for source in request.runs}) > 1 else "picture"
+    _check_look(request, kind)
     notes: list[str] = []
     images: tuple[RenderedImage, ...]
     if kind == "animation":
         views, notes = _views(request, most=1)
-        images = animate(views[0], Path(request.folder), report, _decisive_moment(request, views[0]))
+        moment = _decisive_moment(request, views[0])
+        if request.time_s is not None:
+            moment = Moment(views[0].step, "the time asked for")
+        images = animate(views[0], Path(request.folder), report, moment)
     else:
         path = Path(request.folder) / f"{kind}.png"
         if kind == "picture":
@@ -60,6 +64,28 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
         notes += drawing.notes
     report(1.0, "drawn")
     return Rendered(kind=kind, images=images, notes=tuple(notes))
+
+
+_LOOKS: dict[str, tuple[PictureKind, ...]] = {"time_s": ("picture", "animation"), "focus": ("picture",)}
+"""The kinds that show a moment, and those that show the surroundings of a road user."""
+
+
+def _check_look(request: RenderRequest, kind: PictureKind) -> None:
+    """Refuse a moment or a road user that the kind would not show.
+
+    Raises:
+        InvalidRequest: it names what does not belong to the kind.
+    """
+    given = {"time_s": request.time_s, "focus": request.focus}
+    foreign = [name for name, kinds in _LOOKS.items() if given[name] is not None and kind not in kinds]
+    if foreign:
+        raise InvalidRequest(
+            f"{' and '.join(foreign)} {'does' if len(foreign) == 1 else 'do'} not belong to kind {kind}, which shows "
+            f"{'a whole drive' if kind == 'animation' else 'whole runs'}",
+            valid=[f"{name} with kind {' or '.join(_LOOKS[name])}" for name in foreign],
+            next_step="leave it out, or draw a picture",
+            remedies=[with_values(**dict.fromkeys(foreign)), with_values(kind="picture")],
+        )
 
 
 def _search(request: RenderRequest) -> Drawing:

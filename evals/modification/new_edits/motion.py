@@ -252,8 +252,8 @@ def draw_cut_in(file: WrittenFile, rng: random.Random) -> Drawn | None:
         best = float(gaps[np.argmin(np.abs(gaps - gap))])
         if abs(best - gap) > 0.15 and told.verdicts[0] == "done":
             return f"gap {best:.2f} s, not {gap}, and is told done"
-        # Drivers do not keep exactly to their lanes, and lanes converge: what counts is the share of the way between the
-        # two recorded paths.
+        # Drivers do not keep exactly to their lanes, and lanes converge: what counts is the share of the way between
+        # the two recorded paths.
         from_own = np.abs(path_of(base.users[user.key]).along(after.places[steps - after.first])[1])
         share = from_own / np.maximum(from_own + np.abs(offsets), 0.1)
         return _duration_fault(share[: int(over[0]) + round(1.0 / new.step_s)], new.step_s, taken)

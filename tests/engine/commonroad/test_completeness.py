@@ -120,3 +120,15 @@ def test_a_map_is_used_without_the_elements_that_the_schema_refuses(tmp_path: Pa
     assert any("outgoingRight 1" in words for words in lost)
     kept = CommonRoadFileReader(str(tmp_path / "map.xml")).open_lanelet_network()
     assert len(kept.lanelets) == len(CommonRoadFileReader(str(path)).open_lanelet_network().lanelets)
+
+
+def test_a_goal_in_the_words_of_an_old_format_is_passed_over(tmp_path: Path) -> None:
+    def old_goal(root: etree._Element) -> None:
+        problem = root.find("planningProblem")
+        assert problem is not None
+        for goal in problem.findall("goalState"):
+            problem.remove(goal)
+        times = "<time><intervalStart>0.0</intervalStart><intervalEnd>5.4</intervalEnd></time>"
+        problem.append(etree.fromstring(f"<goalRegion><state>{times}</state></goalRegion>"))
+
+    assert read_scenario(changed(tmp_path, old_goal)).problem().goal.state_list == []

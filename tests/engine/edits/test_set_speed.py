@@ -84,3 +84,10 @@ def test_a_speed_and_a_vehicle_are_needed(apply: Apply) -> None:
         apply({"op": "set_speed", "vehicles": ["34"]}, builder=ALONE)
     with pytest.raises(UnknownName, match="no vehicle 99"):
         apply(held("3m/s") | {"vehicles": ["99"]}, builder=ALONE)
+
+
+def test_what_is_the_same_of_several_vehicles_is_said_once(apply: Apply) -> None:
+    apart = town_road().with_vehicles(*(driving(30 + n, (40.0 + 40 * n, 3.5), 10.0, 81) for n in range(4)))
+    applied = apply({"op": "set_speed", "vehicles": ["30", "31", "32", "33"], "speed": "9m/s"}, builder=apart)
+    assert applied.outcome.edits[0].what.count("reach") == 1
+    assert len(applied.outcome.edits[0].achieved) == 4

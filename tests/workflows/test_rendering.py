@@ -1,0 +1,22 @@
+"""Pictures as the first thing that is asked of a workspace."""
+
+import pytest
+from support.server import Connect
+
+pytestmark = pytest.mark.anyio
+
+
+async def test_a_scenario_of_the_catalogue_is_drawn_before_anything_opened_it(connect: Connect) -> None:
+    async with connect() as client:
+        drawn = await client.call_tool("render", {"ids": ["ZAM_Landmoor-32_1_T-1"]})
+    assert not drawn.is_error, drawn.content
+
+
+@pytest.mark.parametrize("given", [{"time_s": 1.0}, {"focus": 12}])
+async def test_a_chart_refuses_a_moment_and_a_road_user_by_name(connect: Connect, given: dict[str, float]) -> None:
+    async with connect() as client:
+        refused = await client.call_tool("render", {"ids": ["ZAM_Landmoor-32_1_T-1"], "kind": "outcomes", **given})
+    assert refused.is_error
+    assert next(iter(given)) in refused.content[0].text  # type: ignore[union-attr]
+    assert refused.meta is not None
+    assert next(iter(given)) not in refused.meta["plannerforge/next_call"]["arguments"]
