@@ -4,6 +4,7 @@ Many files are a job: it goes on when the call has answered, and the same call t
 """
 
 import logging
+import os
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -136,10 +137,16 @@ def _files(context: WorkflowContext, arguments: ImportFilesArguments) -> list[tu
             remedies=misspelt(path.name, near),
         )
     if path.is_file():
+        if not os.access(path, os.R_OK):
+            raise InvalidRequest(
+                f"{quoted(arguments.path)} may not be read by the user that the server runs as",
+                next_step="let this user read it, or name another file",
+            )
         return [(path, _kind(path, arguments.kind))]
     wanted = [suffix for suffix, kind in _SUFFIXES.items() if arguments.kind in ("auto", kind)]
     paths = sorted(entry for entry in path.rglob("*") if entry.name.lower().endswith(tuple(wanted)) and entry.is_file())
     paths = [entry for entry in paths if is_utf8(str(entry)) and not context.workspace.owns(entry)]
+    paths = [entry for entry in paths if os.access(entry, os.R_OK)]
     if arguments.kind != "map":  # networks lie beside scenarios; they are taken in where maps are asked for
         paths = [entry for entry in paths if not is_net(entry)]
     if arguments.kind != "auto":
@@ -187,6 +194,8 @@ def _passed_over(
 def _kind_in_words(path: Path) -> str:
     if not is_utf8(str(path)):
         return "names that are not UTF-8"
+    if not os.access(path, os.R_OK):
+        return "files that may not be read"
     return one_line(path.suffix.lower())[:_LONGEST_ENDING] or "without ending"
 
 

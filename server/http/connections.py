@@ -23,6 +23,8 @@ from uvicorn.config import Config
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 from uvicorn.server import ServerState
 
+from . import access
+
 logger = logging.getLogger(__name__)
 
 
@@ -255,7 +257,9 @@ class BoundedProtocol(HttpToolsProtocol):
 
 
 class _OncePerSecond(logging.Filter):
-    """Lets a message through once a second, however often it is logged; the next one says how many were left out.
+    """Lets a statement log once a second, whatever it says; its next message says how many were left out.
+
+    A stranger chooses what a message says (a Host, the id of a key), so its place in the code tells messages apart.
 
     Args:
         clock: gives seconds.
@@ -264,12 +268,12 @@ class _OncePerSecond(logging.Filter):
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__()
         self._clock = clock
-        self._at: dict[str, float] = {}
-        self._left_out: dict[str, int] = {}
+        self._at: dict[tuple[str, int], float] = {}
+        self._left_out: dict[tuple[str, int], int] = {}
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Return whether the record is written."""
-        key, now = str(record.msg), self._clock()
+        key, now = (record.pathname, record.lineno), self._clock()
         if now - self._at.get(key, -math.inf) < 1.0:
             self._left_out[key] = self._left_out.get(key, 0) + 1
             return False
@@ -280,7 +284,10 @@ class _OncePerSecond(logging.Filter):
         return True
 
 
-_NOISY = ("asyncio", "uvicorn.error", __name__, "mcp.server.transport_security", "mcp.server.streamable_http_manager")
+_NOISY = (
+    *("asyncio", "uvicorn.error", __name__, access.__name__),
+    *("mcp.server.transport_security", "mcp.server.streamable_http_manager", "mcp.server.auth.middleware.bearer_auth"),
+)
 """Loggers that a stranger can make write as many records as it likes."""
 
 

@@ -181,19 +181,22 @@ async def test_many_requests_at_once_without_waiting_are_refused() -> None:
         assert answer.count(b"HTTP/1.1 200") < 10
 
 
-def test_message_of_a_stranger_is_logged_once_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "name", ["uvicorn.error", "plannerforge.server.http.access", "mcp.server.auth.middleware.bearer_auth"]
+)
+def test_message_of_a_stranger_is_logged_once_a_second(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stranger chooses part of what it says."""
     now, written = [0.0], list[str]()
-    handler, logger = logging.Handler(), logging.getLogger("uvicorn.error")
+    handler, logger = logging.Handler(), logging.getLogger(name)
     monkeypatch.setattr(handler, "emit", lambda record: written.append(record.getMessage()))
     monkeypatch.setattr(logger, "handlers", [handler])
     monkeypatch.setattr(logger, "level", logging.WARNING)
     monkeypatch.setattr(logger, "disabled", False)
     logger.manager._clear_cache()  # type: ignore[attr-defined]
     with calm_logs(lambda: now[0]):
-        for number in range(50):
-            logger.warning("request %d is none", number)
-        now[0] = 1.5
-        logger.warning("request %d is none", 50)
+        for number in range(51):
+            now[0] = 1.5 * (number == 50)
+            logger.warning(f"request {number} is none")  # as the SDK logs
         logger.warning("another")
     assert len(written) == 3
     assert "49 more" in written[1]

@@ -58,6 +58,25 @@ async def test_a_map_is_taken_by_its_content_whatever_its_name(connect: Connect,
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux has file names that are not UTF-8")
+async def test_file_of_another_user_is_passed_over_and_told_and_refused_alone(
+    connect: Connect, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "maps"
+    folder.mkdir()
+    for name in ("town.osm", "theirs.osm"):
+        (folder / name).write_bytes((LIBRARY / "fahrhausen.osm").read_bytes())
+    (folder / "theirs.osm").chmod(0)
+    if os.access(folder / "theirs.osm", os.R_OK):  # root may read every file
+        monkeypatch.setattr(os, "access", lambda path, mode: Path(path).name != "theirs.osm")
+    async with connect() as client:
+        alone = await client.call_tool("import_files", {"path": str(folder / "theirs.osm")})
+        assert "[invalid_request]" in str(alone.content)
+        assert "may not be read" in str(alone.content)
+        answer = await client.call_tool("import_files", {"path": str(folder)})
+        assert "Fahrhausen" in str(answer.content)
+        assert "may not be read 1" in (answer.structured_content or {})["note"]
+
+
 async def test_files_with_names_that_are_not_utf8_are_passed_over_and_told(connect: Connect, tmp_path: Path) -> None:
     folder = tmp_path / "maps"
     folder.mkdir()
