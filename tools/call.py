@@ -3,7 +3,7 @@
 import sys
 import threading
 from collections.abc import Awaitable, Callable, Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -77,6 +77,13 @@ class Recent:
         with self._lock:
             return [entry for entry in reversed(self._made) if entry[0] in kinds]
 
+    def copied(self) -> "Recent":
+        """The same, which goes on apart from it."""
+        copied = Recent()
+        with self._lock:
+            copied._made, copied._told = dict(self._made), set(self._told)
+        return copied
+
     def is_untold(self, kind: MadeKind) -> bool:
         """Whether the client was not told yet that something of a kind is not its own; from now on it was."""
         with self._lock:
@@ -126,6 +133,10 @@ class ToolCall:
         self.names_view = False
         """Whether the answer names its view, since the host shows it."""
         self._send_progress = send_progress
+
+    def trial(self) -> "ToolCall":
+        """A call by which something is tried: it asks the person nothing, and leaves no trace in this one."""
+        return ToolCall(replace(self.services, recent=self.services.recent.copied()))
 
     @property
     def workspace(self) -> Workspace:

@@ -30,7 +30,7 @@ from ..schemas.catalog import (
     RankRequest,
     SearchRecord,
 )
-from ..schemas.errors import UnknownName, closest
+from ..schemas.errors import UnknownName, closest, with_values
 from ..schemas.generation import MapFacts
 from ..schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ..schemas.text import counted, one_line, quoted
@@ -119,7 +119,7 @@ def _nowhere(word: str, call: ToolCall) -> UnknownName:
         f"no scenario and no map lies in {quoted(word)}, which is no search either",
         valid=closest(word, sorted(places)),
         next_step="leave within out for all, or choose one of these",
-    )
+    ).also(with_values(within=None))
 
 
 def _with_maps(
@@ -217,7 +217,10 @@ def _resolved(arguments: FindScenariosArguments, call: ToolCall) -> FindScenario
         changes["like"] = _example(arguments.like, call).scenario_id
     if arguments.within is not None:
         kind: ArtifactKind = "plan" if arguments.within.startswith("plan_") else "search"
-        changes["within"] = call.artifact(arguments.within, kind).artifact_id
+        try:
+            changes["within"] = call.artifact(arguments.within, kind).artifact_id
+        except UnknownName as error:
+            raise error.also(with_values(within=None)) from error.__cause__
     return arguments.model_copy(update=changes)
 
 

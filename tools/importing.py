@@ -6,6 +6,7 @@ Many files are a job: it goes on when the call has answered, and the same call t
 import logging
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -18,7 +19,16 @@ from ..engine.execution import Job, JobProgress, OnProgress
 from ..engine.maps import MAP_ENDINGS, is_binary, is_net, root_element
 from ..engine.workspace import Recipe
 from ..schemas.artifacts import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
-from ..schemas.errors import InvalidRequest, PlannerForgeError, UnexpectedFailure, as_told, closest, misspelt
+from ..schemas.errors import (
+    InvalidRequest,
+    OutsideRoots,
+    PlannerForgeError,
+    UnexpectedFailure,
+    as_told,
+    closest,
+    misspelt,
+    with_values,
+)
 from ..schemas.jobs import JobState
 from ..schemas.text import is_utf8, one_line, quoted
 from .call import ToolCall
@@ -126,7 +136,11 @@ def _country(arguments: ImportFilesArguments, files: Sequence[tuple[Path, _Impor
 
 
 def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, _ImportKind]]:
-    path = call.allowed_path(arguments.path)
+    try:
+        path = call.allowed_path(arguments.path)
+    except OutsideRoots as error:
+        called_so = _paths_called_so(Path(arguments.path).name, call)
+        raise error.also(*(with_values(path=str(one)) for one in called_so)) from error.__cause__
     if not path.exists():
         near = closest(path.name, _names_beside(path, call)) if path.name else []
         raise InvalidRequest(
@@ -134,7 +148,7 @@ def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, 
             valid=near,
             next_step="name a file or folder that does",
             remedies=misspelt(path.name, near),
-        )
+        ).also(*(with_values(path=str(one)) for one in _paths_called_so(path.name, call)))
     if path.is_file():
         return [(path, _kind(path, arguments.kind))]
     wanted = [suffix for suffix, kind in _SUFFIXES.items() if arguments.kind in ("auto", kind)]
@@ -156,6 +170,27 @@ def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, 
             next_step="import its subfolders one by one",
         )
     return [(entry, _kind(entry, arguments.kind)) for entry in paths]
+
+
+def _paths_called_so(name: str, call: ToolCall) -> list[Path]:
+    """The paths of a name below the folders that may be used, the shortest first; empty if they cannot be read."""
+    found = list[Path]()
+    try:
+        for root in call.limits.roots:
+            entries = islice((path for path in root.resolve().rglob("*") if is_utf8(str(path))), _MOST_COUNTED)
+            found += [path for path in entries if path.name == name]
+    except OSError:
+        return []
+    found.sort(key=lambda path: (len(path.parts), str(path)))
+    allowed = list[Path]()
+    for path in found[:_MOST_CALLED_SO]:
+        with suppress(InvalidRequest):
+            allowed.append(call.allowed_path(str(path)))
+    return allowed
+
+
+_MOST_CALLED_SO = 3
+"""Files of a name that a refusal proposes (chosen)."""
 
 
 def _names_beside(path: Path, call: ToolCall) -> list[str]:
