@@ -138,7 +138,7 @@ def _districts(osm: OsmMap) -> list[str]:
 def _outlines(osm: OsmMap) -> list[_Outline]:
     """The places of a map: points and outlines in the order of the file.
 
-    An outline that crosses the edge of the extract is open, since the extract lacks the nodes beyond; it counts as well.
+    An outline that crosses the edge of the extract is open, since the nodes beyond are missing; it counts as well.
     """
     found: list[tuple[Mapping[str, str], Position, float | None]] = []
     found += [(node.tags, node.position, None) for node in osm.nodes.values() if node.tags.get("place") in PLACE_KINDS]
