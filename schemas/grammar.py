@@ -23,12 +23,23 @@ _UNSIGNED = r"\d+(?:\.\d*)?"
 _UNIT = r"[A-Za-z][A-Za-z/0-9]*"
 BaseUnit = Literal["m/s", "m", "s", ""]
 _TO_BASE: dict[str, dict[str, float]] = {
-    "m/s": {"m/s": 1.0, "mps": 1.0, "km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "mph": 0.44704},
+    "m/s": {
+        "m/s": 1.0,
+        "mps": 1.0,
+        "km/h": 1 / 3.6,
+        "kmh": 1 / 3.6,
+        "kph": 1 / 3.6,
+        "mph": 0.44704,
+        **dict.fromkeys(("knots", "knot", "kn"), 1852 / 3600),
+    },
     "m": {"m": 1.0, "km": 1000.0, "ft": 0.3048},
     "s": {"s": 1.0, "ms": 0.001, "min": 60.0},
     "": {},
 }
-"""Factors of units to the base unit: a mile is 1609.344 m and a foot 0.3048 m (international yard and pound, 1959)."""
+"""Factors of units to the base unit: a mile is 1609.344 m and a foot 0.3048 m (international yard and pound, 1959).
+
+A knot is 1852 m an hour (SI brochure, 9th edition, table 8).
+"""
 
 
 @dataclass(frozen=True)
@@ -200,6 +211,7 @@ def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False, word
                 f"'{text}' compares with '{right}', which is no number",
                 valid=[f"{name}{'=' if operator == '==' else operator}2"],
                 next_step="compare with a number",
+                remedies=[instead(text, f"{'!' if negated else ''}{name}{f'@{scope}' if scope else ''}")],
             )
         return Condition(name, Interval(None, None), right, negated, scope)
     interval = _compared(text, operator, right, unit, whole)
@@ -215,7 +227,13 @@ def parse_assignment(text: str) -> Assignment:
     examples = ["name=0.5", "name*2", "name+0.1", "name-0.1", "name=other_name"]
     match = re.fullmatch(r"\s*([A-Za-z_]\w*)\s*([=*+\-])\s*(\S.*?)\s*", text)
     if match is None:
-        raise InvalidRequest(f"'{text}' is no assignment", valid=examples, next_step="write it in one of these forms")
+        apart = re.fullmatch(rf"\s*([A-Za-z_]\w*)\s*[:\s]\s*({_NUMBER})\s*", text)
+        raise InvalidRequest(
+            f"'{text}' is no assignment",
+            valid=examples,
+            next_step="write it in one of these forms",
+            remedies=[] if apart is None else [instead(text, f"{apart[1]}={apart[2]}")],
+        )
     name, operator, right = match[1], match[2], match[3]
     if re.fullmatch(_NUMBER, right) and math.isfinite(float(right)):
         return Assignment(name, operator, float(right))  # type: ignore[arg-type]
@@ -273,9 +291,17 @@ def _compared(text: str, operator: str, right: str, unit: BaseUnit, whole: bool)
             interval = Interval(None, bound - (strict if operator == "<" else 0.0))
     if whole and any(end is not None and end != int(end) for end in (interval.low, interval.high)):
         raise InvalidRequest(
-            f"'{text}' counts with a fraction", valid=["a whole number"], next_step="write a whole number"
+            f"'{text}' counts with a fraction",
+            valid=["a whole number"],
+            next_step="write a whole number",
+            remedies=[instead(right, _whole(right))],
         )
     return interval
+
+
+def _whole(text: str) -> str:
+    """The text with its numbers rounded to whole ones."""
+    return re.sub(_NUMBER, lambda found: f"{round(float(found[0]))}", text)
 
 
 def _or_units(units: dict[str, float]) -> str:

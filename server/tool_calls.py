@@ -5,7 +5,6 @@ import logging
 import re
 import sys
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 from mcp import MCPError
@@ -14,28 +13,13 @@ from mcp.types import CallToolResult, ContentBlock, ImageContent, Resource, Reso
 from ..resources.apps import VIEW_KEY, view_uri
 from ..resources.templates import artifact_link, job_link
 from ..schemas.base import Result
-from ..schemas.errors import (
-    VEHICLES_LISTED,
-    InvalidRequest,
-    NextCall,
-    NotPossible,
-    OutsideRoots,
-    PlannerForgeError,
-    Remedy,
-    UnexpectedFailure,
-    as_told,
-    calling,
-    differences,
-    followed,
-    with_values,
-)
+from ..schemas.errors import NextCall, NotPossible, PlannerForgeError, UnexpectedFailure, as_told
 from ..schemas.text import printable
 from ..tools.call import ImageAnswer, ToolCall
-from ..tools.registry import TOOLS, ToolSpec
+from ..tools.registry import ToolSpec
 from ..workflows.context import Question
-from ..workflows.scenarios import one_scenario
 from .arguments.checking import read_arguments
-from .arguments.loose_reading import read_loosely
+from .arguments.proposals import proposed_call
 
 logger = logging.getLogger(__name__)
 LONGEST_ANSWER = 400_000
@@ -47,30 +31,6 @@ MOST_IMAGE_BYTES = 12 * 1024**2
 
 _ESCAPE = re.compile(r"\\[ubfr]")
 """Stands in JSON for a character that is not printed; line breaks and tabulators are."""
-
-
-_SCENARIOS_LISTED = calling("list_artifacts", kind="scenario")
-_LOOKS: Mapping[str, tuple[Remedy, ...]] = {
-    "describe_catalog": (calling("describe_catalog"),),
-    "generate_scenarios": (calling("describe_catalog", facet="maps"),),
-    "find_scenarios": (calling("describe_catalog"),),
-    "describe_scenario": (calling("describe_scenario", "scenario_id"), _SCENARIOS_LISTED),
-    "modify_scenario": (VEHICLES_LISTED, _SCENARIOS_LISTED),
-    "list_planners": (calling("list_planners"),),
-    "configure_planner": (calling("list_planners"),),
-    "run_planner": (calling("list_planners"),),
-    "get_job": (calling("list_artifacts", kind="job"),),
-    "cancel_job": (calling("list_artifacts", kind="job"),),
-    "analyze_results": (calling("list_artifacts", kind="run"),),
-    "compare_results": (calling("list_artifacts", kind="run"),),
-    "optimize_planner": (calling("list_planners"),),
-    "render": (calling("list_artifacts"),),
-    "list_artifacts": (calling("list_artifacts"),),
-    "export_artifacts": (calling("list_artifacts"),),
-}
-"""The call, by tool, that lists valid values; used if no better remedy is known."""
-_NEVER_PROPOSED = frozenset({"cancel_job"})
-"""Tools whose calls cannot be taken back: what they are to do is for the caller alone to say."""
 
 
 class InputNeeded(Exception):
@@ -108,64 +68,7 @@ async def answer(
         error = as_told(raised, spec.name)
         if isinstance(error, UnexpectedFailure):
             logger.error("incident %s:\n%s", error.incident, error.details)  # noqa: TRY400 - it holds the traceback
-        return refusal(error, _next_call(error, spec, given, call, offered))
-
-
-def _next_call(
-    error: PlannerForgeError,
-    spec: ToolSpec,
-    given: Mapping[str, Any],
-    call: ToolCall,
-    offered: Mapping[str, ToolSpec] | None,
-) -> NextCall | None:
-    """The first call that an error proposes, that the client may make, and that has valid arguments; None if none is.
-
-    A corrected call is checked for valid arguments only; whether it can be carried out is not tried. A scenario that
-    another call takes over from the refused one has to exist.
-    """
-    tools = {tool.name: tool for tool in TOOLS} if offered is None else offered
-    read = read_loosely(spec.arguments_type, given).values
-    for remedy in (*error.remedies, *_looks(error, spec)):
-        following = followed(remedy, spec.name, read)
-        if following is None or following.tool not in tools or following.tool in _NEVER_PROPOSED:
-            continue
-        if "scenario_id" in remedy.carried and not _is_known(following.arguments.get("scenario_id", "latest"), call):
-            continue
-        try:
-            arguments = read_arguments(tools[following.tool].arguments_type, following.arguments)
-        except PlannerForgeError:
-            continue
-        written = _as_written(arguments.model_dump(mode="json", exclude_unset=True))
-        return replace(following, arguments=written, changed=following.changed and dict(differences(read, written)))
-    return None
-
-
-def _looks(error: PlannerForgeError, spec: ToolSpec) -> tuple[Remedy, ...]:
-    """What helps if nothing better is known: the call that lists valid values, or an argument's usual path."""
-    if isinstance(error, OutsideRoots):
-        return (with_values(**spec.arguments_type.usual_values),)
-    return _LOOKS.get(spec.name, ()) if isinstance(error, InvalidRequest) else ()
-
-
-def _is_known(scenario_id: object, call: ToolCall) -> bool:
-    """Whether there is a scenario with this id, or any scenario if it is ``latest``."""
-    scenario, _, problem = str(scenario_id).partition("#")
-    if scenario == "latest":
-        return not problem and bool(call.workspace.newest(kind="scenario", limit=1))
-    try:
-        one_scenario(str(scenario_id), call)
-    except PlannerForgeError:
-        return False
-    return True
-
-
-def _as_written(value: Any) -> Any:
-    """The same with whole numbers without a fraction."""
-    if isinstance(value, dict):
-        return {name: _as_written(part) for name, part in value.items()}
-    if isinstance(value, list):
-        return [_as_written(part) for part in value]
-    return int(value) if isinstance(value, float) and value.is_integer() else value
+        return refusal(error, await proposed_call(error, spec, given, call, offered))
 
 
 def _with_view(result: CallToolResult, call: ToolCall) -> CallToolResult:

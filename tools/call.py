@@ -1,7 +1,7 @@
 """One call of a tool: what a workflow works with, and what the client's host can show of the answer."""
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mcp.types import Resource
@@ -25,6 +25,10 @@ class ToolCall(WorkflowContext):
     def shows(self, *ids: str) -> None:
         """Name what the answer is about: scenarios, runs or batches that one view shows together."""
         self.shown = ids
+
+    def trial(self) -> "ToolCall":
+        """Return a call to try something with: it asks the person nothing, and leaves no trace in this one."""
+        return ToolCall(replace(self.services, recent=self.services.recent.copied()))
 
 
 @dataclass(frozen=True)

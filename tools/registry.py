@@ -29,6 +29,7 @@ class ToolSpec:
         making: arguments with which a tool that is read-only otherwise makes something.
         refused: arguments that this listing refuses.
         open_world: may ask services on the net.
+        trial: the values with which a call makes nothing, so that a refusal can try what it proposes; None without any.
         view: the page that shows its answers, in hosts that show pages.
     """
 
@@ -42,6 +43,7 @@ class ToolSpec:
     making: tuple[str, ...] = ()
     refused: tuple[str, ...] = ()
     open_world: bool = False
+    trial: tuple[tuple[str, object], ...] | None = None
     view: Literal["player", "board"] | None = None
 
     @cached_property
@@ -68,7 +70,7 @@ class ToolSpec:
 
 
 TOOLS: tuple[ToolSpec, ...] = (
-    ToolSpec("describe_catalog", "Describe the catalogue", "scenarios", read_only=True),
+    ToolSpec("describe_catalog", "Describe the catalogue", "scenarios", read_only=True, trial=()),
     ToolSpec(
         "generate_scenarios",
         "Generate scenarios",
@@ -80,10 +82,16 @@ TOOLS: tuple[ToolSpec, ...] = (
     ToolSpec("find_scenarios", "Find scenarios", "scenarios"),
     ToolSpec("import_files", "Import files", "files", essential=False),
     ToolSpec(
-        "describe_scenario", "Describe a scenario", "scenarios", read_only=True, seldom=("time_s",), view="player"
+        "describe_scenario",
+        "Describe a scenario",
+        "scenarios",
+        read_only=True,
+        seldom=("time_s",),
+        trial=(),
+        view="player",
     ),
-    ToolSpec("modify_scenario", "Modify a scenario", "scenarios", view="player"),
-    ToolSpec("list_planners", "List planners", "planners", read_only=True),
+    ToolSpec("modify_scenario", "Modify a scenario", "scenarios", trial=(("dry_run", True),), view="player"),
+    ToolSpec("list_planners", "List planners", "planners", read_only=True, trial=()),
     ToolSpec("configure_planner", "Configure a planner", "planners"),
     ToolSpec("run_planner", "Run a planner", "planners", view="board"),
     ToolSpec("get_job", "Look at a job", "artifacts", read_only=True, view="board"),
@@ -95,12 +103,13 @@ TOOLS: tuple[ToolSpec, ...] = (
         read_only=True,
         seldom=("trial", "limit", "offset"),
         making=("trial",),
+        trial=(),
         view="board",
     ),
-    ToolSpec("compare_results", "Compare results", "results", read_only=True, view="board"),
+    ToolSpec("compare_results", "Compare results", "results", read_only=True, trial=(), view="board"),
     ToolSpec("optimize_planner", "Optimise a planner", "planners", essential=False),
-    ToolSpec("render", "Draw", "results", read_only=True, view="board"),
-    ToolSpec("list_artifacts", "List artifacts", "artifacts", read_only=True, essential=False),
+    ToolSpec("render", "Draw", "results", read_only=True, trial=(), view="board"),
+    ToolSpec("list_artifacts", "List artifacts", "artifacts", read_only=True, essential=False, trial=()),
     ToolSpec("export_artifacts", "Export artifacts", "files", essential=False),
 )
 

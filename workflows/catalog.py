@@ -30,7 +30,7 @@ from ..schemas.catalog import (
     RankRequest,
     SearchRecord,
 )
-from ..schemas.errors import UnknownName, closest
+from ..schemas.errors import UnknownName, closest, with_values
 from ..schemas.generation import MapFacts
 from ..schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ..schemas.text import cited, counted, one_line, quoted
@@ -121,7 +121,7 @@ def _nowhere(word: str, context: WorkflowContext) -> UnknownName:
         f"no scenario and no map lies in {quoted(word)}, which is no search either",
         valid=map(cited, closest(word, sorted(places))),
         next_step="leave within out for all, or choose one of these",
-    )
+    ).also(with_values(within=None))
 
 
 def _with_maps(
@@ -219,7 +219,10 @@ def _resolved(arguments: FindScenariosArguments, context: WorkflowContext) -> Fi
         changes["like"] = _example(arguments.like, context).scenario_id
     if arguments.within is not None:
         kind: ArtifactKind = "plan" if arguments.within.startswith("plan_") else "search"
-        changes["within"] = context.artifact(arguments.within, kind).artifact_id
+        try:
+            changes["within"] = context.artifact(arguments.within, kind).artifact_id
+        except UnknownName as error:
+            raise error.also(with_values(within=None)) from error.__cause__
     return arguments.model_copy(update=changes)
 
 

@@ -74,6 +74,13 @@ class Recent:
         with self._lock:
             return [entry for entry in reversed(self._made) if entry[0] in kinds]
 
+    def copied(self) -> "Recent":
+        """The same, which goes on apart from it."""
+        copied = Recent()
+        with self._lock:
+            copied._made, copied._told = dict(self._made), set(self._told)
+        return copied
+
     def is_untold(self, kind: MadeKind) -> bool:
         """Whether the client was not told yet that something of a kind is not its own; from now on it was."""
         with self._lock:

@@ -7,6 +7,7 @@ import logging
 import os
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -19,7 +20,16 @@ from ..engine.execution import Job, JobProgress, OnProgress
 from ..engine.maps import MAP_ENDINGS, is_binary, is_net, root_element
 from ..engine.workspace import Recipe
 from ..schemas.artifacts import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
-from ..schemas.errors import InvalidRequest, PlannerForgeError, UnexpectedFailure, as_told, closest, misspelt
+from ..schemas.errors import (
+    InvalidRequest,
+    OutsideRoots,
+    PlannerForgeError,
+    UnexpectedFailure,
+    as_told,
+    closest,
+    misspelt,
+    with_values,
+)
 from ..schemas.jobs import JobState
 from ..schemas.text import is_utf8, one_line, quoted, shown_name
 from .configurations import import_configuration
@@ -127,7 +137,11 @@ def _country(arguments: ImportFilesArguments, files: Sequence[tuple[Path, _Impor
 
 
 def _files(context: WorkflowContext, arguments: ImportFilesArguments) -> list[tuple[Path, _ImportKind]]:
-    path = context.allowed_path(arguments.path)
+    try:
+        path = context.allowed_path(arguments.path)
+    except OutsideRoots as error:
+        called_so = _paths_called_so(Path(arguments.path).name, context)
+        raise error.also(*(with_values(path=str(one)) for one in called_so)) from error.__cause__
     if not path.exists():
         near = closest(path.name, _names_beside(path, context)) if path.name else []
         raise InvalidRequest(
@@ -135,7 +149,7 @@ def _files(context: WorkflowContext, arguments: ImportFilesArguments) -> list[tu
             valid=near,
             next_step="name a file or folder that does",
             remedies=misspelt(path.name, near),
-        )
+        ).also(*(with_values(path=str(one)) for one in _paths_called_so(path.name, context)))
     if path.is_file():
         if not os.access(path, os.R_OK):
             raise InvalidRequest(
@@ -163,6 +177,27 @@ def _files(context: WorkflowContext, arguments: ImportFilesArguments) -> list[tu
             next_step="import its subfolders one by one",
         )
     return [(entry, _kind(entry, arguments.kind)) for entry in paths]
+
+
+def _paths_called_so(name: str, context: WorkflowContext) -> list[Path]:
+    """The paths of a name below the folders that may be used, the shortest first; empty if they cannot be read."""
+    found = list[Path]()
+    try:
+        for root in context.limits.roots:
+            entries = islice((path for path in root.resolve().rglob("*") if is_utf8(str(path))), _MOST_COUNTED)
+            found += [path for path in entries if path.name == name]
+    except OSError:
+        return []
+    found.sort(key=lambda path: (len(path.parts), str(path)))
+    allowed = list[Path]()
+    for path in found[:_MOST_CALLED_SO]:
+        with suppress(InvalidRequest):
+            allowed.append(context.allowed_path(str(path)))
+    return allowed
+
+
+_MOST_CALLED_SO = 3
+"""Files of a name that a refusal proposes (chosen)."""
 
 
 def _names_beside(path: Path, context: WorkflowContext) -> list[str]:

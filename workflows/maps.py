@@ -11,6 +11,7 @@ from ..engine.maps import (
     SeenFile,
     SeenFiles,
     built_in_maps,
+    countries_spelt_like,
     country_code,
     foreign_format,
     is_binary,
@@ -23,7 +24,7 @@ from ..engine.maps import (
 )
 from ..engine.workspace import Artifact, Recipe
 from ..schemas.artifacts import ImportedItem
-from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnsafeInput, WorkerFailure
+from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnsafeInput, WorkerFailure, with_values
 from ..schemas.generation import MAP_FACTS_VERSION, ConvertMapRequest, MapFacts, ReadMapRequest
 from ..schemas.text import cited, counted, is_utf8, one_line, shown_name
 from .context import WorkflowContext
@@ -226,7 +227,12 @@ def known_country(text: str | None) -> str | None:
     """
     code = None if text is None else country_code(text)
     if code is None and text is not None:
-        raise InvalidRequest(f"there is no country {text!r}", valid=["DEU", "Germany", "de"])
+        near = countries_spelt_like(text)
+        raise InvalidRequest(
+            f"there is no country {text!r}",
+            valid=near or ["DEU", "Germany", "de"],
+            remedies=[*(with_values(country=one) for one in near), with_values(country=None)],
+        )
     return code
 
 

@@ -1,17 +1,12 @@
 """Editing a scenario."""
 
-import logging
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-
-import anyio
-from pydantic import ValidationError
 
 from ..engine.catalog import open_catalogue
 from ..engine.commonroad import derived_benchmark_id
 from ..engine.workspace import Artifact, Recipe, versions_of
-from ..schemas.errors import Change, InvalidRequest, NotPossible, PlannerForgeError, Remedy, UnexpectedFailure, followed
+from ..schemas.errors import Change, InvalidRequest, NotPossible, Remedy
 from ..schemas.grammar import parse_selector
 from ..schemas.modification import (
     AMBIGUOUS_VEHICLE,
@@ -27,12 +22,7 @@ from .operations import APPLY_EDITS
 from .scenario_storage import store_scenario
 from .scenarios import one_scenario
 
-logger = logging.getLogger(__name__)
 _TOOL = "modify_scenario"
-_MOST_TRIED = 4
-"""Proposals of a refusal that are tried; chosen."""
-TRYING_S = 10.0
-"""Time for all of them together, after which the refusal is told without; chosen to be less than clients wait."""
 _MOST_QUESTIONS = 5
 """Questions of one call; chosen: whoever names more vehicles by unclear words better looks at the scenario first."""
 
@@ -53,10 +43,6 @@ async def modify_scenario(arguments: ModifyScenarioArguments, context: WorkflowC
     except InvalidRequest as refusal:
         if arguments is not given:
             refusal.remedies = tuple(_with_edits(arguments, remedy) for remedy in refusal.remedies)
-        looks = tuple(remedy for remedy in refusal.remedies if remedy.tool)
-        proposed, refusal.remedies = refusal.remedies, looks
-        with anyio.move_on_after(TRYING_S):
-            refusal.remedies = (*await _that_help(proposed, given, context), *looks)
         raise
 
 
@@ -66,27 +52,6 @@ def _with_edits(arguments: ModifyScenarioArguments, remedy: Remedy) -> Remedy:
         return remedy
     chosen = Change(values={"edits": arguments.model_dump(mode="json", exclude_unset=True)["edits"]})
     return replace(remedy, changes=(chosen, *remedy.changes))
-
-
-async def _that_help(
-    proposed: Sequence[Remedy], given: ModifyScenarioArguments, context: WorkflowContext
-) -> list[Remedy]:
-    """Try the proposals without storing; keep the first that works."""
-    sent = given.model_dump(mode="json", exclude_unset=True)
-    for remedy in [remedy for remedy in proposed if not remedy.tool][:_MOST_TRIED]:
-        following = followed(remedy, _TOOL, sent)
-        if following is None:
-            continue
-        try:
-            tried = ModifyScenarioArguments.model_validate(following.arguments)
-            await modified_once(tried.model_copy(update={"dry_run": True}), context)
-        except UnexpectedFailure as defect:
-            logger.error("incident %s:\n%s", defect.incident, defect.details)  # noqa: TRY400 - it holds the traceback
-        except (PlannerForgeError, ValidationError):
-            continue
-        else:
-            return [remedy]
-    return []
 
 
 async def with_vehicle_meant(

@@ -3,8 +3,8 @@
 Results are named by run and batch ids and by words for the newest ones (``WORDS``).
 """
 
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -12,7 +12,16 @@ from typing import Literal
 from ..engine.planners import PLANNERS, built_in_version
 from ..engine.tuning import preset_configuration, tuning_of
 from ..engine.workspace import Artifact
-from ..schemas.errors import Faults, InvalidRequest, NotPossible, PlannerFailure, UnknownName
+from ..schemas.errors import (
+    Faults,
+    InvalidRequest,
+    NotPossible,
+    PlannerFailure,
+    UnknownName,
+    calling,
+    instead,
+    with_values,
+)
 from ..schemas.modification import Edit
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.results import ConfigWeights
@@ -69,11 +78,21 @@ def choose_results(words: Sequence[str], context: WorkflowContext) -> tuple[Chos
     """
     faults, chosen = Faults(), dict[str, ChosenResult]()
     for word in words:
-        with faults.collecting():
+        others = [other for other in words if other != word]
+        with faults.collecting(), _proposing_others(others):
             result = _chosen(result_named(word.strip(), context))
             chosen[result.result_id] = result
     faults.raise_all()
     return tuple(chosen.values())
+
+
+@contextmanager
+def _proposing_others(others: Sequence[str]) -> Iterator[None]:
+    """A block; if it refuses a name, the refusal proposes the other ones that were given, if there are any."""
+    try:
+        yield
+    except UnknownName as error:
+        raise error.also(*([with_values(results=list(others))] if others else [])) from error.__cause__
 
 
 def result_named(word: str, context: WorkflowContext) -> Artifact:
@@ -99,8 +118,15 @@ def result_named(word: str, context: WorkflowContext) -> Artifact:
         raise UnknownName(f"there is no {word.replace('_', ' ')}", valid=there, next_step="call run_planner")
     kind = context.workspace.kind_of(word)
     if kind not in ("run", "batch"):
+        made = [one for made in ("run", "batch") for one in context.workspace.newest(kind=made, parent=word, limit=1)]
         raise InvalidRequest(
-            f"'{word}' is a {kind}, not a run or batch", valid=WORDS, next_step="name what run_planner answered with"
+            f"'{word}' is a {kind}, not a run or batch",
+            valid=[*(one.artifact_id for one in made), *WORDS],
+            next_step="name what run_planner answered with",
+            remedies=[
+                *(instead(word, one.artifact_id, "results") for one in made),
+                *([calling("run_planner", scenarios=[word])] if kind == "scenario" else []),
+            ],
         )
     return context.workspace.get(word, kind)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from ...schemas.catalog import FindScenariosArguments, Stage
-from ...schemas.errors import Faults, InvalidRequest, UnknownName, calling, closest, misspelt
+from ...schemas.errors import Faults, InvalidRequest, UnknownName, calling, closest, instead, misspelt, with_values
 from ...schemas.grammar import Condition, Interval, parse_condition, parse_interval, scope_first
 from ...schemas.text import one_line, quoted
 from ...schemas.vocabulary import (
@@ -25,7 +25,7 @@ from ...schemas.vocabulary import (
     TAGS,
     vehicle_class_of,
 )
-from ..maps import country_code, names_elsewhere, place_keys
+from ..maps import countries_spelt_like, country_code, names_elsewhere, place_keys
 from .bm25 import words_of
 from .entry_sets import column_of
 
@@ -350,7 +350,10 @@ def _total(text: str, condition: Condition) -> Constraint:
 
 def _ego_speed(text: str) -> Constraint:
     _refuse_without_unit(text, "ego_speed", ["50km/h", "10..15m/s", ">=20mph"])
-    interval = parse_interval(_operators(text), "m/s")
+    try:
+        interval = parse_interval(_operators(text), "m/s")
+    except InvalidRequest as error:
+        raise error.also(with_values(ego_speed=None)) from error.__cause__
     tolerance = SPEED_TOLERANCE_MPS if interval.exact else 0.0
     query = "SELECT number FROM catalog_scenarios WHERE speed_mps BETWEEN ? AND ?"
     return Constraint("velocity", "ego_speed", f"ego_speed {one_line(text)}", query, _bounds(interval, tolerance))
@@ -456,7 +459,11 @@ def _country_code(connection: sqlite3.Connection, country: str) -> str:
             f"'{country}' is no country",
             valid=near,
             next_step="give the ISO 3166-1 alpha-3 code, ZAM for artificial networks",
-            remedies=[*misspelt(country, near), calling("describe_catalog", facet="places")],
+            remedies=[
+                *misspelt(country, near),
+                *(instead(country, code, "country") for code in countries_spelt_like(country)),
+                calling("describe_catalog", facet="places"),
+            ],
         )
     return code
 

@@ -111,7 +111,7 @@ def behaviour_from(
                 next_step="name one of these, or set single parameters with 'params'",
             )
         values = presets()[name] | ({} if own_gap_m is None else {"minGap": own_gap_m})
-    assignments = [parse_assignment(text) for text in params]
+    assignments = [_read(text, values) for text in params]
     assigned = [assignment.name for assignment in assignments]
     twice = sorted({parameter for parameter in assigned if assigned.count(parameter) > 1})
     if twice:
@@ -139,6 +139,23 @@ def values_set(params: Sequence[str], made: Sequence[Behaviour]) -> list[str]:
         acting = " … ".join(f"{value:g}" for value in (values if len(values) < 3 else (values[0], values[-1])))
         notes.append(f"{text} ({acting})" if acting else text)
     return notes
+
+
+def _read(text: str, values: Mapping[str, float]) -> Assignment:
+    """The assignment that a text is.
+
+    Raises:
+        InvalidRequest: it is none; a parameter without a value is proposed with the value that it has.
+    """
+    name = text.strip()
+    if name in PARAMETERS:
+        raise InvalidRequest(
+            f"{name} needs a number",
+            valid=[f"{name} in {PARAMETERS[name]}"],
+            next_step=f"write '{name}=NUMBER'",
+            remedies=[instead(text, f"{name}={values[name]:g}")],
+        )
+    return parse_assignment(text)
 
 
 def _assigned(values: Mapping[str, float], assignment: Assignment, text: str) -> float:

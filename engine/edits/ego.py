@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest, NotPossible, Remedy, with_values
+from ...schemas.errors import InvalidRequest, NotPossible, Remedy, UnknownName, with_values
 from ...schemas.grammar import parse_interval, parse_quantity
 from ...schemas.modification import Edit
 from ...schemas.vocabulary import vehicle_class_of
@@ -91,7 +91,12 @@ def _ways_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ...]
             remedies=[with_values(turn=None, to=[str(key)]) for key in near[:_AHEAD_TRIED]],
         )
     if edit.turn is None:
-        return [route_to(scene, starts, target_lanelets(edit.to, scene, changes), "the ego")]
+        try:
+            targets = target_lanelets(edit.to, scene, changes)
+        except UnknownName as error:
+            near = reachable_lanelets(scene, starts)[:_AHEAD_TRIED]
+            raise error.also(*(with_values(to=[str(key)]) for key in near)) from error.__cause__
+        return [route_to(scene, starts, targets, "the ego")]
     branch = branch_for(scene, starts[0], edit.turn, "the ego")
     return [route_to(scene, starts[:1], [lanelet], "the ego") for lanelet in branch.lanelets]
 
@@ -166,7 +171,10 @@ def _steps(edit: Edit, scene: Scene, ego: Ego) -> tuple[int, int] | None:
     """First and last step of the goal; None keeps the one there is. A problem without any gets the whole scenario."""
     if edit.goal_time is None:
         return None if _goal_states(scene, ego) else (ego.step, scene.last_step)
-    interval = parse_interval(edit.goal_time, "s", step_s=scene.step_s)
+    try:
+        interval = parse_interval(edit.goal_time, "s", step_s=scene.step_s)
+    except InvalidRequest as error:
+        raise error.also(with_values(goal_time=None)) from error.__cause__
     end = max(scene.last_step, (_kept_steps(scene, ego) or (0, 0))[1])
     last = end if interval.high is None else math.floor(interval.high / scene.step_s + 1e-6)
     first = math.ceil((interval.low or 0.0) / scene.step_s - 1e-6)
@@ -184,6 +192,7 @@ def _steps(edit: Edit, scene: Scene, ego: Ego) -> tuple[int, int] | None:
             f"goal_time '{edit.goal_time}' does not lie after the start",
             valid=["'8..12s'", "'<=9s'"],
             next_step=f"choose a goal_time after {ego.step * scene.step_s:g} s",
+            remedies=[with_values(goal_time=f"<={end * scene.step_s:.1f}s"), with_values(goal_time=None)],
         )
     return first, last
 
@@ -191,7 +200,10 @@ def _steps(edit: Edit, scene: Scene, ego: Ego) -> tuple[int, int] | None:
 def _speeds(text: str | None, ego: Ego) -> tuple[float, float] | None:
     if text is None:
         return None
-    interval = parse_interval(text, "m/s")
+    try:
+        interval = parse_interval(text, "m/s")
+    except InvalidRequest as error:
+        raise error.also(with_values(goal_speed=None)) from error.__cause__
     slack, top_mps = _SPEED_TOLERANCE_MPS if interval.exact else 0.0, ego.vehicle.maximum_speed_mps
     low = max((interval.low or 0.0) - slack, 0.0)
     high = (top_mps if interval.high is None else interval.high) + slack
@@ -200,6 +212,7 @@ def _speeds(text: str | None, ego: Ego) -> tuple[float, float] | None:
             f"a {ego.vehicle_class} cannot drive at goal_speed '{text}'",
             valid=[f"0 … {top_mps} m/s"],
             next_step="choose a speed or an interval within it, as '8..12m/s'",
+            remedies=[with_values(goal_speed=f"<={top_mps:g}m/s")],
         )
     return low, high
 

@@ -7,12 +7,13 @@ begin on top of a road user. Lengths are in m, speeds in m/s.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
-from ...schemas.errors import NotPossible
+from ...schemas.errors import NotPossible, Remedy, with_values
 from ...schemas.modification import Edit
 from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, highest_entry_speed
@@ -99,22 +100,28 @@ class OccupiedPlaces:
         """
         occupant = self.occupant(place, size_m)
         if occupant is not None:
+            free = self._free_places(place, size_m)
+            here = [with_values(**dict.fromkeys(_SEVERAL)), *(_alone_at(one) for one in _apart(free, size_m[0]))]
             raise NotPossible(
                 f"lanelet {place.lanelet_id} at {place.station_m:.1f} m is taken by {occupant}",
                 reason=PLACE_TAKEN,
-                valid=self.free_places(place, size_m),
+                valid=_named(free),
                 next_step=next_step,
+                remedies=[*(_at(one) for one in free[:1]), *here],
             )
 
     def free_places(self, place: Place, size_m: tuple[float, float]) -> list[str]:
         """The nearest free places, as ``at`` and ``position``, nearest first: in the lane, else in those next to it."""
+        return _named(self._free_places(place, size_m))
+
+    def _free_places(self, place: Place, size_m: tuple[float, float]) -> list[Place]:
         lane, table = self.scene.layout.table.lanes[place.lanelet_id], self.scene.layout.table
         beside = [key for key in (lane.left, lane.right) if key is not None and key in table.lanes]
         next_to_it = [*table.successors[place.lanelet_id], *table.predecessors[place.lanelet_id], *beside]
         return self._free_on([place.lanelet_id], place, size_m) or self._free_on(next_to_it, place, size_m)
 
-    def _free_on(self, lanelets: list[int], place: Place, size_m: tuple[float, float]) -> list[str]:
-        """Up to three free places on lanelets, the nearest to a place (as the crow flies) first."""
+    def _free_on(self, lanelets: list[int], place: Place, size_m: tuple[float, float]) -> list[Place]:
+        """Some free places on lanelets, the nearest to a place (as the crow flies) first."""
         wanted, lanes = place.pose(self.scene)[0], self.scene.layout.table.lanes
         tried = []
         for key in lanelets:
@@ -123,13 +130,43 @@ class OccupiedPlaces:
             ).tolist():
                 distance_m = float(np.linalg.norm(Place(key, station).pose(self.scene)[0] - wanted))
                 tried.append((distance_m, key, station))
-        free: list[str] = []
-        for _, key, station in sorted(tried):
-            if self.occupant(Place(key, station), size_m) is None:
-                free.append(f"at={key} position='{station:.1f}m'")
-            if len(free) == _FREE_PLACES_NAMED:
-                break
-        return free
+        places = (Place(key, station) for _, key, station in sorted(tried))
+        return list(islice((free for free in places if self.occupant(free, size_m) is None), _FREE_PLACES_FOUND))
+
+
+_RELATIVE = ("offset_m", "gap_s", "lane")
+_SEVERAL = ("count", "spacing_m")
+"""Arguments of an edit that say where a vehicle is as seen from another one, and how many are added."""
+_FREE_PLACES_FOUND = 30
+"""Free places that are looked for; chosen: at steps of a metre, enough for three vehicles in a row."""
+_PLACES_APART = 3
+"""Free places at least a vehicle's length apart that a refusal proposes for a single vehicle (chosen)."""
+
+
+def _named(free: Sequence[Place]) -> list[str]:
+    return [f"at={one.lanelet_id} position='{one.station_m:.1f}m'" for one in free[:_FREE_PLACES_NAMED]]
+
+
+def _at(place: Place) -> Remedy:
+    """The edit at another place."""
+    return with_values(at=str(place.lanelet_id), position=f"{place.station_m:.1f}m", **dict.fromkeys(_RELATIVE))
+
+
+def _alone_at(place: Place) -> Remedy:
+    """The edit at another place, for one vehicle."""
+    return Remedy((*_at(place).changes, *with_values(**dict.fromkeys(_SEVERAL)).changes))
+
+
+def _apart(free: Sequence[Place], length_m: float) -> list[Place]:
+    """The first free places that lie a length apart in their lanelets."""
+    chosen = list[Place]()
+    for place in free:
+        near = [one for one in chosen if one.lanelet_id == place.lanelet_id]
+        if all(abs(one.station_m - place.station_m) >= length_m for one in near):
+            chosen.append(place)
+        if len(chosen) == _PLACES_APART:
+            break
+    return chosen
 
 
 def _would_reach(coming: Track, step: int, center: Points, heading_rad: float, size_m: tuple[float, float]) -> bool:

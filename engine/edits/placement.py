@@ -257,7 +257,7 @@ def _vehicles_meant(text: str, selector: str, scene: Scene, changes: Changes) ->
             f"'{text}' is no lanelet, edge or vehicle",
             valid=near,
             next_step="name a lanelet or an edge, the ego, or a vehicle by its id",
-            remedies=[*misspelt(text, near, "at"), LANELETS_LISTED],
+            remedies=[*misspelt(text, near, "at"), *([with_values(at="ego")] if scene.ego else []), LANELETS_LISTED],
         ) from error
     return select([selector], scene, changes)
 

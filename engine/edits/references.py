@@ -19,6 +19,7 @@ from ...schemas.errors import (
     closest,
     instead,
     misspelt,
+    with_values,
 )
 from ...schemas.grammar import SELECTORS, Selector, parse_selector
 from ...schemas.modification import AMBIGUOUS_VEHICLE, Edit
@@ -54,7 +55,12 @@ def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, .
     """
     there = scene_for_references(scene, changes)
     if not texts:
-        raise InvalidRequest("no vehicle is named", valid=[*_listed(there), *SELECTORS[1:]], next_step="name vehicles")
+        raise InvalidRequest(
+            "no vehicle is named",
+            valid=[*_listed(there), *SELECTORS[1:]],
+            next_step="name vehicles",
+            remedies=[with_values(vehicles=["nearest:1"])],
+        )
     selectors = [_selector(text, scene) for text in texts]
     wanted = [selector for selector in selectors if not selector.negated]
     if not wanted:

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest, NotPossible, with_values
+from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, with_values
 from ...schemas.modification import Edit
 from ..cosimulation import LANE_CHANGE_S, PROGRESS_ACROSS, DrivePlan, JunctionLaneChange, first_curve_too_tight, sent_on
 from ..geometry import Points, length_m, point_at, project, wrap_angle
@@ -131,7 +131,11 @@ def _rerouted_from(
         targets = frozenset(branch)
         route = drive_to(scene, start, frozenset(branch[-1:]), who, is_there=True)
     else:
-        targets = target_lanelets(edit.to or edit.via[-1:], scene, changes)
+        try:
+            targets = target_lanelets(edit.to or edit.via[-1:], scene, changes)
+        except UnknownName as error:
+            near = reachable_lanelets(scene, [start])[:_ONWARD_NAMED]
+            raise error.also(*(with_values(to=[str(key)]) for key in near if edit.to)) from error.__cause__
         route = _route_via(scene, start, edit.via, targets, changes, who)
     _check_curves(scene, plan, route, who)
     _check_lane_changes(scene, plan, route, who, in_junctions=in_junctions)

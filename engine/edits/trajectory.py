@@ -135,11 +135,26 @@ def _no_such_lane(edit: Edit, scene: Scene, plan: DrivePlan, here: int) -> NotPo
     other = {"left": "right", "right": "left"}[str(edit.lane)]
     there = [f"lane={other}"] if _lanes_beside(scene, [here], other) else []
     later = [f"on lanelet {key}" for key in plan.lanelets if _lanes_beside(scene, [key], str(edit.lane))]
+    times = {lane: _first_time_beside(scene, plan.start.obstacle_id, lane) for lane in (str(edit.lane), other)}
     return NotPossible(
         f"vehicle {plan.start.obstacle_id} has no lane of its direction to its {edit.lane} on lanelet {here}",
         valid=[*there, *later],
         next_step="choose another time or another lane",
+        remedies=[
+            *([with_values(lane=other)] if there else []),
+            *(with_values(lane=lane, time_s=time_s) for lane, time_s in times.items() if time_s is not None),
+        ],
     )
+
+
+def _first_time_beside(scene: Scene, vehicle_id: int, side: str) -> float | None:
+    """When a recorded vehicle is first in a lane that has another one on that side, in s; None if it never is."""
+    track, match = scene.tracks.get(vehicle_id), scene.matches.get(vehicle_id)
+    if track is None or match is None:
+        return None
+    steps = range(track.first_step, track.last_step)
+    first = next((step for step in steps if _lanes_beside(scene, [match.at(step - track.first_step)], side)), None)
+    return None if first is None else round(first * scene.step_s, 3)
 
 
 def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
@@ -290,6 +305,10 @@ def _check(scene: Scene, changes: Changes, vehicle_id: int) -> None:
         )
 
 
+_SHARES_SHIFTED = (1.0, 0.5, 0.25)
+"""Shares of the largest shift in time that is possible, which a refusal proposes one after the other (chosen)."""
+
+
 def _nothing_left(track: Track, steps: int, scene: Scene) -> InvalidRequest:
     low = (FEWEST_STATES - 1 - track.last_step) * scene.step_s
     high = (scene.last_step - FEWEST_STATES + 1 - track.first_step) * scene.step_s
@@ -297,7 +316,7 @@ def _nothing_left(track: Track, steps: int, scene: Scene) -> InvalidRequest:
         f"{steps * scene.step_s:g} s leave nothing of vehicle {track.obstacle_id}'s recording",
         valid=[f"time_s in {low:g} … {high:g}"],
         next_step="shift it by less",
-        remedies=[with_values(time_s=round(low if steps < 0 else high, 3))],
+        remedies=[with_values(time_s=round(share * (low if steps < 0 else high), 3)) for share in _SHARES_SHIFTED],
     )
 
 

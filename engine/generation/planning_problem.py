@@ -300,6 +300,7 @@ def _check_lanelet(goal: _GoalSpec, network: RoadNetwork) -> None:
             f"the site has no lanelet {key}: ids are known once a scenario of it is made",
             valid=closest(str(key), [str(known) for known in sorted(network.lanelets)]),
             next_step="generate with another goal and ask describe_scenario first, or use modify_scenario afterwards",
+            remedies=[with_values(goal=None)],
         )
     station_m(goal.lanelet.position, key, float(arc_length(network.lanelets[key].center)[-1]))
 

@@ -39,6 +39,7 @@
 ``Sketch``: A map being drawn road by road, in metres; written as OpenStreetMap XML.
 ``Gathering``: Positions of which no two lie closer together than a reach.
 ``country_code``: ISO 3166-1 alpha-3 of a code or a name in several languages; None for anything else.
+``countries_spelt_like``: Codes of the countries whose names, in any language, are spelt nearly so.
 ``country_name``: The English name of a country by its ISO 3166-1 alpha-3 code.
 ``fold``: A text in lower case, without accents, and only letters and digits.
 ``place_keys``: All keys of a spelling of a place; two spellings mean the same place where they share one.
@@ -91,7 +92,7 @@ if TYPE_CHECKING:
     )
     from .map_file import read_map_file, site_finder
     from .naming.gazetteer import names_elsewhere, settlements_called
-    from .naming.places import country_code, country_name, fold, place_keys
+    from .naming.places import countries_spelt_like, country_code, country_name, fold, place_keys
     from .online.fetch import fetch_maps
     from .online.places import locate_place
     from .osm import OsmMap, OsmWay, ground_distance_m, write_as_xml

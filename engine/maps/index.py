@@ -19,7 +19,7 @@ from ...schemas.text import LONGEST_TEXT, cited, cited_all
 from ..workspace import Database, versions_of
 from .naming.alike import is_abbreviated, is_half_of, is_transliterated, is_with_kind
 from .naming.gazetteer import Settlement, settlements_called
-from .naming.places import country_code, fold, latin, place_keys
+from .naming.places import countries_spelt_like, country_code, fold, latin, place_keys
 from .naming.regions import region_of
 from .naming.spellings import MOST_KEPT, distinctive, road_keys, road_readings, route_number, whole_road_keys
 from .naming.tags import CITY_PEOPLE, ROAD_PLACES
@@ -249,7 +249,10 @@ def _in_country(matches: list[MapMatch], country: str, code: str) -> list[MapMat
             valid=known,
             next_step="leave country out, or import a map",
             reason=NOT_SHOWN,
-            remedies=[with_values(country=None)],
+            remedies=[
+                *(with_values(country=one) for one in countries_spelt_like(country) if one in known),
+                with_values(country=None),
+            ],
         )
     return fitting
 
@@ -276,6 +279,7 @@ def _in_box(matches: list[MapMatch], bbox: Box) -> list[MapMatch]:
             valid=[f"{_box_text(f)}, {_km_between(_box_of(f), bbox):,.0f} km away" for f in nearest[:_NEAREST_SHOWN]],
             next_step="choose a box inside one of these",
             reason=NOT_SHOWN,
+            remedies=[with_values(bbox=list(_box_of(facts))) for facts in nearest[:1]],
         )
     return fitting
 
@@ -358,7 +362,7 @@ def _not_shown(
         return UnknownName(
             f"no map shows {place!r}",
             valid=map(cited, near),
-            next_step=f"call again with place={cited(near[0])}, or import an .osm extract of it with import_files",
+            next_step="choose one of these places, or import an .osm extract of the place with import_files",
             reason=NOT_SHOWN,
             remedies=[with_values(place=near[0])],
         )

@@ -27,6 +27,8 @@ _OFF = 0.1
 """The part of a weight's range that means 0 (chosen: off is as likely as a tenth of what it can be)."""
 _SMALLEST, _LARGEST = 0.01, 100.0
 """Weights that a search tries beside 0 (chosen: an order beyond those of the presets on both sides)."""
+_USUAL = with_values(vary=None)
+"""What a refusal proposes where a name to vary cannot be corrected: those that are varied usually."""
 _VARIED = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\s*=\s*(?P<low>\d+(?:\.\d+)?)\s*\.\.\s*(?P<high>\d+(?:\.\d+)?))?")
 
 
@@ -100,16 +102,20 @@ def _dimension(planner: str, text: str) -> Dimension:
     if found is None:
         raise InvalidRequest(
             f"{quoted(text)} names nothing to vary", valid=["jerk", "prediction=0.1..50", "horizon_s=2..5"]
-        )
+        ).also(_USUAL)
     name, tuning, settings = found["name"], tuning_of(planner), known_settings()
     given = None if found["low"] is None else (float(found["low"]), float(found["high"]))
     if given is not None and given[0] >= given[1]:
-        raise InvalidRequest(f"{quoted(text)} is no range", valid=[f"{name}={given[1]:g}..{given[0]:g}"], given=text)
+        valid = [f"{name}={given[1]:g}..{given[0]:g}"]
+        is_known = name in tuning.weights or name in tuning.external or name in settings
+        raise InvalidRequest(
+            f"{quoted(text)} is no range", valid=valid, given=text if is_known and given[0] > given[1] else ""
+        ).also(_USUAL)
     if name in tuning.weights or name in tuning.external:
         return _weight(planner, name, given)
     if name not in settings:
         known = [*tuning.weights, *tuning.external, *settings]
-        raise UnknownName(f"{planner} has no weight or setting {quoted(name)}", valid=closest(name, known))
+        raise UnknownName(f"{planner} has no weight or setting {quoted(name)}", valid=closest(name, known)).also(_USUAL)
     setting = settings[name]
     low, high = given or (setting.lowest, setting.highest)
     _refuse_outside(name, (low, high), (setting.lowest, setting.highest))

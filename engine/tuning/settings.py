@@ -44,11 +44,13 @@ def apply_assignments(
     notes: list[str] = []
     for text in changes:
         with faults.collecting():
+            if text.strip() in result:
+                raise _without_value(text, result[text.strip()])
             change = parse_assignment(text)
             name = _known(change.name, result, kind, elsewhere)
             before = result[name]
             if change.copied_from is not None:
-                after = result[_copied(change.copied_from, result, text, kind)]
+                after = result[_copied(change.copied_from, result, text, kind, before)]
             else:
                 after = _value(change, before, text)
             lowest, highest = limits.get(name, (0.0, LARGEST_WEIGHT))
@@ -69,10 +71,17 @@ def apply_assignments(
     return _ChangedValues(result, tuple(notes))
 
 
+def _without_value(text: str, before: float) -> InvalidRequest:
+    """The refusal of a name without a value; it proposes the value that there is, written as it should be."""
+    name = text.partition("=")[0].strip()
+    remedies = [instead(text, f"{name}={before:g}")]
+    return InvalidRequest(f"'{text}' assigns no value", valid=["name=0.5", "name*2", "name+0.1"], remedies=remedies)
+
+
 def _value(change: Assignment, before: float, text: str) -> float:
     operand = change.operand
     if operand is None:
-        raise InvalidRequest(f"'{text}' assigns no value", valid=["name=0.5", "name*2", "name+0.1"])
+        raise _without_value(text, before)
     if change.operator == "*":
         return before * operand
     if change.operator == "+":
@@ -80,7 +89,7 @@ def _value(change: Assignment, before: float, text: str) -> float:
     return round(before - operand, 12) if change.operator == "-" else operand
 
 
-def _copied(name: str, values: Mapping[str, float], text: str, kind: str) -> str:
+def _copied(name: str, values: Mapping[str, float], text: str, kind: str, before: float) -> str:
     """The name whose value another one is to have, where a number was expected."""
     folded = name if name in values else name.lower()
     if folded not in values:
@@ -89,7 +98,7 @@ def _copied(name: str, values: Mapping[str, float], text: str, kind: str) -> str
             f"'{text}': '{name}' is neither a number nor the name of a {kind}",
             valid=["a number", *near],
             next_step="set a number, or copy the value of another one by its name",
-        )
+        ).also(instead(text, f"{text.partition('=')[0].strip()}={before:g}"))
     return folded
 
 

@@ -21,7 +21,7 @@ from typing import Any, Literal, TypeVar, get_args
 from pydantic import BaseModel, Field, ValidationError
 
 from ...schemas.base import Model, problems_of
-from ...schemas.errors import ResourceFailure, UnknownName, closest
+from ...schemas.errors import ResourceFailure, UnknownName, calling, closest
 from ...schemas.text import cited
 from .database import Database, make_private, still_runs, stored_json
 from .recipe import Recipe
@@ -280,7 +280,7 @@ class Workspace:
             known = [row[0] for row in self._ids(kind)]
             raise UnknownName(
                 f"there is no {kind} '{artifact_id}'", valid=closest(artifact_id, known), next_step=_MAKERS[kind]
-            )
+            ).also(calling("list_artifacts", kind=kind))
         return stored
 
     def newest(

@@ -9,6 +9,8 @@ ones are drawn too: of ``HALVES`` names of roads of an extract in turn, the begi
 largest place with nothing between, and the same the other way round. Extracts that the file lists under ``tune`` were
 looked at while the program was made; every other one is kept aside.
 
+A road counts as an extract's if the extract holds a stretch of it: relations name ways far outside.
+
 A request for a place is right if exactly the maps are found that show it, one for a road if the map is found and the
 road is among the streets that the site must carry there; other maps may have a road of that name too.
 
@@ -26,10 +28,11 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import osmium
 
@@ -154,14 +157,26 @@ def _drawn(entries: Mapping[str, MapEntry]) -> list[_Asked]:
 
 def _other_names(path: Path) -> Iterator[tuple[str, bool, str, str]]:
     """The main name, whether it is a road's, the tag and the name of everything in an extract with another name."""
+    nodes = _nodes(path)
     for element in osmium.FileProcessor(str(path)):
         tags = {tag.k: tag.v for tag in element.tags}
-        is_road, is_place = element.is_way() and _is_driven(tags), _is_settled(tags)
+        is_road = element.is_way() and _is_driven(tags) and _is_there(element, nodes)
+        is_place = _is_settled(tags)
         if "name" not in tags or not (is_road or is_place):
             continue
         for key, value in tags.items():
             if _NAME.fullmatch(key) and key != "name" and value != tags["name"] and ";" not in value:
                 yield tags["name"], is_road, key, value
+
+
+def _nodes(path: Path) -> frozenset[int]:
+    """The ids of the nodes that an extract holds."""
+    return frozenset(node.id for node in osmium.FileProcessor(str(path), osmium.osm.NODE))
+
+
+def _is_there(way: Any, nodes: frozenset[int]) -> bool:
+    """Whether an extract holds at least one stretch of a way; relations name ways whose nodes lie far outside."""
+    return any(one.ref in nodes and other.ref in nodes for one, other in pairwise(way.nodes))
 
 
 def _is_driven(tags: Mapping[str, str]) -> bool:
@@ -179,10 +194,11 @@ def _halves(entries: Mapping[str, MapEntry]) -> list[_Asked]:
     for stem, entry in entries.items():
         roads: dict[str, None] = {}
         settled: list[tuple[int, str]] = []
+        nodes = _nodes(entry.path)
         for element in osmium.FileProcessor(str(entry.path)):
             tags = {tag.k: tag.v for tag in element.tags}
             name = tags.get("name", "")
-            if len(name) >= 2 and element.is_way() and _is_driven(tags):
+            if len(name) >= 2 and element.is_way() and _is_driven(tags) and _is_there(element, nodes):
                 roads[name] = None
             elif name and tags.get("place") in _LARGEST:
                 settled.append((_LARGEST.index(tags["place"]), name))

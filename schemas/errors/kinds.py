@@ -23,7 +23,7 @@ import sqlite3
 import traceback
 from collections.abc import Iterable, Sequence
 from itertools import islice
-from typing import ClassVar
+from typing import ClassVar, Self
 
 from ..text import one_line, uncited
 from .remedies import NextCall, Place, Remedy, assignments, instead, misspellings
@@ -75,6 +75,11 @@ class PlannerForgeError(Exception):
         self.remedies: tuple[Remedy, ...] = (*replacing, *remedies)
         self.next_step = next_step or self.usual_step
         super().__init__(self.text)
+
+    def also(self, *remedies: Remedy) -> Self:
+        """The same error with further remedies, which come last."""
+        self.remedies = (*self.remedies, *remedies)
+        return self
 
     @property
     def text(self) -> str:

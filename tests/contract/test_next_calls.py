@@ -11,6 +11,7 @@ from mcp import Client
 from support.builders import town_road
 
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnexpectedFailure, with_values
+from plannerforge.server.arguments import proposals
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
 from plannerforge.workflows import modification
@@ -76,8 +77,6 @@ async def test_a_cancellation_is_never_proposed(client: Client, arguments: dict[
 @pytest.mark.parametrize(
     ("tool", "arguments", "expected"),
     [
-        ("import_files", {}, None),
-        ("import_files", {"path": "/etc/passwd"}, None),
         ("import_files", {"path": "twn.xml"}, {"path": "town.xml"}),
         ("generate_scenarios", {"vehicles": ["tank=2", "bus=1"]}, {"vehicles": ["bus=1"]}),
         ("generate_scenarios", {"vehicles": ["trukc=2"]}, {"vehicles": ["truck=2"]}),
@@ -110,7 +109,7 @@ async def test_a_folder_that_cannot_be_listed_names_nothing(client: Client, monk
     monkeypatch.setattr(Path, "iterdir", refuse)
     text, call = await refused(client, "import_files", {"path": "twn.xml"})
     assert text.startswith("[invalid_request] 'twn.xml' does not exist")
-    assert call is None
+    assert call == {"tool": "describe_catalog", "arguments": {}}
 
 
 async def test_a_defect_while_a_proposal_is_tried_is_logged_and_the_refusal_told(
@@ -136,11 +135,10 @@ async def test_proposals_that_take_too_long_are_not_made(client: Client, monkeyp
     async def edit(arguments: Any, call: Any) -> Any:
         if not arguments.dry_run:
             raise InvalidRequest("too fast", remedies=[with_values(seed=1)])
-        await call.progress(0.5)
         pytest.fail("the time was over before")
 
     monkeypatch.setattr(modification, "modified_once", edit)
-    monkeypatch.setattr(modification, "TRYING_S", 0.0)
+    monkeypatch.setattr(proposals, "TRYING_S", 0.0)
     text, call = await refused(client, "modify_scenario", {"scenario_id": SCENARIO, "edits": [SLOWER]})
     assert text.startswith("[invalid_request] too fast")
     assert call is not None
@@ -166,3 +164,52 @@ async def test_a_chosen_vehicle_stands_in_the_call_that_is_proposed(
     _, call = await refused(client, "modify_scenario", {"scenario_id": SCENARIO, "edits": [unclear]})
     assert call is not None
     assert call["arguments"]["edits"] == [{"op": "set_speed", "vehicles": ["32"], "speed": "4m/s"}]
+
+
+async def test_a_proposal_that_is_refused_for_another_reason_is_mended_once_more(client: Client) -> None:
+    edit = {"op": "rerroute", "vehicles": ["31"], "turn": "straight", "speed": "5m/s"}
+    _, call = await refused(client, "modify_scenario", {"scenario_id": SCENARIO, "edits": [edit]})
+    assert call is not None
+    assert call["tool"] == "modify_scenario"
+    (mended,) = call["arguments"]["edits"]
+    assert mended["op"] == "reroute"
+    assert "speed" not in mended
+    assert not (await client.call_tool(call["tool"], call["arguments"] | {"dry_run": True})).is_error
+
+
+async def test_a_file_outside_the_roots_is_proposed_where_the_roots_have_it(client: Client, tmp_path: Path) -> None:
+    _, call = await refused(client, "import_files", {"path": "/rotos/town.xml"})
+    assert call == {"tool": "import_files", "arguments": {"path": str(tmp_path / "roots" / "town.xml")}}
+
+
+async def test_a_trial_does_not_move_what_latest_means(client: Client) -> None:
+    before = await client.call_tool("describe_scenario", {"scenario_id": "latest"})
+    await refused(client, "describe_scenario", {"scenario_id": SCENARIO, "detail": "lanelts"})
+    after = await client.call_tool("describe_scenario", {"scenario_id": "latest"})
+    assert before.structured_content == after.structured_content
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments", "expected"),
+    [
+        ("find_scenarios", {"country": "Germny"}, {"country": "DEU"}),
+        ("find_scenarios", {"ego_speed": "fast", "tags": ["urban"]}, {"tags": ["urban"]}),
+        ("find_scenarios", {"obstacles": ["car=many"]}, {"obstacles": ["car"]}),
+        ("find_scenarios", {"within": "search_0123456789ab", "tags": ["urban"]}, {"tags": ["urban"]}),
+        ("configure_planner", {"weights": ["jerk:0.5"]}, {"weights": ["jerk=0.5"]}),
+        ("generate_scenarios", {"vehicles": ["car=-3"]}, {"vehicles": ["car=3"]}),
+        ("generate_scenarios", {"cover": ["density=low|extreme"]}, {"cover": ["density=low"]}),
+    ],
+)
+async def test_what_can_be_computed_is_mended(
+    client: Client, tool: str, arguments: dict[str, Any], expected: dict[str, Any]
+) -> None:
+    _, call = await refused(client, tool, arguments)
+    assert call == {"tool": tool, "arguments": expected}
+
+
+async def test_a_missing_vehicle_preset_without_a_like_one_leads_to_the_vehicles(client: Client) -> None:
+    edit = {"op": "set_behaviour", "vehicles": ["31"], "preset": "zzz"}
+    _, call = await refused(client, "modify_scenario", {"scenario_id": SCENARIO, "edits": [edit]})
+    assert call is not None
+    assert call["tool"] == "describe_scenario"

@@ -31,7 +31,7 @@ async def test_the_country_of_a_map_may_be_said(connect: Connect, tmp_path: Path
         answer = await client.call_tool("import_files", {"path": "town.osm", "country": "Germany"})
         assert "(DEU)" in str(answer.content)
         unknown = await client.call_tool("import_files", {"path": "town.osm", "country": "Atlantis"})
-        assert "there is no country 'Atlantis'" in str(unknown.content)
+        assert "there is no country 'Atlantis'" in unknown.content[0].text
 
 
 async def test_a_country_is_refused_where_there_is_no_map(connect: Connect, tmp_path: Path) -> None:

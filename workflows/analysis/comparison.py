@@ -3,8 +3,9 @@
 from collections.abc import Callable, Sequence
 from itertools import accumulate
 
+from ...engine.planners import PLANNERS
 from ...schemas.analysis.comparison import CompareRequest, CompareResultsArguments, CompareResultsResult, Side
-from ...schemas.errors import InvalidRequest
+from ...schemas.errors import InvalidRequest, Remedy, calling, with_values
 from ...schemas.runs import BatchRecord, RunRecord, RunSource, configuration_id
 from ..context import WorkflowContext
 from ..operations import COMPARE
@@ -15,7 +16,10 @@ async def compare_results(arguments: CompareResultsArguments, context: WorkflowC
     """Return paired tests of every side against the first, or of matching sides of several batches."""
     words, notes = _words_of(arguments, context)
     chosen, runs = chosen_runs(words, context)
-    sides, couples, more = _sides_of(chosen, runs)
+    try:
+        sides, couples, more = _sides_of(chosen, runs)
+    except InvalidRequest as error:
+        raise error.also(*_other_sides(chosen, runs, context)) from error.__cause__
     request = CompareRequest(
         sides=sides,
         runs=runs,
@@ -54,6 +58,27 @@ def _words_of(arguments: CompareResultsArguments, context: WorkflowContext) -> t
             next_step="name both, the baseline first",
         )
     return [newest], (f"results were left out: the configurations of {newest}, the newest batch, are compared",)
+
+
+_OTHERS_LOOKED_AT, _OTHERS_PROPOSED = 20, 3
+"""Of the newest runs and batches: how many are looked at for another side, and how many are proposed (chosen)."""
+
+
+def _other_sides(chosen: Sequence[ChosenResult], runs: Sequence[RunSource], context: WorkflowContext) -> list[Remedy]:
+    """What the results may be compared with: newest ones of other configurations on their scenarios, or a new run."""
+    named = [result.result_id for result in chosen]
+    configs, scenarios = ({getattr(run.record, key) for run in runs} for key in ("config_id", "scenario_id"))
+    fitting = list[str]()
+    for artifact in context.newest("run", "batch", count=_OTHERS_LOOKED_AT):
+        ids = (artifact.artifact_id,) if artifact.kind == "run" else artifact.read(BatchRecord).runs
+        first = [context.workspace.get(key, "run").read(RunRecord) for key in ids[:_OTHERS_LOOKED_AT]]
+        is_other = any(one.config_id not in configs and one.scenario_id in scenarios for one in first)
+        if is_other and artifact.artifact_id not in named:
+            fitting.append(artifact.artifact_id)
+    others = [name for name in PLANNERS if all(run.record.planner != name for run in runs)]
+    again = calling("run_planner", scenarios=sorted(scenarios)[:_OTHERS_LOOKED_AT], configs=others[:1])
+    compared = [with_values(results=[*named, other]) for other in fitting[:_OTHERS_PROPOSED]]
+    return [*compared, again] if scenarios and others else compared
 
 
 _Couples = tuple[tuple[int, int], ...]

@@ -19,7 +19,7 @@ from ...engine.maps import MapEntry, MapMatch
 from ...engine.vehicles import PEDESTRIAN, vehicle_classes
 from ...engine.workspace import Recipe, versions_of
 from ...schemas.base import problems_of
-from ...schemas.errors import InvalidRequest, UnknownName, closest
+from ...schemas.errors import InvalidRequest, UnknownName, closest, instead
 from ...schemas.generation import TURNS_AT, Combination, Density, GenerateScenariosArguments, PlanFactor, SiteType, Turn
 from ...schemas.text import quoted
 from ..context import WorkflowContext
@@ -107,7 +107,9 @@ def _factor(name: str, values: str | None, known: Sequence[str]) -> PlanFactor:
             f"cover gives {name} {len(levels)} levels, or an empty one", valid=[f"1 to {MOST_LEVELS}"], next_step=_HOW
         )
     if name in ("scenario_type", "density", "turn") and (wrong := [one for one in levels if one not in _USUAL[name]]):
-        raise InvalidRequest(f"there is no {name} {', '.join(map(quoted, wrong))}", valid=_USUAL[name])
+        raise InvalidRequest(f"there is no {name} {', '.join(map(quoted, wrong))}", valid=_USUAL[name]).also(
+            instead(str(values), "|".join(one for one in levels if one not in wrong) or "|".join(_USUAL[name]))
+        )
     times = sum(one.partition(" ")[0] == name for one in known)
     return PlanFactor(name=f"{name} {times + 1}" if times else name, levels=levels)
 

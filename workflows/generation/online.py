@@ -130,8 +130,14 @@ def _is_called_so(facts: MapFacts, place: str | None) -> bool:
 
 def _with_names_at_hand(unknown: UnknownName, refusal: UnknownName) -> UnknownName:
     """What the net does not know either: with the names at hand that are like it."""
-    valid, next_step = (unknown.valid, unknown.next_step) if unknown.valid else (refusal.valid, refusal.next_step)
-    return UnknownName(unknown.message, valid=valid, next_step=next_step, reason=unknown.reason)
+    told = unknown if unknown.valid else refusal
+    return UnknownName(
+        unknown.message,
+        valid=told.valid,
+        next_step=told.next_step,
+        reason=unknown.reason,
+        remedies=(*unknown.remedies, *refusal.remedies),
+    )
 
 
 def _told_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: str | None) -> PlannerForgeError:
@@ -142,13 +148,17 @@ def _told_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: str 
     """
     if isinstance(failure, NotPossible):
         message = f"{refusal.message.rstrip('.')}; {failure.message}"
-        return UnknownName(message, valid=refusal.valid, next_step=failure.next_step, reason=refusal.reason)
+        return UnknownName(
+            message, valid=refusal.valid, next_step=failure.next_step, reason=refusal.reason, remedies=refusal.remedies
+        )
     if unlocated is not None and not any(settlements_called(part) for part in place_parts(unlocated)):
         message = (
             f"{refusal.message.rstrip('.')}, GeoNames knows no settlement of 5,000 inhabitants of that name, "
             f"and a smaller one could not be looked up: {failure.message}"
         )
-        return UnknownName(message, valid=refusal.valid, next_step=refusal.next_step, reason=refusal.reason)
+        return UnknownName(
+            message, valid=refusal.valid, next_step=refusal.next_step, reason=refusal.reason, remedies=refusal.remedies
+        )
     message = f"{refusal.message.rstrip('.')}, and {failure.message}"
     return ServiceFailure(message, valid=refusal.valid, reason=failure.reason)
 

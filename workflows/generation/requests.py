@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from ...engine.maps import Closeness, MapEntry, MapMatch, country_code, find_maps, resolve_road_classes
 from ...engine.vehicles import PEDESTRIAN, vehicle_classes
-from ...schemas.errors import InvalidRequest, NotPossible, Remedy, UnknownName, closest, misspelt, with_values
+from ...schemas.errors import InvalidRequest, NotPossible, Remedy, UnknownName, closest, instead, misspelt, with_values
 from ...schemas.generation import (
     NATURAL_SHARES,
     GenerateScenariosArguments,
@@ -329,7 +329,11 @@ def _vehicle_demand(text: str) -> VehicleDemand:
     at_least = demand.interval.exact and least > 0
     most = None if high is None or at_least else round(high)
     if demand.value is not None or demand.scope is not None or least < 0 or (most is not None and most < least):
-        raise InvalidRequest(f"vehicles {text!r} cannot be meant", valid=["truck", "truck=2", "car=4..4", "bicycle=0"])
+        raise InvalidRequest(
+            f"vehicles {text!r} cannot be meant",
+            valid=["truck", "truck=2", "car=4..4", "bicycle=0"],
+            remedies=[instead(text, demand.name if demand.value or not low else f"{demand.name}={abs(round(low))}")],
+        )
     return VehicleDemand(vehicle_class=demand.name, least=least, most=most)
 
 

@@ -89,6 +89,26 @@ def country_code(text: str) -> str | None:
     return next((code for key in keys if key and (code := _codes().get(key)) is not None), None)
 
 
+def countries_spelt_like(text: str) -> list[str]:
+    """ISO 3166-1 alpha-3 codes of the countries whose names, in any language, are spelt nearly so; the nearest first.
+
+    Codes are too short to be misspelt: each is one letter away from others.
+    """
+    from rapidfuzz import process
+    from rapidfuzz.distance import OSA
+
+    wanted = fold(text)
+    if len(wanted) < _SHORTEST_NAME:
+        return []
+    names = [name for name in _codes() if len(name) >= _SHORTEST_NAME]
+    found = process.extract(wanted, names, scorer=OSA.distance, score_cutoff=_MOST_MISSPELT)
+    return list(dict.fromkeys(_codes()[name] for name, _, _ in found))
+
+
+_SHORTEST_NAME, _MOST_MISSPELT = 4, 2
+"""Letters of a name that may be misspelt, and how many of its letters may be wrong, left out or swapped (chosen)."""
+
+
 def country_name(code: str) -> str:
     """The English name of a country by its ISO 3166-1 alpha-3 code; the code itself where there is none."""
     from iso3166 import countries_by_alpha3

@@ -136,14 +136,17 @@ def _districts(osm: OsmMap) -> list[str]:
 
 
 def _outlines(osm: OsmMap) -> list[_Outline]:
-    """The places of a map: points and outlines in the order of the file."""
+    """The places of a map: points and outlines in the order of the file.
+
+    An outline that crosses the edge of the extract is open, since the nodes beyond are missing; it counts as well.
+    """
     found: list[tuple[Mapping[str, str], Position, float | None]] = []
     found += [(node.tags, node.position, None) for node in osm.nodes.values() if node.tags.get("place") in PLACE_KINDS]
     ways = {way.way_id: way for way in osm.ways}
     found += [
         (way.tags, *_middle_and_reach([osm.nodes[key].position for key in way.node_ids]))
         for way in osm.ways
-        if way.tags.get("place") in PLACE_KINDS and way.node_ids[0] == way.node_ids[-1]
+        if way.tags.get("place") in PLACE_KINDS
     ]
     for relation in osm.relations:
         if relation.tags.get("place") in PLACE_KINDS:

@@ -57,7 +57,7 @@ WRONG: list[tuple[dict[str, Any], str, str]] = [
     ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tua=1"]}, "no behaviour parameter 'tua'", "tau in"),
     ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau=-1"]}, "tau=-1 is out of range", "tau in"),
     ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau=high"]}, "tau needs a number", "tau in"),
-    ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau"]}, "'tau' is no assignment", "name=0.5"),
+    ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau"]}, "tau needs a number", "tau in"),
     ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau=1", "tau=2"]}, "tau is set twice", ""),
     (CAR, "needs a place", "at=LANELET"),
     (CAR | {"at": "99"}, "99 is no lanelet", "21"),

@@ -54,3 +54,11 @@ def test_all_names_of_a_tag_count_but_no_facts_about_names() -> None:
     assert place_names_of(tags) == ["Bozen - Bolzano", "Больцано", "Balsan", "Bozen", "Bolzano"]
     assert place_names_of({"name": "Shubra حي شبرا"})[1:] == ["Shubra", "حي شبرا"]
     assert refs_of({"ref": "A 22;SS 12", "int_ref": "E 45"}) == ["A 22", "SS 12", "E 45"]
+
+
+def test_a_place_whose_outline_the_extract_cuts_is_shown() -> None:
+    nodes = {1: OsmNode(1, 48.0, 16.0, {}), 2: OsmNode(2, 48.001, 16.0, {})}
+    cut = OsmWay(3, (1, 2), {"place": "suburb", "name": "пос. Метизный"})
+    osm = OsmMap(nodes, [cut], (), None)
+    assert places_shown(osm) == ["пос. Метизный"]
+    assert [area.name for area in areas_shown(osm)] == ["пос. Метизный"]

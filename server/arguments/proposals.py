@@ -1,0 +1,204 @@
+"""The call that a refusal proposes: the first way to mend the refused call that works, or a call that looks things up.
+
+A mended call may be refused for another reason, which then is mended too. Calls of tools that make nothing, and those
+that can be tried without making anything, are tried before they are proposed.
+"""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import anyio.lowlevel
+
+from ...schemas.base import Arguments
+from ...schemas.errors import (
+    VEHICLES_LISTED,
+    InvalidRequest,
+    NextCall,
+    OutsideRoots,
+    PlannerForgeError,
+    Remedy,
+    UnexpectedFailure,
+    as_told,
+    calling,
+    differences,
+    followed,
+    with_values,
+)
+from ...tools.call import ToolCall
+from ...tools.registry import TOOLS, ToolSpec
+from ...workflows.scenarios import one_scenario
+from .checking import read_arguments
+from .loose_reading import read_loosely
+
+logger = logging.getLogger(__name__)
+_MOST_TRIED = 8
+"""Mended calls of a refusal that are tried; chosen."""
+_MOST_MENDED = 4
+"""Faults of a call that are mended one after the other; chosen."""
+TRYING_S = 10.0
+"""Time for all trials of a refusal together, after which it is told without; chosen to be less than clients wait."""
+
+_SCENARIOS_LISTED = calling("list_artifacts", kind="scenario")
+_LOOKS: Mapping[str, tuple[Remedy, ...]] = {
+    "describe_catalog": (calling("describe_catalog"),),
+    "generate_scenarios": (calling("describe_catalog", facet="maps"),),
+    "find_scenarios": (calling("describe_catalog"),),
+    "import_files": (calling("describe_catalog"),),
+    "describe_scenario": (calling("describe_scenario", "scenario_id"), _SCENARIOS_LISTED),
+    "modify_scenario": (VEHICLES_LISTED, _SCENARIOS_LISTED),
+    "list_planners": (calling("list_planners"),),
+    "configure_planner": (calling("list_planners"),),
+    "run_planner": (calling("list_planners"),),
+    "get_job": (calling("list_artifacts", kind="job"),),
+    "cancel_job": (calling("list_artifacts", kind="job"),),
+    "analyze_results": (calling("list_artifacts", kind="run"),),
+    "compare_results": (calling("list_artifacts", kind="run"),),
+    "optimize_planner": (calling("list_planners"),),
+    "render": (calling("list_artifacts"),),
+    "list_artifacts": (calling("list_artifacts"),),
+    "export_artifacts": (calling("list_artifacts"),),
+}
+"""The call, by tool, that lists valid values; used if no better remedy is known."""
+_NEVER_PROPOSED = frozenset({"cancel_job"})
+"""Tools whose calls cannot be taken back: what they are to do is for the caller alone to say."""
+
+
+async def proposed_call(
+    error: PlannerForgeError,
+    spec: ToolSpec,
+    given: Mapping[str, Any],
+    call: ToolCall,
+    offered: Mapping[str, ToolSpec] | None = None,
+) -> NextCall | None:
+    """The call that helps after a refusal; None if no call does.
+
+    Args:
+        error: the refusal.
+        spec: the tool that was called.
+        given: the arguments as they were sent.
+        call: what the call may use.
+        offered: the tools that the client may call, which alone are proposed; all if it is None.
+    """
+    tools = {tool.name: tool for tool in TOOLS} if offered is None else offered
+    read = read_loosely(spec.arguments_type, given).values
+    mended = None
+    if spec.name in tools and spec.name not in _NEVER_PROPOSED:
+        with anyio.move_on_after(TRYING_S):
+            mended = await _Mending(spec, read, call).first_that_works(error)
+    if mended is not None:
+        return NextCall(spec.name, mended, dict(differences(read, mended)))
+    return _look_up(error, spec, read, call, tools)
+
+
+@dataclass
+class _Mending:
+    """The search for a mended call: faults are mended one after the other, and calls that can be tried are tried."""
+
+    spec: ToolSpec
+    read: Mapping[str, Any]
+    call: ToolCall
+    seen: list[Mapping[str, Any]] = field(default_factory=list)
+
+    async def first_that_works(self, error: PlannerForgeError) -> dict[str, Any] | None:
+        """The arguments of the first mended call that works, or that is valid if it cannot be tried."""
+        self.seen.append(self.read)
+        return await self._mended(error, self.read, 0)
+
+    async def _mended(self, error: PlannerForgeError, read: Mapping[str, Any], depth: int) -> dict[str, Any] | None:
+        if depth == _MOST_MENDED:
+            return None
+        for remedy in error.remedies:
+            following = None if remedy.tool else followed(remedy, self.spec.name, read)
+            if following is None or following.arguments in self.seen:
+                continue
+            if len(self.seen) > _MOST_TRIED:
+                return None
+            self.seen.append(following.arguments)
+            try:
+                arguments = read_arguments(self.spec.arguments_type, following.arguments)
+                await self._try(arguments)
+            except InvalidRequest as other:
+                deeper = await self._mended(other, following.arguments, depth + 1)
+                if deeper is not None:
+                    return deeper
+            except PlannerForgeError:
+                continue
+            else:
+                return _written(arguments)
+        return None
+
+    async def _try(self, arguments: Arguments) -> None:
+        """Make the call without making anything, if its tool can be tried so.
+
+        Raises:
+            PlannerForgeError: it is refused, or fails.
+        """
+        if self.spec.trial is None or any(getattr(arguments, name) for name in self.spec.making):
+            return
+        await anyio.lowlevel.checkpoint()
+        try:
+            await self.spec.load_function()(arguments.model_copy(update=dict(self.spec.trial)), self.call.trial())
+        except Exception as raised:
+            told = as_told(raised, self.spec.name)
+            if isinstance(told, UnexpectedFailure):
+                logger.error("incident %s:\n%s", told.incident, told.details)  # noqa: TRY400 - it holds the traceback
+            raise told from raised
+
+
+def _look_up(
+    error: PlannerForgeError, spec: ToolSpec, read: Mapping[str, Any], call: ToolCall, tools: Mapping[str, ToolSpec]
+) -> NextCall | None:
+    """The first call that lists valid values, or that an error names, with valid arguments; None without one.
+
+    A scenario that it takes over from the refused call has to exist.
+    """
+    named = [remedy for remedy in error.remedies if remedy.tool]
+    for remedy in (*named, *_usual_looks(error, spec)):
+        following = followed(remedy, spec.name, read)
+        if following is None or following.tool not in tools or following.tool in _NEVER_PROPOSED:
+            continue
+        if "scenario_id" in remedy.carried and not _is_known(following.arguments.get("scenario_id", "latest"), call):
+            continue
+        try:
+            arguments = read_arguments(tools[following.tool].arguments_type, following.arguments)
+        except PlannerForgeError:
+            continue
+        written = _written(arguments)
+        return replace(following, arguments=written, changed=following.changed and dict(differences(read, written)))
+    return None
+
+
+def _usual_looks(error: PlannerForgeError, spec: ToolSpec) -> tuple[Remedy, ...]:
+    """What helps if nothing better is known: an argument's usual path, or the call that lists valid values."""
+    if not isinstance(error, InvalidRequest):
+        return ()
+    usual = (with_values(**spec.arguments_type.usual_values),) if isinstance(error, OutsideRoots) else ()
+    return (*usual, *_LOOKS.get(spec.name, ()))
+
+
+def _is_known(scenario_id: object, call: ToolCall) -> bool:
+    """Whether there is a scenario with this id, or any scenario if it is ``latest``."""
+    scenario, _, problem = str(scenario_id).partition("#")
+    if scenario == "latest":
+        return not problem and bool(call.workspace.newest(kind="scenario", limit=1))
+    try:
+        one_scenario(str(scenario_id), call)
+    except PlannerForgeError:
+        return False
+    return True
+
+
+def _written(arguments: Arguments) -> dict[str, Any]:
+    """The arguments as a call has them."""
+    return {name: _as_written(part) for name, part in arguments.model_dump(mode="json", exclude_unset=True).items()}
+
+
+def _as_written(value: Any) -> Any:
+    """The same with whole numbers without a fraction."""
+    if isinstance(value, dict):
+        return {name: _as_written(part) for name, part in value.items()}
+    if isinstance(value, list):
+        return [_as_written(part) for part in value]
+    return int(value) if isinstance(value, float) and value.is_integer() else value
