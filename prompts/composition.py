@@ -18,7 +18,7 @@ from ..engine.vehicles import vehicle_classes
 from ..schemas.errors import UnknownName, closest
 from ..schemas.generation import Density, ScenarioType
 from ..schemas.modification import EditOperation
-from ..schemas.text import one_line, quoted
+from ..schemas.text import cited, quoted
 from ..schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS
 
 Task = Literal["generation", "selection", "modification", "routing", "tuning", "analysis", "session"]
@@ -100,5 +100,5 @@ def _places(names: Sequence[str]) -> str:
     """Names of places in one line; names come from files, so each is cut and kept to its line."""
     if not names:
         return "see describe_catalog"
-    shown = [one_line(name, _LONGEST_PLACE) for name in names[:_MOST_PLACES]]
+    shown = [cited(name, _LONGEST_PLACE) for name in names[:_MOST_PLACES]]
     return ", ".join(shown) + (" and more (describe_catalog)" if len(names) > _MOST_PLACES else "")

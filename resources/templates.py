@@ -17,7 +17,7 @@ from ..engine.tuning import preset_configuration, to_yaml, tuning_of
 from ..engine.workspace import ARTIFACT_KINDS, Artifact, ArtifactKind, Workspace
 from ..schemas.errors import NotPossible, UnknownName
 from ..schemas.modification import EDITS
-from ..schemas.text import printable, quoted
+from ..schemas.text import printable_parts, quoted, shown_name
 from ..schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ORIGINS, ROAD_NET_KEYS, SIGNS, TAGS
 
 SCHEME = "plannerforge://"
@@ -138,7 +138,7 @@ def artifact_link(artifact: Artifact, workspace: Workspace) -> Resource:
     return Resource(
         uri=f"{SCHEME}{artifact.kind}/{artifact.artifact_id}/{part}",
         name=artifact.artifact_id,
-        title=printable(artifact.name)
+        title=shown_name(artifact.name) * bool(artifact.name)
         or f"{_KINDS.get(artifact.kind, artifact.kind.capitalize())} {artifact.artifact_id}",
         description=f"{artifact.kind}, made by {artifact.recipe.tool}",
         mime_type=mime_type,
@@ -230,7 +230,7 @@ def _behaviours() -> dict[str, str]:
 
 
 def _record(artifact: Artifact) -> str:
-    return artifact.model_dump_json(indent=1)
+    return _as_json(printable_parts(artifact.model_dump(mode="json")))
 
 
 def _as_json(value: Any) -> str:
@@ -250,7 +250,7 @@ def _content(path: Path) -> bytes:
         content = stream.read(MOST_BYTES + 1)
     if len(content) > MOST_BYTES:
         raise NotPossible(
-            f"{path.name} has more than {MOST_BYTES:,} bytes, too much for one message",
+            f"{shown_name(path.name)} has more than {MOST_BYTES:,} bytes, too much for one message",
             next_step="export_artifacts copies it into a folder",
         )
     return content

@@ -11,7 +11,7 @@ from .jobs import JobState
 from .planning import PlannerConfiguration
 from .results import Rate
 from .runs import LostCell, Prediction, RunRecord, ScenarioSource, Traffic
-from .text import counted
+from .text import counted, shown_name
 
 ExportFormat = Literal[
     "xml",
@@ -95,7 +95,7 @@ class ListedArtifact(Model):
         """The line of an answer: kind, id, what it is, when it was made."""
         if self.batch is not None:
             return f"{self.kind} {self.artifact_id}, {self.made_at}: {self.batch.in_words()}"
-        name = f" ({self.name})" if self.name and self.name != self.artifact_id else ""
+        name = f" ({shown_name(self.name)})" if self.name and self.name != self.artifact_id else ""
         parents = f" from {', '.join(self.parents[:4])}" if self.parents else ""
         return f"{self.kind} {self.artifact_id}{name} by {self.made_by}{parents}, {self.made_at}"
 
@@ -315,7 +315,7 @@ class ImportFilesResult(Result):
         elif self.note and told:
             told.append(f"{self.note[0].upper()}{self.note[1:]}.")
         lines = [f"- {i.artifact_id}: {i.summary}{' (reused)' if i.reused else ''}" for i in self.items]
-        lines += [f"- refused {item.file}: {item.reason}" for item in self.refusals]
+        lines += [f"- refused {shown_name(item.file)}: {item.reason}" for item in self.refusals]
         hidden = self.added + self.reused + self.refused - len(self.items) - len(self.refusals)
         if hidden:
             lines.append(f"… {hidden} more files; describe_catalog counts what is there.")
@@ -324,6 +324,6 @@ class ImportFilesResult(Result):
 
     def to_line(self) -> str:
         """Return counts and refusals in one line, as the last word of a job."""
-        refused = "; ".join(f"{item.file}: {item.reason}" for item in self.refusals)
+        refused = "; ".join(f"{shown_name(item.file)}: {item.reason}" for item in self.refusals)
         counts = f"{self.added} added, {self.reused} known already, {self.refused} refused"
         return f"{counts}: {refused}" if refused else counts

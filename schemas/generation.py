@@ -10,7 +10,7 @@ from pydantic import Field
 from .base import DRIVEN_OTHERWISE, Answer, Arguments, Model, Result, first_of
 from .jobs import JobState
 from .maps import Box, MapServices, NamedPlace
-from .text import counted
+from .text import cited, cited_all, counted, shown_name
 
 SiteType = Literal["highway", "urban", "intersection", "signalised_intersection", "roundabout", "rural", "ramp"]
 ScenarioType = Literal["any", SiteType]
@@ -618,7 +618,7 @@ class ScenarioSummary(Model):
     def where(self) -> str:
         """The site, its map, and its place on earth."""
         osm = f", OSM {self.osm_id}" if self.osm_id else ""
-        return f"{self.site}, {self.place} ({self.map_id}, {self.latitude:.5f}, {self.longitude:.5f}{osm})"
+        return f"{self.site}, {cited(self.place)} ({self.map_id}, {self.latitude:.5f}, {self.longitude:.5f}{osm})"
 
     def answer(self) -> Answer:
         """One scenario: where it is, its traffic, the ego's task; what failed or came out otherwise."""
@@ -699,7 +699,7 @@ class PlanSummary(Model):
         """What was made where, what cannot be, and what is left, a line each."""
         tried = [f"{counted(self.refused, 'try')} refused"] if self.refused else []
         lost = [f"{self.failed} failed"] if self.failed else []
-        where = [f"{place} {count}" for place, count in list(self.places.items())[:_SHOWN_PLACES]]
+        where = [f"{shown_name(place)} {count}" for place, count in list(self.places.items())[:_SHOWN_PLACES]]
         more = len(self.places) - len(where)
         there = [f"at {', '.join(where)}{f' and {more} more places' if more > 0 else ''}"] if where else []
         made = "; ".join([*there, *tried, *lost])
@@ -750,10 +750,10 @@ class GenerateScenariosResult(Result):
                 headline=self.plan.headline,
                 decided=[f"{self.job_id}: {self.state}."] if self.job_id and self.state != "done" else (),
                 figures=self.plan.lines(),
-                listed=[*(f"Note: {note}" for note in self.notes), f"Map data: {'; '.join(self.attribution)}"],
+                listed=[*(f"Note: {note}" for note in self.notes), f"Map data: {cited_all(self.attribution, '; ')}"],
                 next_step=following,
             )
-        source = f"Map data: {'; '.join(self.attribution)}"
+        source = f"Map data: {cited_all(self.attribution, '; ')}"
         notes = [f"Note: {note}" for note in self.notes]
         if len(self.scenarios) == 1:
             one = self.scenarios[0].answer()

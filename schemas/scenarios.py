@@ -13,7 +13,7 @@ from pydantic import ConfigDict, Field, JsonValue
 
 from .base import Answer, Arguments, Model, Result
 from .generation import DensityFacts, ScenarioType, SiteFacts
-from .text import counted
+from .text import cited_all, cited_parts, counted, shown_name
 from .vocabulary import GoalForm
 
 Severity = Literal["error", "warning"]
@@ -418,7 +418,7 @@ class DescribedGeneration(Model):
     def lines(self) -> list[str]:
         """Site, traffic and checks in a line, then notes and warnings, one each."""
         site, density = self.site, self.density
-        streets = ", ".join(site.streets) or "unnamed roads"
+        streets = cited_all(site.streets) or "unnamed roads"
         mark = f", OSM {site.osm_id}" if site.osm_id else ""
         classes = ", ".join(counted(count, name) for name, count in self.classes_realised.items()) or "the ego alone"
         asked = "".join(f", with {counted(count, name)}" for name, count in self.classes_asked.items())
@@ -479,7 +479,7 @@ class DescribeScenarioResult(Result):
         if self.generation is not None and self.detail in ("checks", "recipe"):
             listed += self.generation.lines()
         if self.recipe is not None:
-            listed.append(f"Recipe: {json.dumps(self.recipe, ensure_ascii=False, sort_keys=True)}")
+            listed.append(f"Recipe: {json.dumps(cited_parts(self.recipe), ensure_ascii=False, sort_keys=True)}")
         failed = () if self.generation is None else self.generation.checks_failed
         return Answer(
             headline=f"{self.scenario_id} ({self.origin}, {self.place}): {self.duration_s:g} s, {traffic}.",
@@ -579,7 +579,7 @@ def _lanelet(lanelet: DescribedLanelet) -> str:
     beside = [f"left {lanelet.left}"] if lanelet.left is not None else []
     beside += [f"right {lanelet.right}"] if lanelet.right is not None else []
     beside += [f"opposite {lanelet.opposite}"] if lanelet.opposite is not None else []
-    parts = [f"{lanelet.length_m:.0f} m", *([f"edge {lanelet.edge}"] if lanelet.edge else [])]
+    parts = [f"{lanelet.length_m:.0f} m", *([f"edge {shown_name(lanelet.edge)}"] if lanelet.edge else [])]
     parts += [lanelet.role] if lanelet.role else []
     parts += [f"leads {', '.join(lanelet.successors)}" if lanelet.successors else "leads nowhere"]
     parts += [f"beside {', '.join(beside)}"] if beside else []

@@ -1,7 +1,13 @@
 """Text from outside (a caller's, a file's, a name on a disk), made fit for answers, errors, logs and journals.
 
 Such text is data: it may hold line breaks that forge lines of an answer, characters that turn its direction, or a
-megabyte. What repeats it does so through :func:`quoted` or :func:`one_line`.
+megabyte. What repeats it does so through one of these:
+
+- :func:`cited`: words of a file, a map service, an archive or a program. They stand in ``“…”``, the one mark for such
+  words, which nothing else in an answer uses and which they cannot close (docs/threat_model.md);
+- :func:`shown_name`: a name that calls take. It stands bare if it is of the form of a name, and is cited otherwise;
+- :func:`quoted`: words of the call itself, which a refusal repeats in ``'…'``;
+- :func:`one_line`: text that is a field of its own in a structured answer, or that is cited later.
 """
 
 import re
@@ -11,6 +17,17 @@ from typing import Any
 
 LONGEST_TEXT = 200
 """Characters of a text from outside that are repeated; chosen: names and ids are shorter."""
+OPENING, CLOSING = "“", "”"
+"""The mark around words from outside. English texts of ours use ``'`` and ``"``, so it is told from them."""
+_INNER = str.maketrans({OPENING: "‘", CLOSING: "’"})
+"""Inside the mark, the mark itself becomes single, so that nothing inside can close it."""
+_NAME = re.compile(
+    r"[A-Za-z0-9_][\w.:@#+/-]{0,79}"  # an id, a file's name, a weight, or planner:preset
+    r"(?:, [A-Za-z_]\w{0,59}=[\w.+-]{1,30}){0,12}(?: and \d+ more)?"  # what a configuration changes of its preset
+    r"(?: [\w.:@+-]{1,30})?(?: \([\w.:@+-]{1,30}\))?",  # a version with its digest, or the id of a result
+    re.ASCII,
+)
+"""The form of names that answers print bare: without blanks, as ids are, and as this program composes them."""
 _PRINTED_BITS = 128
 """Larger whole numbers are not printed; chosen: no id or time has as many."""
 
@@ -29,13 +46,79 @@ def one_line(text: str, longest: int = LONGEST_TEXT) -> str:
     """The text on one line, printable, its spaces single; what is longer than ``longest`` characters ends in ``…``."""
     read = text[: 4 * longest]
     line = " ".join(printable(" ".join(read.split()), kept="").split())
-    return line if len(line) <= longest and read == text else line[: longest - 1].rstrip() + "…"
+    if len(line) <= longest and read == text:
+        return line
+    kept = line[: longest - 1].rstrip()
+    if kept.count(OPENING) > kept.count(CLOSING):  # the cut is inside a mark, which is closed
+        return line[: longest - 2].rstrip() + "…" + CLOSING
+    return kept + "…"
+
+
+def cited(text: object, longest: int = LONGEST_TEXT) -> str:
+    """Return words from outside as an answer prints them: in the mark, on one line, at most ``longest`` characters.
+
+    Direction and control characters are left out, and a mark inside becomes single. Of a list or mapping only the size
+    is told.
+    """
+    if isinstance(text, dict | list | tuple | set):
+        return _size(text)
+    return OPENING + one_line(str(text)[: 4 * longest + 1].translate(_INNER), longest) + CLOSING
+
+
+def cited_all(texts: Iterable[object], between: str = ", ") -> str:
+    """Return several words from outside, each in a mark of its own."""
+    return between.join(map(cited, texts))
+
+
+def shown_name(name: object, longest: int = LONGEST_TEXT) -> str:
+    """Return a name that calls take: bare if it is of the form of ids and names of this program, else cited."""
+    text = str(name)
+    return text if len(text) <= longest and _NAME.fullmatch(text) else cited(text, longest)
+
+
+def cited_parts(value: Any) -> Any:
+    """Return a JSON value for a text: those of its texts that are more than one printable word are cited."""
+    if isinstance(value, dict):
+        return {cited_parts(key): cited_parts(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [cited_parts(part) for part in value]
+    if not isinstance(value, str):
+        return value
+    is_word = len(value) <= LONGEST_TEXT and value.isprintable() and not re.search(f"[ {OPENING}{CLOSING}]", value)
+    return value if is_word else cited(value)
+
+
+def printable_parts(value: Any) -> Any:
+    """Return a JSON value whose texts are printable, but for their line breaks and tabs."""
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, list):
+        return [printable_parts(part) for part in value]
+    if isinstance(value, dict):
+        return {printable(key): printable_parts(part) for key, part in value.items()}
+    return value
+
+
+def in_one_line(value: Any) -> Any:
+    """Return a JSON value with each of its texts on one line, without control and direction characters."""
+    if isinstance(value, str):
+        return value if value.isprintable() else " ".join(printable(" ".join(value.split()), kept="").split())
+    if isinstance(value, dict):
+        return {in_one_line(key): in_one_line(part) for key, part in value.items()}
+    if isinstance(value, list):
+        return [in_one_line(part) for part in value]
+    return value
+
+
+def uncited(text: str) -> str:
+    """Return a text without the marks in it, as a call means it that repeats words of an answer."""
+    return re.sub(f"{OPENING}([^{OPENING}{CLOSING}]*){CLOSING}", r"\1", text)
 
 
 def quoted(value: Any, longest: int = LONGEST_TEXT) -> str:
-    """A value from outside as an error repeats it: text in quotation marks; of a list or mapping, only its size."""
+    """A value of a call as an error repeats it: text in quotation marks; of a list or mapping, only its size."""
     if isinstance(value, dict | list | tuple | set):
-        return f"a {'mapping' if isinstance(value, dict) else 'list'} of {len(value):,}"
+        return _size(value)
     if isinstance(value, int) and value.bit_length() > _PRINTED_BITS:
         return "a whole number of too many digits"
     if value is None or isinstance(value, int | float):
@@ -108,3 +191,7 @@ def in_any_case(value: Any, words: Iterable[str]) -> Any:
 
 def _is_shown(character: str) -> bool:
     return character.isprintable() or unicodedata.category(character) == "Zs"
+
+
+def _size(value: "dict[Any, Any] | list[Any] | tuple[Any, ...] | set[Any]") -> str:
+    return f"a {'mapping' if isinstance(value, dict) else 'list'} of {len(value):,}"

@@ -29,7 +29,7 @@ from ..schemas.errors import (
     followed,
     with_values,
 )
-from ..schemas.text import printable
+from ..schemas.text import printable, printable_parts
 from ..tools.call import ImageAnswer, Question, ToolCall
 from ..tools.registry import TOOLS, ToolSpec
 from ..tools.scenarios import one_scenario
@@ -212,7 +212,7 @@ def _shaped(result: Result | ImageAnswer, call: ToolCall) -> CallToolResult:
     text = _bounded(printable("\n".join([said, *remarks])))
     structured, written = result.model_dump(mode="json"), _bounded(result.model_dump_json())
     if _ESCAPE.search(written) or not written.isprintable():  # one look at the whole spares one at each of its texts
-        structured = _printable_parts(structured)
+        structured = printable_parts(structured)
     if _DENORMAL.search(written):
         structured = _without_denormals(structured)
     return CallToolResult(
@@ -290,13 +290,3 @@ def refusal(error: PlannerForgeError, following: NextCall | None = None) -> Call
     if following is not None:
         meta = {NEXT_CALL_KEY: {"tool": following.tool, "arguments": dict(following.arguments)}}
     return CallToolResult(content=[TextContent(type="text", text=text)], is_error=True, _meta=meta)
-
-
-def _printable_parts(value: Any) -> Any:
-    if isinstance(value, str):
-        return printable(value)
-    if isinstance(value, list):
-        return [_printable_parts(part) for part in value]
-    if isinstance(value, dict):
-        return {printable(key): _printable_parts(part) for key, part in value.items()}
-    return value

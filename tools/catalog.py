@@ -33,7 +33,7 @@ from ..schemas.catalog import (
 from ..schemas.errors import UnknownName, closest
 from ..schemas.generation import MapFacts
 from ..schemas.scenarios import ScenarioFacts, ScenarioRecord
-from ..schemas.text import counted, one_line, quoted
+from ..schemas.text import cited, counted, one_line, quoted
 from .call import INDEX_FOLDER, ToolCall
 from .maps import maps_seen
 from .operations import RANK
@@ -117,7 +117,7 @@ def _nowhere(word: str, call: ToolCall) -> UnknownName:
     }
     return UnknownName(
         f"no scenario and no map lies in {quoted(word)}, which is no search either",
-        valid=closest(word, sorted(places)),
+        valid=map(cited, closest(word, sorted(places))),
         next_step="leave within out for all, or choose one of these",
     )
 
@@ -152,7 +152,7 @@ def _country(facts: MapFacts) -> str:
 def _map_line(facts: MapFacts) -> str:
     """A map with the sites of each type that can be cut from it."""
     sites = ", ".join(f"{kind} {count}" for kind, count in sorted(facts.sites.items()) if count) or "no sites"
-    return f"{facts.place} ({facts.map_id}): {sites}"
+    return f"{cited(facts.place)} ({facts.map_id}): {sites}"
 
 
 def _maps(maps: Sequence[MapFacts], arguments: DescribeCatalogArguments, call: ToolCall) -> FacetCounts:

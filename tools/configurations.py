@@ -9,6 +9,7 @@ from ..schemas.artifacts import ImportedItem
 from ..schemas.errors import NotPossible, UnknownName, closest
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.runs import VERSION_MARK, configuration_id
+from ..schemas.text import one_line, shown_name
 from .call import ToolCall
 
 _CURRENT = ("current", "latest")
@@ -32,7 +33,7 @@ def resolve_configuration(text: str, call: ToolCall) -> PlannerConfiguration:
         own = call.services.recent.last(["config"])
         made = [] if own else made_configurations(call, 1)
         if made:
-            call.tell_whose("config", f"{made[0].config_id} ({made[0].name})")
+            call.tell_whose("config", f"{made[0].config_id} ({shown_name(made[0].name)})")
         text = own[0][1] if own else made[0].config_id if made else DEFAULT_CONFIGURATION
     stored = call.workspace.find("config", configuration_id(text))
     if stored is not None:
@@ -55,7 +56,8 @@ def _check_version(text: str, configuration: PlannerConfiguration) -> None:
     wanted = text.partition(VERSION_MARK)[2]
     if wanted and not source_that_drives(configuration.planner).startswith(wanted):
         raise NotPossible(
-            f"{configuration.name} was run in version {wanted} of {configuration.planner}, which is another one now",
+            f"{shown_name(configuration.name)} was run in version {wanted} of {configuration.planner}, "
+            "which is another one now",
             valid=[configuration.config_id],
             next_step=f"name {configuration.config_id} for the version that is installed",
         )
@@ -98,9 +100,9 @@ async def import_configuration(call: ToolCall, path: Path, name: str | None) -> 
     arguments = {"content": content_digest(path)} | ({"name": name} if name else {})
     store_configuration(call, configuration, Recipe(tool="import_files", arguments=arguments), name)
     return ImportedItem(
-        file=path.name,
+        file=one_line(path.name),
         kind="config",
         artifact_id=configuration.config_id,
-        summary=configuration.name,
+        summary=shown_name(configuration.name),
         reused=before is not None,
     )

@@ -14,7 +14,7 @@ from ..engine.execution import Job, JobProgress
 from ..engine.workspace import Artifact, Recipe, content_digest, disk_failure, make_private
 from ..schemas.errors import ResourceFailure, UnsafeInput
 from ..schemas.generation import INDEX_NAME, IndexExtractRequest, MapFacts
-from ..schemas.text import one_line
+from ..schemas.text import shown_name
 from .call import ToolCall
 from .operations import INDEX_EXTRACT
 
@@ -59,7 +59,7 @@ def start_indexing(call: ToolCall, path: Path, known: KnownAs) -> Job:
         own_call = ToolCall(call.services, report)  # the one that started the job may have been answered already
         artifact = await _indexed(own_call, path, known)
         progress.add_result(artifact.artifact_id)
-        progress.report(1.0, f"{one_line(path.name)} is the map {artifact.artifact_id}")
+        progress.report(1.0, f"{shown_name(path.name)} is the map {artifact.artifact_id}")
 
     size, changed_ns = _state_of(path)
     arguments = {"extract": str(path), "size": size, "changed_ns": changed_ns}
@@ -76,7 +76,7 @@ def _state_of(path: Path) -> tuple[int, int]:
     try:
         stat = path.stat()
     except OSError as error:
-        raise UnsafeInput(f"{path.name} cannot be read: {error.strerror}") from error
+        raise UnsafeInput(f"{shown_name(path.name)} cannot be read: {error.strerror}") from error
     return stat.st_size, stat.st_mtime_ns
 
 
@@ -104,7 +104,7 @@ async def _indexed(call: ToolCall, path: Path, known: KnownAs) -> Artifact:
         indexed = await call.run(INDEX_EXTRACT, request, share=(_DIGESTED, 1.0))
         if _state_of(path) != before:
             raise UnsafeInput(
-                f"{one_line(path.name)} was written while it was read", next_step="add it again when it is whole"
+                f"{shown_name(path.name)} was written while it was read", next_step="add it again when it is whole"
             )
     except UnsafeInput:
         shutil.rmtree(folder, ignore_errors=True)
@@ -122,7 +122,7 @@ def _make_room(folder: Path, path: Path) -> None:
     needed = _DISK_PER_BYTE * path.stat().st_size
     if free < needed:
         raise ResourceFailure(
-            f"reading {one_line(path.name)} into tiles takes up to {needed / 1e9:.1f} GB of disk;"
+            f"reading {shown_name(path.name)} into tiles takes up to {needed / 1e9:.1f} GB of disk;"
             f" {free / 1e9:.1f} GB are free",
             next_step="free disk space, choose another --workspace, or use a smaller extract",
         )

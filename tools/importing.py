@@ -20,7 +20,7 @@ from ..engine.workspace import Recipe
 from ..schemas.artifacts import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
 from ..schemas.errors import InvalidRequest, PlannerForgeError, UnexpectedFailure, as_told, closest, misspelt
 from ..schemas.jobs import JobState
-from ..schemas.text import is_utf8, one_line, quoted
+from ..schemas.text import is_utf8, one_line, quoted, shown_name
 from .call import ToolCall
 from .configurations import import_configuration
 from .maps import import_map, known_country
@@ -199,14 +199,16 @@ _PROTOBUF = (
 
 def _kind(path: Path, wanted: str) -> _ImportKind:
     if path.suffix.lower() == PROTOBUF_ENDING:
-        raise InvalidRequest(f"{quoted(path.name)}: {_PROTOBUF}", valid=[f"*{end}" for end in _SUFFIXES])
+        raise InvalidRequest(f"{shown_name(path.name)}: {_PROTOBUF}", valid=[f"*{end}" for end in _SUFFIXES])
     known = _kind_of(path, wanted)
     if known is None:
         raise InvalidRequest(
-            f"{quoted(path.name)} is of no kind that can be imported", valid=[f"*{end}" for end in _SUFFIXES]
+            f"{shown_name(path.name)} is of no kind that can be imported", valid=[f"*{end}" for end in _SUFFIXES]
         )
     if wanted not in ("auto", known):
-        raise InvalidRequest(f"{quoted(path.name)} is a {known}, not a {wanted}", valid=[known, "auto"], given=wanted)
+        raise InvalidRequest(
+            f"{shown_name(path.name)} is a {known}, not a {wanted}", valid=[known, "auto"], given=wanted
+        )
     return known
 
 
@@ -289,4 +291,4 @@ async def _imported_other(
             return await import_map(call, checked, arguments.name, arguments.country, wait_s=WAIT_S)
         return await import_configuration(call, checked, arguments.name)
     except Exception as raised:  # noqa: BLE001 - the boundary of a file: it becomes the refusal of this one
-        return as_told(raised, f"import of {kind} {path.name}")
+        return as_told(raised, f"import of {kind} {shown_name(path.name)}")

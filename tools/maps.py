@@ -25,7 +25,7 @@ from ..engine.workspace import Artifact, Recipe
 from ..schemas.artifacts import ImportedItem
 from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnsafeInput, WorkerFailure
 from ..schemas.generation import MAP_FACTS_VERSION, ConvertMapRequest, MapFacts, ReadMapRequest
-from ..schemas.text import counted, is_utf8, one_line
+from ..schemas.text import cited, counted, is_utf8, one_line, shown_name
 from .call import ToolCall
 from .extracts import KnownAs, extract_index, map_recipe, start_indexing, told_of
 from .operations import CONVERT_MAP, CONVERT_ROADS, READ_MAP
@@ -109,20 +109,20 @@ def _files(folder: Path) -> tuple[list[Path], list[str]]:
     try:
         found = sorted(entry for entry in folder.iterdir() if is_map(entry) and entry.is_file())
     except OSError as error:
-        return [], [f"the map folder {one_line(folder.name)} cannot be read: {error.strerror}"]
+        return [], [f"the map folder {shown_name(folder.name)} cannot be read: {error.strerror}"]
     paths = [path for path in found if is_utf8(str(path))]
     notes = []
     if len(paths) < len(found):
         unnamed = counted(len(found) - len(paths), "file")
-        notes.append(f"{unnamed} of the map folder {one_line(folder.name)} left out: the names are not UTF-8")
+        notes.append(f"{unnamed} of the map folder {shown_name(folder.name)} left out: the names are not UTF-8")
     if len(paths) > _MOST_FILES:
         surplus = counted(len(paths) - _MOST_FILES, "file")
-        notes.append(f"{surplus} of the map folder {one_line(folder.name)} left out: {_MOST_FILES} are read")
+        notes.append(f"{surplus} of the map folder {shown_name(folder.name)} left out: {_MOST_FILES} are read")
     return paths[:_MOST_FILES], notes
 
 
 def _left_out(path: Path, file: SeenFile) -> str:
-    return f"the map {one_line(path.name)} was left out: {file.refusal}"
+    return f"the map {shown_name(path.name)} was left out: {file.refusal}"
 
 
 async def _taken_in(call: ToolCall, seen: SeenFiles, folder: Path) -> list[str]:
@@ -135,7 +135,7 @@ async def _taken_in(call: ToolCall, seen: SeenFiles, folder: Path) -> list[str]:
             file = SeenFile("", error.strerror or str(error))
         if isinstance(file, Job):
             notes.append(
-                f"the map {one_line(path.name)} is still read into tiles: {file.job_id}, {file.share:.0%} done"
+                f"the map {shown_name(path.name)} is still read into tiles: {file.job_id}, {file.share:.0%} done"
             )
         elif file.refusal:
             notes.append(_left_out(path, file))
@@ -196,7 +196,7 @@ def _item(path: Path, artifact: Artifact, lost: tuple[str, ...] = (), *, reused:
     )
     size = f"; {told_of(facts)}" if facts.extract is not None else ""
     left_out = f"; lost on the way: {'; '.join(lost)}" if lost else ""
-    where = f"{facts.place} ({facts.country or 'country unknown'})"
+    where = f"{cited(facts.place)} ({facts.country or 'country unknown'})"
     return ImportedItem(
         file=one_line(path.name),
         kind="map",

@@ -31,6 +31,7 @@ from ..schemas.planning import (
     WeightInfo,
 )
 from ..schemas.runs import Prediction
+from ..schemas.text import shown_name
 from .call import ToolCall
 from .configurations import made_configurations, resolve_configuration, store_configuration
 from .runs import Cell, answer_of, run_cell, run_many
@@ -56,7 +57,7 @@ async def list_planners(arguments: ListPlannersArguments, call: ToolCall) -> Lis
         ),
         predictions=get_args(Prediction),
         config_id=configuration.config_id,
-        config_name=configuration.name,
+        config_name=shown_name(configuration.name),
         weights=_weights(configuration, tuning),
         presets=tuple(
             PresetInfo(
@@ -68,7 +69,9 @@ async def list_planners(arguments: ListPlannersArguments, call: ToolCall) -> Lis
             for preset in tuning.presets.values()
         ),
         settings=_settings(configuration, tuning),
-        configurations=tuple(ConfigurationInfo(config_id=c.config_id, name=c.name, base=c.base) for c in made),
+        configurations=tuple(
+            ConfigurationInfo(config_id=c.config_id, name=shown_name(c.name), base=c.base) for c in made
+        ),
     )
 
 
@@ -97,10 +100,10 @@ async def configure_planner(arguments: ConfigurePlannerArguments, call: ToolCall
         named = base
     return ConfigurePlannerResult(
         config_id=stored.config_id,
-        name=stored.name,
+        name=shown_name(stored.name),
         planner=stored.planner,
         base=base.config_id,
-        against=named.name,
+        against=shown_name(named.name),
         changes=differences(named, stored),
         notes=notes,
         yaml=to_yaml(stored),

@@ -28,6 +28,7 @@ from ..schemas.runs import (
     configuration_id,
 )
 from ..schemas.scenarios import ScenarioRecord
+from ..schemas.text import cited, shown_name
 from ..schemas.vocabulary import ROAD_KINDS
 from .call import ToolCall
 
@@ -122,7 +123,7 @@ def run_sources(run_ids: Iterable[str], call: ToolCall) -> tuple[RunSource, ...]
 
 def run_record(artifact: Artifact) -> RunRecord:
     """Return the record of a stored run; if it has no planner version, that comes from the run's recipe."""
-    record = artifact.read(RunRecord).model_copy(update={"imported": artifact.imported})
+    record = _cited_words(artifact.read(RunRecord), artifact.imported)
     if record.planner_source:
         return record
     versions = artifact.recipe.versions
@@ -131,6 +132,26 @@ def run_record(artifact: Artifact) -> RunRecord:
         return record.model_copy(update={"planner_version": known.words, "planner_source": known.source})
     source = versions.get(version_key(record.planner), "")
     return record.model_copy(update={"planner_version": source[:_SHORT], "planner_source": source})
+
+
+def _cited_words(record: RunRecord, imported: bool) -> RunRecord:
+    """Return a record as answers print it: names that are not of the form of names stand in the mark of cited words.
+
+    What an archive says of how a run ended is the words of its maker, so all of it is cited.
+    """
+    return record.model_copy(
+        update={
+            "imported": imported,
+            "reason": cited(record.reason, _LONGEST_REASON) if imported else record.reason,
+            "config_name": shown_name(record.config_name),
+            "planner_version": shown_name(record.planner_version) if record.planner_version else "",
+            "rejected_candidates": {shown_name(name): count for name, count in record.rejected_candidates.items()},
+        }
+    )
+
+
+_LONGEST_REASON = 600
+"""Characters of what an imported run says of its end; chosen: the longest of our own has 400."""
 
 
 def version_key(planner: str) -> str:
@@ -205,7 +226,7 @@ def config_weights(runs: Iterable[RunSource], call: ToolCall) -> tuple[ConfigWei
             weights.append(
                 ConfigWeights(
                     config_id=config_id,
-                    name=config.name,
+                    name=shown_name(config.name),
                     planner=config.planner,
                     weights=config.weights | config.external_weights,
                     settings=config.settings.model_dump(exclude_defaults=True),

@@ -37,7 +37,7 @@ from ..schemas.runs import (
     Traffic,
     excesses_in_words,
 )
-from ..schemas.text import counted
+from ..schemas.text import counted, shown_name
 from .call import Question, ToolCall
 from .operations import REVIEW_RUNS, RUN_PLANNER
 from .results import run_sources, scenario_sources, version_key
@@ -411,7 +411,7 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
 
 
 def _summary(records: Sequence[RunRecord]) -> tuple[ConfigurationSummary, ...]:
-    names = {record.config_id: record.config_name for record in records}
+    names = {record.config_id: shown_name(record.config_name) for record in records}
     counts = {key: Counter(record.outcome for record in records if record.config_id == key) for key in names}
     return tuple(
         ConfigurationSummary(config_id=key, config_name=name, outcomes=dict(counts[key].most_common()))
@@ -429,7 +429,7 @@ def _line(record: RunRecord, reviews: Mapping[str, RunReview]) -> RunLine:
         reason=record.reason,
         duration_s=None if record.metrics is None else record.metrics.duration_s,
         minimum_distance_m=None if record.metrics is None else record.metrics.minimum_distance_m,
-        config_name=record.config_name,
+        config_name=shown_name(record.config_name),
         review=reviews.get(record.run_id),
     )
 

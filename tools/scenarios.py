@@ -21,6 +21,7 @@ from ..schemas.scenarios import (
     ScenarioFacts,
     ScenarioRecord,
 )
+from ..schemas.text import shown_name
 from .call import ToolCall
 from .generation.record import described_generation, kept_report, with_classes
 from .operations import DESCRIBE_SCENARIO
@@ -74,7 +75,7 @@ async def describe_scenario(arguments: DescribeScenarioArguments, call: ToolCall
         scenario_id=facts.scenario_id,
         origin=record.origin,
         detail=arguments.detail,
-        place=f"{facts.location.place}, {facts.location.country}",
+        place=f"{shown_name(facts.location.place)}, {facts.location.country}",
         tags=facts.tags,
         features=facts.features,
         step_s=facts.step_s,

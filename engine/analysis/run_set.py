@@ -17,6 +17,7 @@ from ...schemas.measures import MEASURES, Basis
 from ...schemas.planning import PlannerSettings
 from ...schemas.results import ConfigWeights, CostShare, MetricName, Rate
 from ...schemas.runs import Contact, Lineage, RunLook, RunRecord, RunSeries, RunSource, RunSteps, ScenarioSource
+from ...schemas.text import shown_name
 from ..commonroad import Track, kept_recording, static_tracks
 from ..vehicles import VehicleParameters, vehicle_classes, vehicle_of
 from .statistics import rate_by_scenario
@@ -176,7 +177,7 @@ def read_steps(source: RunSource) -> RunSteps | None:
     if source.steps_path is None:
         return None
     try:
-        return RunSteps.model_validate_json(Path(source.steps_path).read_bytes())
+        return _with_shown_names(RunSteps.model_validate_json(Path(source.steps_path).read_bytes()))
     except OSError as error:
         raise ResourceFailure(f"The steps of {source.record.run_id} cannot be read: {error.strerror}") from error
     except ValueError as error:
@@ -198,6 +199,19 @@ def read_series(source: RunSource) -> RunSeries | None:
         raise ResourceFailure(f"The series of {source.record.run_id} cannot be read: {error.strerror}") from error
     except ValueError as error:
         raise ResourceFailure(f"The series of {source.record.run_id} are damaged", next_step="run it again") from error
+
+
+def _with_shown_names(steps: RunSteps) -> RunSteps:
+    """Return the steps with names of a planner's terms and constraints as answers print them."""
+    words = {name: shown_name(name) for name in (*steps.costs, *steps.rejected)}
+    if all(shown == name for name, shown in words.items()):
+        return steps
+    return steps.model_copy(
+        update={
+            "costs": {words[name]: values for name, values in steps.costs.items()},
+            "rejected": {words[name]: values for name, values in steps.rejected.items()},
+        }
+    )
 
 
 def driven_tracks(steps: RunSteps) -> dict[int, Track]:

@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 from urllib.request import urlopen
 
 from ...schemas.errors import InvalidRequest, PlannerForgeError, ResourceFailure, UnsafeInput
-from ...schemas.text import one_line, quoted
+from ...schemas.text import one_line, quoted, shown_name
 from ..workspace import disk_failure
 
 LARGEST_DOWNLOAD_BYTES = 4 * 1024**3
@@ -147,7 +147,7 @@ def _extract(archive: zipfile.ZipFile, folder: Path) -> None:
                 whole += len(block)
                 if written > LARGEST_MEMBER_BYTES or whole > LARGEST_WHOLE_BYTES:
                     raise UnsafeInput(
-                        f"{one_line(name)} unpacks to more than {LARGEST_MEMBER_BYTES:,} bytes, or all to too many",
+                        f"{shown_name(name)} unpacks to more than {LARGEST_MEMBER_BYTES:,} bytes, or all to too many",
                         next_step="split the archive, or leave the large file out",
                     )
                 write(block)

@@ -16,7 +16,7 @@ import anyio
 from ...schemas.artifacts import ImportedItem
 from ...schemas.errors import NotPossible, PlannerForgeError, as_told
 from ...schemas.scenarios import Origin, ScenarioFacts, ScenarioRecord
-from ...schemas.text import one_line, quoted
+from ...schemas.text import one_line, shown_name
 from ..commonroad import derived_benchmark_id, follows_naming
 from ..workspace import Artifact, NewArtifact, Recipe, Workspace, content_digest, stage
 from .tables import family, list_again, listed_version, refresh
@@ -92,7 +92,7 @@ class ReadFile:
             NotPossible: they were not read, because the content was known then.
         """
         if self.facts is None:
-            raise NotPossible(f"{quoted(self.path.name)} was imported before, and is not there any more")
+            raise NotPossible(f"{shown_name(self.path.name)} was imported before, and is not there any more")
         return self.facts
 
 
@@ -128,7 +128,7 @@ class ScenarioIntake:
                 again = [self._decide(new.file, folder) if isinstance(new, _New) else new for new in decided]
                 decided = await self._put(again, folder)
         return [
-            NotPossible(f"{quoted(new.file.path.name)} lost its id") if isinstance(new, _New) else new
+            NotPossible(f"{shown_name(new.file.path.name)} lost its id") if isinstance(new, _New) else new
             for new in decided
         ]
 
@@ -144,13 +144,13 @@ class ScenarioIntake:
     def _refuse_duplicates(self, file: ReadFile) -> None:
         first = self._first_with_content.setdefault(file.content, file.path)
         if first != file.path:
-            raise NotPossible(f"a duplicate: the same content as {quoted(first.name)}")
+            raise NotPossible(f"a duplicate: the same content as {shown_name(first.name)}")
         known = self._known(file)
         declared = self._versions(known.artifact_id)[0] if known else file.known_facts.scenario_id
         first = self._first_with_id.setdefault(declared, file.path)
         if first != file.path:
             raise NotPossible(
-                f"a duplicate: {quoted(first.name)} has the id {declared} too",
+                f"a duplicate: {shown_name(first.name)} has the id {declared} too",
                 next_step="give one of them another benchmarkID",
             )
 

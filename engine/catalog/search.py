@@ -27,7 +27,7 @@ from ...schemas.catalog import (
 )
 from ...schemas.errors import InvalidRequest
 from ...schemas.scenarios import ScenarioFacts
-from ...schemas.text import one_line
+from ...schemas.text import cited, one_line, shown_name
 from .alternatives import TextWords, emptied_note, found_elsewhere, never_carried, not_computed, words_in
 from .bm25 import reciprocal_rank_fusion
 from .constraints import EITHER, PARTICIPANTS, Constraint, constraints_of, holds_circumstances, location_constraints
@@ -342,7 +342,7 @@ class Search:
 def _evidence(constraint: Constraint, facts: ScenarioFacts) -> str:
     """The fact that a condition looks at, in a few words: ``truck=2``, ``limit 50 km/h``, ``place Munich``."""
     if constraint.stage == "location":
-        return f"{facts.location.place}, {facts.location.country}"
+        return f"{shown_name(facts.location.place)}, {facts.location.country}"
     if constraint.stage == "tags":
         return _tags(constraint, facts) if constraint.words else _measure(constraint, facts)
     if constraint.subject == PARTICIPANTS:
@@ -374,7 +374,7 @@ def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
 
 def _measure(constraint: Constraint, facts: ScenarioFacts) -> str:
     if constraint.subject == "origin":
-        said = f" ({one_line(facts.source, 60)})" if facts.source else ""
+        said = f" ({cited(facts.source, 60)})" if facts.source else ""
         return f"origin {' and '.join(origins_of(facts)) or 'not stated'}{said}"
     if constraint.subject == "horizon":
         return f"horizon {facts.horizon_s:g} s"

@@ -8,7 +8,7 @@ drops whatever does not fit its pattern (older files have leading zeros and othe
 import re
 
 from ...schemas.errors import UnsafeInput
-from ...schemas.text import quoted
+from ...schemas.text import cited
 
 _VALID_ID = re.compile(r"(C-)?[A-Z]{3}_[a-zA-Z0-9]+-[1-9]\d*_[1-9]\d*_[STPI](-[1-9]\d*)+")
 _USUAL_ID = re.compile(r"^(?P<head>(C-)?[A-Z]{3}_[A-Za-z0-9]+-\d+)(_(?P<config>\d+)(_(?P<kind>[A-Z])-[\d-]+)?)?$")
@@ -65,7 +65,7 @@ def parse_benchmark_id(benchmark_id: str) -> tuple[str, str]:
     safe = _SAFE_ID.fullmatch(benchmark_id)
     if safe is None or not safe["place"]:
         raise UnsafeInput(
-            f"the benchmark id {quoted(benchmark_id, 80)} does not follow CommonRoad's naming and cannot name a file",
+            f"the benchmark id {cited(benchmark_id, 80)} does not follow CommonRoad's naming and cannot name a file",
             valid=["COUNTRY_Place-1_1_T-1", "letters, digits, _ - and . (at most 100)"],
             next_step="correct benchmarkID in the file's root element",
         )

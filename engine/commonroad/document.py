@@ -24,7 +24,7 @@ from typing import Any, cast
 from lxml import etree
 
 from ...schemas.errors import ResourceFailure
-from ...schemas.text import one_line, quoted
+from ...schemas.text import cited
 from .benchmark_id import is_benchmark_id
 
 _CHUNK = "chunk"
@@ -294,7 +294,7 @@ def _id_of(element: "etree._Element") -> int | None:
 
 @dataclass(frozen=True)
 class SchemaFault:
-    """What breaks CommonRoad's schema: the place in the file and the path of the element, and why, on one line."""
+    """What breaks CommonRoad's schema: the place in the file, the path of the element, and why, as cited words."""
 
     line: int
     path: str
@@ -314,7 +314,7 @@ def schema_faults(tree: "etree._ElementTree") -> list[SchemaFault]:
     schema = etree.XMLSchema(etree.parse(folder / "XML_commonRoad_XSD.xsd"))
     schema.validate(tree)
     log: Any = schema.error_log
-    return [SchemaFault(int(error.line), str(error.path or ""), one_line(str(error.message))) for error in log]
+    return [SchemaFault(int(error.line), str(error.path or ""), cited(error.message)) for error in log]
 
 
 def schema_errors(document: "Path | etree._ElementTree") -> list[str]:
@@ -326,5 +326,5 @@ def schema_errors(document: "Path | etree._ElementTree") -> list[str]:
     errors = [fault.message for fault in schema_faults(tree)]
     benchmark_id = tree.getroot().get("benchmarkID", "")
     if not is_benchmark_id(benchmark_id):
-        errors.append(f"{quoted(benchmark_id)} is no benchmark id of 2020a")
+        errors.append(f"{cited(benchmark_id)} is no benchmark id of 2020a")
     return errors

@@ -29,7 +29,7 @@ from commonroad.common.reader.file_reader_xml import XMLFileReader
 from lxml import etree
 
 from ...schemas.errors import UnknownName, UnsafeInput
-from ...schemas.text import quoted
+from ...schemas.text import cited, shown_name
 from ...schemas.vocabulary import EGO_CLASSES
 from .benchmark_id import without_blanks
 from .completeness import check_complete, complete
@@ -257,7 +257,7 @@ def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[
     refuse_another_root(path, str(whole.tag))
     if whole.find("lanelet") is None:
         raise UnsafeInput(
-            f"{quoted(path.name)} has no lanelets, so there is no road to drive on",
+            f"{shown_name(path.name)} has no lanelets, so there is no road to drive on",
             next_step="export the scenario again with its lanelet network, or choose another file",
         )
     states = take_plain_states(whole) if states is None else states
@@ -272,7 +272,7 @@ def _known_ego_classes(path: Path, found: dict[int, str]) -> dict[int, str]:
     for word in found.values():
         if word not in EGO_CLASSES:
             raise UnsafeInput(
-                f"{quoted(path.name)} says that its ego is a {quoted(word)}, which no ego can be here",
+                f"{shown_name(path.name)} says that its ego is a {cited(word)}, which no ego can be here",
                 valid=EGO_CLASSES,
                 next_step="name one of these in the file's <?plannerforge ego-class=…?>, or take that out: a car then",
             )
@@ -384,7 +384,7 @@ def refuse_another_root(path: Path, root_name: str) -> None:
     """
     if root_name != "commonRoad":
         raise UnsafeInput(
-            f"{quoted(path.name)} is no CommonRoad file: its root element is {quoted(root_name)}, not 'commonRoad'"
+            f"{shown_name(path.name)} is no CommonRoad file: its root element is {cited(root_name)}, not 'commonRoad'"
         )
 
 
@@ -411,7 +411,7 @@ def _refuse_duplicate_ids(path: Path, root: Element) -> None:
         key = element.tag == "planningProblem", element.get("id", "")
         if key[1] and key in seen:
             raise UnsafeInput(
-                f"{quoted(path.name)} has two elements with the id {key[1]}, the second is {quoted(element.tag)}",
+                f"{shown_name(path.name)} has two elements with the id {key[1]}, the second is {cited(element.tag)}",
                 next_step="give one of them another id",
             )
         seen.add(key)
@@ -424,8 +424,8 @@ def _open(
         with _silence_commonroad_warnings():
             scenario, problems = _ParsedReader(path, root).open()
     except Exception as error:
-        reason = _against_schema(path) or f"{type(error).__name__}: {quoted(str(error))}"
-        raise UnsafeInput(f"{quoted(path.name)} is not readable as CommonRoad: {reason}") from error
+        reason = _against_schema(path) or f"{type(error).__name__}: {cited(error)}"
+        raise UnsafeInput(f"{shown_name(path.name)} is not readable as CommonRoad: {reason}") from error
     return LoadedScenario(scenario, problems, path, root.get("benchmarkID", ""), states, ego_classes)
 
 
@@ -500,12 +500,12 @@ def _parsed_document(
             content = path.read_bytes()
         root = etree.fromstring(content, _parser(keeps_instructions=keeps_instructions))
     except OSError as error:
-        raise UnsafeInput(f"{quoted(path.name)} cannot be read: {error.strerror}") from error
+        raise UnsafeInput(f"{shown_name(path.name)} cannot be read: {error.strerror}") from error
     except (etree.XMLSyntaxError, ValueError, LookupError) as error:
         scan_xml(path, limits)  # which names a limit that libxml2 has too, such as the depth
-        raise UnsafeInput(f"{quoted(path.name)} is not well-formed XML: {error}") from error
+        raise UnsafeInput(f"{shown_name(path.name)} is not well-formed XML: {cited(error)}") from error
     if _is_too_deep(root, limits):
-        raise UnsafeInput(f"{quoted(path.name)} nests elements deeper than {limits.depth} levels")
+        raise UnsafeInput(f"{shown_name(path.name)} nests elements deeper than {limits.depth} levels")
     return root
 
 
@@ -559,10 +559,10 @@ def scan_xml(path: Path, limits: XmlLimits | None = None) -> _XmlRoot:
     try:
         size = path.stat().st_size
     except OSError as error:
-        raise UnsafeInput(f"{quoted(path.name)} cannot be read: {error.strerror}") from error
+        raise UnsafeInput(f"{shown_name(path.name)} cannot be read: {error.strerror}") from error
     if size > limits.size_bytes:
         raise UnsafeInput(
-            f"{quoted(path.name)} has {size:,} bytes; at most {limits.size_bytes:,} are read",
+            f"{shown_name(path.name)} has {size:,} bytes; at most {limits.size_bytes:,} are read",
             next_step="split the file, or raise the setting file_mb",
         )
     scan = _Scan(path.name, limits)
@@ -572,7 +572,7 @@ def scan_xml(path: Path, limits: XmlLimits | None = None) -> _XmlRoot:
                 scan.feed(block)
             scan.parser.Parse(b"", True)
     except (expat.ExpatError, ValueError, LookupError) as error:
-        raise UnsafeInput(f"{quoted(path.name)} is not well-formed XML: {error}") from error
+        raise UnsafeInput(f"{shown_name(path.name)} is not well-formed XML: {cited(error)}") from error
     return _XmlRoot(scan.root, scan.attributes, scan.lanelets)
 
 
@@ -598,7 +598,7 @@ class _Scan:
         self.fed_bytes += len(block)
         if self.fed_bytes - self.parser.CurrentByteIndex > self.limits.tag_bytes + _BLOCK_BYTES:
             raise UnsafeInput(
-                f"{quoted(self.name)} holds a tag or comment of more than {self.limits.tag_bytes:,} bytes"
+                f"{shown_name(self.name)} holds a tag or comment of more than {self.limits.tag_bytes:,} bytes"
             )
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
@@ -608,14 +608,14 @@ class _Scan:
         self.elements += 1
         self.lanelets += tag == "lanelet"
         if self.depth > self.limits.depth:
-            raise UnsafeInput(f"{quoted(self.name)} nests elements deeper than {self.limits.depth} levels")
+            raise UnsafeInput(f"{shown_name(self.name)} nests elements deeper than {self.limits.depth} levels")
         if self.elements > self.limits.elements:
             raise UnsafeInput(
-                f"{quoted(self.name)} holds more than {self.limits.elements:,} elements", next_step=_SPLIT
+                f"{shown_name(self.name)} holds more than {self.limits.elements:,} elements", next_step=_SPLIT
             )
         if self.lanelets > self.limits.lanelets:
             raise UnsafeInput(
-                f"{quoted(self.name)} holds more than {self.limits.lanelets:,} lanelets", next_step=_SPLIT
+                f"{shown_name(self.name)} holds more than {self.limits.lanelets:,} lanelets", next_step=_SPLIT
             )
 
     def _end(self, tag: str) -> None:
@@ -625,5 +625,5 @@ class _Scan:
     def _doctype(self, *declaration: Any) -> None:
         del declaration
         raise UnsafeInput(
-            f"{quoted(self.name)} declares a document type; entities are not read", next_step="remove <!DOCTYPE"
+            f"{shown_name(self.name)} declares a document type; entities are not read", next_step="remove <!DOCTYPE"
         )

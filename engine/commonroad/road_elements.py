@@ -15,7 +15,7 @@ import numpy as np
 from lxml import etree
 
 from ...schemas.errors import UnsafeInput
-from ...schemas.text import one_line, quoted
+from ...schemas.text import cited, shown_name
 from ..geometry import Points, without_repeats
 from .reader import XmlLimits, refuse_another_root, scan_xml
 from .value_limits import NUMBER_RANGES, SMALLEST, BeyondLimits, check_counts_and_ids
@@ -201,7 +201,7 @@ def read_road_document(path: Path, limits: XmlLimits | None = None) -> RoadDocum
     except BeyondLimits as error:
         raise error.refusal(path.name, error.element.sourceline) from None
     except (etree.LxmlError, ValueError) as error:
-        raise UnsafeInput(f"{quoted(path.name)} is not readable as CommonRoad: {one_line(str(error))}") from error
+        raise UnsafeInput(f"{shown_name(path.name)} is not readable as CommonRoad: {cited(error)}") from error
 
 
 def road_document(root: etree._Element) -> RoadDocument:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...schemas.errors import UnsafeInput
-from ...schemas.text import quoted
+from ...schemas.text import cited, shown_name
 from ..geometry import Values
 
 _EXACT_IN_JSON = 2**53 - 1
@@ -152,7 +152,7 @@ class BeyondLimits(Exception):
 
     def refusal(self, file: str, line: int | None) -> UnsafeInput:
         """What a caller is told."""
-        place = f"{quoted(file)}, line {line:,}" if line else quoted(file)
+        place = f"{shown_name(file)}, line {line:,}" if line else shown_name(file)
         return UnsafeInput(f"{place}: {self.what}", valid=[self.valid], next_step=self.next_step)
 
 
@@ -172,7 +172,7 @@ def check_document(root: Any, taken: Collection[int] = ()) -> None:
     _check_kinds(root)
     boxes = []
     for top in root:
-        owner = f"{top.tag} {quoted(top.get('id'))[1:-1]}" if top.get("id") else f"<{top.tag}>"
+        owner = f"{top.tag} {shown_name(top.get('id'))}" if top.get("id") else f"<{top.tag}>"
         own_shape = top.find("shape") if top.tag in _OBSTACLES else None
         _check_attributes(top, owner)
         relative = () if own_shape is None else _check_own_shape(own_shape, owner)
@@ -198,7 +198,7 @@ def _check_kinds(root: Any) -> None:
 def _check_count(element: Any) -> None:
     most = MOST_CHILDREN.get(element.tag, MOST_OTHER_CHILDREN)
     if len(element) > most:
-        what = f"an element <{quoted(element.tag)[1:-1]}> holds {len(element):,} elements"
+        what = f"an element <{shown_name(element.tag)}> holds {len(element):,} elements"
         raise BeyondLimits(element, what, f"at most {most:,}", "split the file, or take some of them out")
 
 
@@ -370,7 +370,7 @@ def _check_attributes(element: Any, owner: str) -> None:
         if name in ("id", "ref") and owner != _FOREIGN:
             _number(element, text, NUMBER_RANGES[name], f"{name} of <{element.tag}>", owner)
         elif len(text) > LONGEST_TEXT:
-            raise _too_long(element, quoted(name), owner, len(text))
+            raise _too_long(element, shown_name(name), owner, len(text))
 
 
 def _too_long(element: Any, name: str, owner: str, length: int) -> BeyondLimits:
@@ -385,7 +385,7 @@ def _number(element: Any, text: str | None, allowed: NumberRange, name: str, own
     except ValueError:
         kind = "whole number" if allowed.is_whole else "number"
         raise BeyondLimits(
-            element, f"{name} of {owner} is {quoted(text or '', 40)}, which is no {kind}", allowed.text
+            element, f"{name} of {owner} is {cited(text or '', 40)}, which is no {kind}", allowed.text
         ) from None
     if allowed.is_whole:
         given = f"{value:,}" if abs(value) < _PRINTED else "a number of too many digits"

@@ -23,7 +23,7 @@ from pydantic import Field
 from ...schemas.base import Model
 from ...schemas.errors import ResourceFailure, UnexpectedFailure, UnknownName, as_told, closest
 from ...schemas.jobs import JobState
-from ..workspace import Database, Recipe, still_runs
+from ..workspace import Database, Recipe, still_runs, stored_json
 
 logger = logging.getLogger(__name__)
 _POLL_S = 0.5
@@ -150,11 +150,11 @@ def _job(row: sqlite3.Row) -> Job:
     return Job(
         job_id=row["job_id"],
         kind=row["kind"],
-        recipe=Recipe.model_validate_json(row["recipe"]),
+        recipe=Recipe.model_validate(stored_json(row["recipe"], f"the recipe of {row['job_id']}")),
         state=state,
         share=row["share"],
         message=row["message"],
-        results=tuple(json.loads(row["results"])),
+        results=tuple(stored_json(row["results"], f"what {row['job_id']} made")),
         error=row["error"],
         started_at=row["started_at"],
         updated_at=row["updated_at"],

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from ...schemas.errors import InvalidRequest, OutsideRoots, UnsafeInput
-from ...schemas.text import one_line, quoted
+from ...schemas.text import quoted, shown_name
 
 DEEPEST_PATH = 100
 """Folders in a path that is read or written; chosen: missing ones are made by recursion."""
@@ -73,7 +73,7 @@ class Limits:
         size = path.stat().st_size
         if size > self.file_bytes:
             raise UnsafeInput(
-                f"{one_line(path.name)} has {size:,} bytes; at most {self.file_bytes:,} are read",
+                f"{shown_name(path.name)} has {size:,} bytes; at most {self.file_bytes:,} are read",
                 next_step="name a smaller file, or raise the file_mb setting",
             )
 

@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 from ...schemas.base import Model
 from ...schemas.errors import UnknownName
-from ..workspace import Database, still_runs
+from ..workspace import Database, still_runs, stored_json
 
 TaskState = Literal["working", "completed", "failed", "cancelled"]
 LIFETIME_S = 7 * 86_400.0
@@ -105,7 +105,7 @@ class TaskStore:
             row = connection.execute("SELECT questions, answers FROM tasks WHERE task_id = ?", (task_id,)).fetchone()
             if row is None:
                 return
-            questions, known = json.loads(row["questions"]), json.loads(row["answers"])
+            questions, known = (stored_json(row[name], f"{name} of {task_id}") for name in ("questions", "answers"))
             for key in [key for key in answers if key in questions]:
                 del questions[key]
                 known[key] = answers[key]
@@ -142,5 +142,8 @@ class TaskStore:
 
 
 def _task(row: sqlite3.Row) -> Task:
-    texts = {name: json.loads(row[name]) for name in ("arguments", "questions", "answers", "result")}
+    texts = {
+        name: stored_json(row[name], f"{name} of {row['task_id']}")
+        for name in ("arguments", "questions", "answers", "result")
+    }
     return Task.model_validate({**dict(row), **texts})

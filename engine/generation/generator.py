@@ -15,7 +15,7 @@ from pathlib import Path
 
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.generation import GeneratedScenario, GenerationRequest, VehicleDemand
-from ...schemas.text import counted
+from ...schemas.text import cited, counted
 from ...schemas.vocabulary import EGO_CLASSES
 from ..execution import ProgressReporter
 from ..maps import OsmMap, Site, read_map_file
@@ -60,7 +60,9 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
         report(0.02, "looking for sites")
         sites = fitting_sites(osm, request)
         if request.site_index >= len(sites):
-            raise NotPossible(f"{request.place} ({request.map_id}) holds only {len(sites)} different site(s) for this")
+            raise NotPossible(
+                f"{cited(request.place)} ({request.map_id}) holds only {len(sites)} different site(s) for this"
+            )
         own_and_others = sites[request.site_index :: request.site_step]
         with tempfile.TemporaryDirectory(dir=request.folder) as scratch:
             attempts = _Attempts(request, spec, Path(scratch), report)

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from ..workspace import Database
+from ..workspace import Database, stored_json
 
 RowState = Literal["held", "waiting", "made", "refused", "failed", "passed"]
 """``held``: made apart from the plan; ``passed``: never to be made, for its site did not suit what the row asks for."""
@@ -146,7 +146,7 @@ class PlanRows:
             PlanRow(
                 row["number"],
                 row["lap"],
-                tuple(json.loads(row["levels"])),
+                tuple(stored_json(row["levels"], "a row of a plan")),
                 row["spot"],
                 row["place"],
                 row["map_id"],
@@ -171,7 +171,7 @@ class PlanRows:
     def made(self) -> Iterator[Levels]:
         """The levels of all that was made, by the plan or before it, each once."""
         rows = self._rows("DISTINCT levels", "state IN ('made', 'held')")
-        return (tuple(json.loads(row["levels"])) for row in rows)
+        return (tuple(stored_json(row["levels"], "a row of a plan")) for row in rows)
 
     def refused(self) -> Iterator[tuple[Levels, int, str]]:
         """Levels that were refused or failed, how often, and one of the reasons."""
@@ -179,7 +179,9 @@ class PlanRows:
             "levels, count(*) AS n, min(reason) AS reason",
             "state IN ('refused', 'failed') GROUP BY levels ORDER BY levels",
         )
-        return ((tuple(json.loads(row["levels"])), int(row["n"]), str(row["reason"])) for row in rows)
+        return (
+            (tuple(stored_json(row["levels"], "a row of a plan")), int(row["n"]), str(row["reason"])) for row in rows
+        )
 
     def hopeless(self, tries: int) -> Hopeless:
         """Levels with which so many rows were refused at sites of a kind on a map, and none was made there."""
@@ -189,7 +191,7 @@ class PlanRows:
             "spot, map_id, levels, state, count(*) AS n",
             "number >= 0 AND state IN ('made', 'refused') GROUP BY spot, map_id, levels, state",
         ):
-            levels = enumerate(json.loads(row["levels"]))
+            levels = enumerate(stored_json(row["levels"], "a row of a plan"))
             keys = [(str(row["spot"]), str(row["map_id"]), factor, level) for factor, level in levels]
             if row["state"] == "made":
                 made.update(keys)
@@ -242,4 +244,4 @@ class PlanRows:
 
 def made_before(connection: sqlite3.Connection) -> Iterator[dict[str, Any]]:
     """What was asked for the generated scenarios of a workspace, each once, without where and by which numbers."""
-    return (json.loads(row[0]) for row in connection.execute(_ASKED))
+    return (stored_json(row[0], "the recipe of a scenario") for row in connection.execute(_ASKED))

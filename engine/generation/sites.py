@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, with_values
 from ...schemas.generation import TURNS_AT, GenerationRequest, SiteCount, SiteType
+from ...schemas.text import cited, cited_all
 from ..execution import ProgressReporter
 from ..geometry import Points
 from ..maps import (
@@ -126,7 +127,7 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
             remedies=[with_values(road_classes=None)],
         )
     held = _held_types(finder, request)
-    where = " on " + " / ".join(names[0] for names in request.streets) if request.streets else ""
+    where = " on " + cited_all((names[0] for names in request.streets), " / ") if request.streets else ""
     where += " in the box" if request.bbox is not None else ""
     wish = "site of any type" if wanted == "any" else f"{wanted} site"
     next_step = "choose one of these scenario types, or another place" if held else "choose another place"
@@ -134,7 +135,7 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
         where += f" that is made of {' or '.join(request.road_classes[:SHOWN_CLASSES])} only"
         next_step = "leave road_classes out" + (", or choose one of these scenario types" if held else "")
     return NotPossible(
-        f"{request.place} ({request.map_id}) holds no {wish}{where}",
+        f"{cited(request.place)} ({request.map_id}) holds no {wish}{where}",
         valid=held,
         next_step=next_step,
         reason="no_such_site",

@@ -15,7 +15,7 @@ from pathlib import Path
 from ...schemas.errors import UnknownName, with_values
 from ...schemas.generation import MapFacts, MapList, PlaceArea, ScenarioType
 from ...schemas.maps import Box, NamedPlace
-from ...schemas.text import LONGEST_TEXT
+from ...schemas.text import LONGEST_TEXT, cited, cited_all
 from ..workspace import Database, versions_of
 from .naming.alike import is_abbreviated, is_half_of, is_transliterated, is_with_kind
 from .naming.gazetteer import Settlement, settlements_called
@@ -221,7 +221,7 @@ def match_fetched(entry: MapEntry, place: NamedPlace | None, asked: str | None) 
         return find_maps([entry], place=asked, closeness=Closeness.SAME)[0]
     except UnknownName:
         label = "" if place is None else place.label
-        taken = (f"{asked!r} is taken as {label}",) if label and fold(label) != fold(asked) else ()
+        taken = (f"{asked!r} is taken as {cited(label)}",) if label and fold(label) != fold(asked) else ()
         return MapMatch(entry, _streets_of(entry.facts, place), understood=taken)
 
 
@@ -294,7 +294,7 @@ def _km_between(one: Box, other: Box) -> float:
 
 
 def _box_text(f: MapFacts) -> str:
-    return f"{f.place} [{f.south:.4f}, {f.west:.4f}, {f.north:.4f}, {f.east:.4f}]"
+    return f"{cited(f.place)} [{f.south:.4f}, {f.west:.4f}, {f.north:.4f}, {f.east:.4f}]"
 
 
 def _showing(found: list[MapMatch], place: str, country: str | None, closeness: Closeness) -> list[MapMatch]:
@@ -357,14 +357,14 @@ def _not_shown(
     if near:
         return UnknownName(
             f"no map shows {place!r}",
-            valid=near,
-            next_step=f"call again with place={near[0]!r}, or import an .osm extract of the place with import_files",
+            valid=map(cited, near),
+            next_step=f"call again with place={cited(near[0])}, or import an .osm extract of it with import_files",
             reason=NOT_SHOWN,
             remedies=[with_values(place=near[0])],
         )
     return UnknownName(
         f"no map shows {place!r} or a name like it: there is no map of that city or country",
-        valid=shown,
+        valid=map(cited, shown),
         next_step="choose one of these places, or import an .osm extract of the place with import_files",
         reason=NOT_SHOWN,
     )
@@ -460,7 +460,7 @@ def _with_words_of_the_file(reading: "_Reading", facts: MapFacts) -> "_Reading":
     named = _named_by_file(file_stem(facts.file_name))
     rest = replace(reading, unnamed=())
     for part in reading.unnamed:
-        by_file = _Reading(named=True, understood=(f"{part!r} is taken as the map {facts.file_name}",))
+        by_file = _Reading(named=True, understood=(f"{part!r} is taken as the map {cited(facts.file_name)}",))
         rest += by_file if fold(part) in named else _Reading(unnamed=(part,))
     return rest
 
@@ -541,7 +541,7 @@ def _read_name_elsewhere(part: str, facts: MapFacts) -> _Reading | None:
             continue
         for name in (facts.place, *facts.places, *(area.name for area in facts.areas)):
             if not settlement.keys.isdisjoint(place_keys(name)) and (found := _read_place(name, facts)) is not None:
-                return replace(found, understood=(f"{part!r} is taken as {name}",))
+                return replace(found, understood=(f"{part!r} is taken as {cited(name)}",))
     return None
 
 
@@ -596,11 +596,11 @@ def _read_place_like(part: str, facts: MapFacts, is_like: Callable[[str, str], b
     for area in facts.areas:
         if any(is_like(part, name) for name in (area.name, *area.other_names)):
             found = _read_whole(area.name, facts)
-            taken = area.name if found is not None and found.streets else _area_text(area)
+            taken = cited(area.name) if found is not None and found.streets else _area_text(area)
             return None if found is None else replace(found, understood=(f"{part!r} is taken as {taken}",))
     for name in facts.places:
         if is_like(part, name):
-            return _Reading(named=True, understood=(f"{part!r} is taken as {name}",))
+            return _Reading(named=True, understood=(f"{part!r} is taken as {cited(name)}",))
     return None
 
 
@@ -634,12 +634,12 @@ def _read_named_place(part: str, facts: MapFacts, keys_of: Callable[[str], froze
         if any(not keys.isdisjoint(keys_of(name)) for name in (area.name, *area.other_names)):
             taken = "" if fold(part) == fold(area.name) else f"{part!r} is taken as "
             if _is_whole(area, facts):
-                return _Reading(named=True, understood=(f"{taken}{area.name}",) if taken else ())
+                return _Reading(named=True, understood=(f"{taken}{cited(area.name)}",) if taken else ())
             return _Reading(named=True, area=area, understood=(f"{taken}{_area_text(area)}",))
     for name in (facts.place, *facts.places):
         if not keys.isdisjoint(keys_of(name)):
             alike = fold(part) == fold(name)
-            return _Reading(named=True, understood=() if alike else (f"{part!r} is taken as {name}",))
+            return _Reading(named=True, understood=() if alike else (f"{part!r} is taken as {cited(name)}",))
     return None
 
 
@@ -661,7 +661,7 @@ def _named_by_file(stem: str) -> frozenset[str]:
 
 def _area_text(area: PlaceArea) -> str:
     return (
-        f"{area.kind} {area.name}, {area.radius_m / 1000:.1f} km around its centre "
+        f"{area.kind} {cited(area.name)}, {area.radius_m / 1000:.1f} km around its centre "
         f"({area.latitude:.4f}, {area.longitude:.4f})"
     )
 
@@ -707,7 +707,7 @@ def _as_roads(part: str, roads: tuple[str, ...]) -> _Reading:
     """Roads as what the words mean."""
     exact = {fold(name) for name in roads} == {fold(part)}
     more = f" and {len(roads) - _SHOWN_ROADS} more" * (len(roads) > _SHOWN_ROADS)
-    taken = f"{part!r} is taken as {' or '.join(roads[:_SHOWN_ROADS])}{more}"
+    taken = f"{part!r} is taken as {cited_all(roads[:_SHOWN_ROADS], ' or ')}{more}"
     return _Reading(streets=(roads,), understood=() if exact else (taken,))
 
 

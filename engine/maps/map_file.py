@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from ...schemas.errors import UnsafeInput
+from ...schemas.text import shown_name
 from .foreign.lanelet_map import read_lanelet_map
 from .foreign.net_map import read_net_map
 from .osm import OsmMap, read_osm
@@ -84,7 +85,7 @@ def _state_of(path: Path) -> FileState:
     try:
         stat = path.stat()
     except OSError as error:
-        raise UnsafeInput(f"{path.name} cannot be read: {error.strerror}") from error
+        raise UnsafeInput(f"{shown_name(path.name)} cannot be read: {error.strerror}") from error
     return path.absolute(), stat.st_ino, stat.st_mtime_ns, stat.st_size
 
 

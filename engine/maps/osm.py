@@ -21,7 +21,7 @@ from lxml import etree
 
 from ...schemas.errors import UnsafeInput
 from ...schemas.generation import ConvertedMap, ConvertMapRequest
-from ...schemas.text import LONGEST_TEXT, one_line
+from ...schemas.text import LONGEST_TEXT, cited, one_line, shown_name
 from ..commonroad import XmlLimits, scan_xml
 from ..execution import ProgressReporter
 from .road_classes import ALL_ROADS
@@ -139,25 +139,30 @@ def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
     """
     root_name = scan_xml(path, limits).name
     if root_name != "osm":
-        raise UnsafeInput(f"{path.name} is no OpenStreetMap extract: its root element is <{root_name}>, not <osm>")
+        raise UnsafeInput(
+            f"{shown_name(path.name)} is no OpenStreetMap extract: its root element is "
+            f"<{shown_name(root_name)}>, not <osm>"
+        )
     try:
         extract, beyond = _read(path)
     except KeyError as error:
-        raise UnsafeInput(f"{path.name} is not readable as OpenStreetMap: something there has no {error}") from error
+        raise UnsafeInput(
+            f"{shown_name(path.name)} is not readable as OpenStreetMap: something there has no {cited(error)}"
+        ) from error
     except (etree.LxmlError, ValueError) as error:
-        raise UnsafeInput(f"{path.name} is not readable as OpenStreetMap: {error}") from error
+        raise UnsafeInput(f"{shown_name(path.name)} is not readable as OpenStreetMap: {cited(error)}") from error
     if not extract.roads():
         if closed := extract.roads(cars_only=False):
             tags = in_words(dict.fromkeys(closing_tag(way.tags) for way in closed))
             raise UnsafeInput(
-                f"{path.name} holds no road that is open to cars: {len(closed)} are closed ({tags})",
+                f"{shown_name(path.name)} holds no road that is open to cars: {len(closed)} are closed ({tags})",
                 next_step="use an extract with open streets in it",
             )
         others = sorted({way.road_class for way in extract.ways if way.road_class})[:SHOWN_CLASSES]
         only = f", only {', '.join(others)}" if others else ""
         only += "; what lies beyond 80° S or 84° N, where map projections end, is not read" if beyond else ""
         raise UnsafeInput(
-            f"{path.name} holds no road for vehicles{only}", next_step="use an extract with streets in it"
+            f"{shown_name(path.name)} holds no road for vehicles{only}", next_step="use an extract with streets in it"
         )
     return extract
 
@@ -358,7 +363,8 @@ def write_as_xml(request: ConvertMapRequest, report: ProgressReporter) -> Conver
                 writer.add(element)
     except (RuntimeError, ValueError) as error:  # all that osmium raises on a broken file
         raise UnsafeInput(
-            f"{path.name} cannot be unpacked: {error}", next_step="get the extract again, or convert it to .osm"
+            f"{shown_name(path.name)} cannot be unpacked: {cited(error)}",
+            next_step="get the extract again, or convert it to .osm",
         ) from error
     if target.stat().st_size > LIMITS.size_bytes:
         target.unlink()

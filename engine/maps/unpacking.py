@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import IO, Literal, cast
 
 from ...schemas.errors import UnsafeInput
+from ...schemas.text import cited, shown_name
 
 NET_ENDING = ".net.xml"
 LANELETS_ENDING = ".xml"
@@ -59,11 +60,12 @@ def unpacked(path: Path, folder: Path, limit_bytes: int = LARGEST_BYTES) -> Path
                 size += len(chunk)
                 if size > limit_bytes:
                     raise UnsafeInput(
-                        f"{path.name} unpacks to more than {limit_bytes:,} bytes", next_step="use a smaller extract"
+                        f"{shown_name(path.name)} unpacks to more than {limit_bytes:,} bytes",
+                        next_step="use a smaller extract",
                     )
                 sink.write(chunk)
     except (EOFError, OSError, zlib.error) as error:
-        raise UnsafeInput(f"{path.name} cannot be unpacked: {error}") from error
+        raise UnsafeInput(f"{shown_name(path.name)} cannot be unpacked: {cited(error)}") from error
     return target
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from lxml import etree
 
 from ...schemas.errors import UnsafeInput
-from ...schemas.text import one_line, quoted
+from ...schemas.text import cited, one_line, shown_name
 from ..commonroad import XmlLimits, scan_xml
 from ..geometry import Points, length_m, without_repeats
 
@@ -126,11 +126,11 @@ def read_net(path: Path) -> SumoNet:
         UnsafeInput: the file is hostile, broken or not a SUMO net.
     """
     if scan_xml(path, XmlLimits(size_bytes=_LARGEST_NET_BYTES)).name != "net":
-        raise UnsafeInput(f"{path.name} is no SUMO net: its root element is not <net>")
+        raise UnsafeInput(f"{shown_name(path.name)} is no SUMO net: its root element is not <net>")
     try:
         return _net(etree.parse(path).getroot())
     except (ValueError, ArithmeticError, etree.LxmlError) as error:
-        raise UnsafeInput(f"{path.name} is not readable as a SUMO network: {error}") from error
+        raise UnsafeInput(f"{shown_name(path.name)} is not readable as a SUMO network: {cited(error)}") from error
 
 
 def _net(root: etree._Element) -> SumoNet:
@@ -203,14 +203,14 @@ def _lane(element: etree._Element, edge_id: str, internal: bool) -> NetLane:
 def _id(element: etree._Element) -> str:
     text = element.get("id", "")
     if len(text) > _LONGEST_ID or not text.isprintable():
-        raise ValueError(f"the id {quoted(text)} of a {element.tag} is too long or not on one line")
+        raise ValueError(f"the id {cited(text)} of a {element.tag} is too long or not on one line")
     return text
 
 
 def _number(text: str, name: str, least: float, most: float) -> float:
     value = float(text)
     if not least <= value <= most:
-        raise ValueError(f"{name} is {quoted(text)}; valid: {least:g} to {most:g}")
+        raise ValueError(f"{name} is {cited(text)}; valid: {least:g} to {most:g}")
     return value
 
 

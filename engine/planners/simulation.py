@@ -11,6 +11,7 @@ import numpy as np
 from ...schemas.errors import NotPossible
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import Prediction
+from ...schemas.text import shown_name
 from ..execution import ProgressReporter
 from ..geometry import Values, arc_length
 from ..scene import start_lanelets
@@ -212,7 +213,7 @@ def _infeasible(plan: Plan, ego: EgoState, time_s: float) -> Verdict:
     if "initial_state" in plan.rejected:
         return Verdict("infeasible", f"at {time_s:.1f} s the ego's heading or place does not fit its route")
     most = sorted(plan.rejected.items(), key=lambda item: (-item[1], item[0]))
-    why = ", ".join(f"{name} {count}" for name, count in most[:3])
+    why = ", ".join(f"{shown_name(name)} {count}" for name, count in most[:3])
     speed = f"{ego.speed_mps:.1f} m/s"
     return Verdict(
         "infeasible", f"at {time_s:.1f} s and {speed} none of {plan.candidates} candidates can be driven ({why})"

@@ -17,6 +17,7 @@ from ...schemas.rendering import RenderedImage, ReportImage, ReportRequest, Repo
 from ...schemas.results import AnalyzeResultsResult, CollisionCauses, Group, Rate, figure, measured_figure
 from ...schemas.runs import REFERENCE_DRIVERS_DO, BatchRecord, LaidTo, RunMetrics, RunRecord, ending, excesses_in_words
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
+from ...schemas.text import shown_name
 from ..execution import ProgressReporter
 from ..workspace import Recipe, write_whole
 from .words import words_used
@@ -475,10 +476,10 @@ def _embed(image: ReportImage) -> _Embedded:
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise ResourceFailure(f"The picture {path.name} cannot be read: {error.strerror}") from error
+        raise ResourceFailure(f"The picture {shown_name(path.name)} cannot be read: {error.strerror}") from error
     media_type = next((kind for start, kind in _MEDIA_TYPES.items() if content.startswith(start)), None)
     if media_type is None or len(content) > _LARGEST_IMAGE_BYTES:
-        raise UnsafeInput(f"{path.name} is no PNG or GIF of at most {_LARGEST_IMAGE_BYTES:,} bytes")
+        raise UnsafeInput(f"{shown_name(path.name)} is no PNG or GIF of at most {_LARGEST_IMAGE_BYTES:,} bytes")
     with Image.open(path) as opened:
         width, height = opened.size
     encoded = base64.b64encode(content).decode("ascii")

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...schemas.errors import UnsafeInput
 from ...schemas.scenarios import EgoFacts, LocationFacts, ParticipantFacts, ReadFactsRequest, RoadFacts, ScenarioFacts
-from ...schemas.text import one_line, quoted
+from ...schemas.text import cited, one_line, shown_name
 from ...schemas.vocabulary import CIRCUMSTANCES, GoalForm
 from ..commonroad import (
     LoadedScenario,
@@ -55,7 +55,7 @@ def read_facts(request: ReadFactsRequest, report: ProgressReporter) -> ScenarioF
         UnsafeInput: the file is hostile, broken, no CommonRoad file, or holds numbers that no scenario has; or the SUMO
             network beside it is no such network.
     """
-    report(0.0, f"reading {quoted(request.path.name)}")
+    report(0.0, f"reading {shown_name(request.path.name)}")
     if request.net is not None:
         _check_net(request.net, request.file_bytes)
     recorded = kept_recording(request.path, request.file_bytes, keep=request.keep)
@@ -69,10 +69,10 @@ def _check_net(path: Path, file_bytes: int) -> None:
         scan_xml(path, XmlLimits(size_bytes=file_bytes))
         read_net(path)
     except (UnsafeInput, ValueError) as error:
-        reason = error.message if isinstance(error, UnsafeInput) else f"{quoted(path.name)}: {quoted(str(error))}"
+        reason = error.message if isinstance(error, UnsafeInput) else f"{shown_name(path.name)}: {cited(error)}"
         raise UnsafeInput(
             f"the network beside the scenario cannot be taken in: {reason}",
-            next_step=f"correct {quoted(path.name)}, or move it away: a scenario is imported without it too",
+            next_step=f"correct {shown_name(path.name)}, or move it away: a scenario is imported without it too",
         ) from error
 
 

@@ -18,6 +18,7 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from ...schemas.errors import PlannerForgeError, WorkerFailure
+from ...schemas.text import cited
 
 LaneHint = tuple[str, int]
 """SUMO's edge and lane index; ("", -1) where the lane is not known."""
@@ -139,7 +140,7 @@ def sumo_running(
             raise refusal(str(error)) from error
         yield Sumo(libsumo)
     except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
-        raise WorkerFailure(f"SUMO stopped: {error}") from error
+        raise WorkerFailure(f"SUMO stopped: {cited(error)}") from error
     finally:
         libsumo.close()
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...schemas.errors import UnsafeInput
 from ...schemas.planning import PlannerConfiguration, PlannerSettings
-from ...schemas.text import one_line, quoted
+from ...schemas.text import cited, one_line, shown_name
 from .tunings import tuning_of
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ _NESTED_IN_A_LINE = re.compile(r"(?:[-?:]\s+){6}")
 _MOST_ENTRIES = 200
 """Weights and settings of one file; chosen: no planner has half as many."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}")
+_PLANNER = re.compile(r"[A-Za-z][\w-]{0,59}", re.ASCII)
 _NUMBER = re.compile(r"[+-]?(\d{1,30}(\.\d{0,30})?|\.\d{1,30})([eE][+-]?\d{1,3})?")
 _SECTIONS = ("cost_weights", "external_cost_weights")
 
@@ -62,8 +63,8 @@ def read_weight_file(path: Path) -> WeightFile:
             next_step="export a configuration as yaml to see the form",
         )
     planner = content.get("planner", "frenetix")
-    if not isinstance(planner, str):
-        raise UnsafeInput(f"{name}: planner is {quoted(planner)}, which is no name")
+    if not isinstance(planner, str) or not _PLANNER.fullmatch(planner):
+        raise UnsafeInput(f"{name}: planner is {cited(planner)}, which is no name")
     weights = [text for section in _SECTIONS for text in _assignments(path, content, section)]
     text = path.read_bytes().decode("utf-8")  # as it stands: its line ends too
     return WeightFile(planner, tuple(weights), tuple(_assignments(path, content, "settings")), text)
@@ -178,15 +179,15 @@ def _exact(value: float) -> str:
 
 def _assignments(path: Path, content: dict[str, Any], section: str) -> list[str]:
     part = content.get(section) or {}
-    file = one_line(path.name)
+    file = shown_name(path.name)
     if not isinstance(part, dict) or len(part) > _MOST_ENTRIES:
         raise UnsafeInput(f"{file}: {section} is no list of at most {_MOST_ENTRIES} name: number lines")
     assignments = []
     for name, text in part.items():
         if not isinstance(name, str) or not _NAME.fullmatch(name):
-            raise UnsafeInput(f"{file}: {section} has {quoted(name)}, which is no name of a weight or setting")
+            raise UnsafeInput(f"{file}: {section} has {cited(name)}, which is no name of a weight or setting")
         if not isinstance(text, str) or not _NUMBER.fullmatch(text) or not math.isfinite(float(text)):
-            raise UnsafeInput(f"{file}: {section}.{name} is {quoted(text)}, which is no finite number")
+            raise UnsafeInput(f"{file}: {section}.{name} is {cited(text)}, which is no finite number")
         assignments.append(f"{name}={text}")
     return assignments
 
@@ -205,13 +206,13 @@ def read_yaml(path: Path, most_brackets: int) -> Any:
     try:
         text = path.read_text(encoding="utf-8")
         if text.count("[") + text.count("{") > most_brackets or _NESTED_IN_A_LINE.search(text):
-            raise UnsafeInput(f"{one_line(path.name)} has lists and mappings deep in each other, or many")
+            raise UnsafeInput(f"{shown_name(path.name)} has lists and mappings deep in each other, or many")
         if any(isinstance(token, yaml.AliasToken | yaml.AnchorToken) for token in yaml.scan(text)):
-            raise UnsafeInput(f"{one_line(path.name)} has YAML aliases", next_step="write the values out")
+            raise UnsafeInput(f"{shown_name(path.name)} has YAML aliases", next_step="write the values out")
         return yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506 - it makes nothing but texts, lists and mappings
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         what = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise UnsafeInput(f"{one_line(path.name)} is not readable as YAML: {one_line(what)}") from error
+        raise UnsafeInput(f"{shown_name(path.name)} is not readable as YAML: {cited(what)}") from error
 
 
 def _number(value: float) -> str:

@@ -11,6 +11,7 @@
 ``stage``: Copy the files of an artifact into a new folder, before the database is locked.
 ``write_text``: Writes a text file, or raises the error of a full disk.
 ``Database``: Access to the workspace's SQLite file.
+``stored_json``: A JSON value of the database, or the error that names it if it is nested too deeply.
 ``make_private``: Make a folder that nobody else on the machine may look into.
 ``still_runs``: Whether the process ``pid`` that wrote something at ``since`` (seconds since 1970) is still there.
 ``Export``: One file to write for an export: artifact, format, path.
@@ -52,7 +53,7 @@ if TYPE_CHECKING:
         stage,
         write_text,
     )
-    from .database import Database, make_private, still_runs
+    from .database import Database, make_private, still_runs, stored_json
     from .export import REPORT_NAME, Export, plan_exports, refuse_taken, write_export, write_whole
     from .recipe import Recipe, content_digest, versions_of
     from .upkeep import Disagreement, FolderUse, Quota, disagreements, make_room, repair, room_used

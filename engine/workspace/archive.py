@@ -26,12 +26,12 @@ from pydantic import Field, RootModel, ValidationError
 from ... import __version__
 from ...schemas.base import Model, problems_of
 from ...schemas.errors import InvalidRequest, NotPossible, ResourceFailure, UnsafeInput
-from ...schemas.text import one_line, quoted
-from .artifacts import ARTIFACT_KINDS, ORDINARY_ID, ArtifactKind, NewArtifact, Workspace, disk_failure
-from .database import SCHEMA_VERSION, make_private
+from ...schemas.text import cited, in_one_line, one_line, shown_name
+from .artifacts import ARTIFACT_KINDS, ORDINARY_ID, ArtifactKind, NewArtifact, Workspace, disk_failure, stored_recipe
+from .database import SCHEMA_VERSION, make_private, stored_json
 from .export import write_whole
 from .recipe import Recipe, content_digest
-from .record_checks import in_one_line, record_fault
+from .record_checks import record_fault, text_fault
 from .upkeep import MAIN_FILES
 
 _HEAD, _RECORDS, _SUMS = "workspace.json", "records.jsonl", "SHA256SUMS"
@@ -170,8 +170,8 @@ def _records_until(workspace: Workspace, newest: int) -> Iterator[_Record]:
             kind=row["kind"],
             artifact_id=row["artifact_id"],
             name=row["name"],
-            recipe=Recipe.model_validate_json(row["recipe"]),
-            record=json.loads(row["record"]),
+            recipe=stored_recipe(row["recipe"], f"the recipe of {row['kind']} {row['artifact_id']}"),
+            record=stored_json(row["record"], f"the record of {row['kind']} {row['artifact_id']}"),
             made_at=row["made_at"],
             files=tuple(sorted(file.name for file in folder.iterdir())) if folder.is_dir() else (),
         )
@@ -236,7 +236,7 @@ def import_workspace(
         size_bytes = sum(entry.file_size for entry in archive.infolist())
         if shutil.disk_usage(folder).free < size_bytes:
             raise ResourceFailure(
-                f"{path.name} takes {size_bytes / 1e6:,.0f} MB when unpacked, and the disk has less",
+                f"{shown_name(path.name)} takes {size_bytes / 1e6:,.0f} MB when unpacked, and the disk has less",
                 next_step="free disk space, or choose another --workspace",
             )
         workspace.admit(size_bytes)
@@ -293,11 +293,11 @@ def _check_entries(entries: Sequence[zipfile.ZipInfo], size_bytes: int, limits: 
     for entry in entries:
         kind = stat.S_IFMT(entry.external_attr >> 16)
         if kind not in (0, stat.S_IFREG) or entry.is_dir() or entry.flag_bits & 1:
-            raise UnsafeInput(f"{quoted(entry.filename)} in the archive is a link, a folder or encrypted")
+            raise UnsafeInput(f"{cited(entry.filename)} in the archive is a link, a folder or encrypted")
         if not _has_place(entry.filename):
-            raise UnsafeInput(f"the archive holds {quoted(entry.filename)}, which has no place in a workspace")
+            raise UnsafeInput(f"the archive holds {cited(entry.filename)}, which has no place in a workspace")
         if entry.filename in names:
-            raise UnsafeInput(f"the archive holds {quoted(entry.filename)} twice")
+            raise UnsafeInput(f"the archive holds {cited(entry.filename)} twice")
         names.add(entry.filename)
     if missing := {_HEAD, _RECORDS, _SUMS} - names:
         raise _damaged(f"it has no {', '.join(sorted(missing))}")
@@ -392,7 +392,7 @@ def _read_records(folder: Path) -> Iterator[_Record]:
             try:
                 yield _Record.model_validate_json(line)
             except ValidationError as error:
-                problem = one_line(problems_of(_Record, error)[0][0])
+                problem = cited(problems_of(_Record, error)[0][0])
                 raise _damaged(f"{_RECORDS}, line {number}: {problem}") from error
 
 
@@ -412,7 +412,9 @@ def _sorted_out(workspace: Workspace, folder: Path, head: _Head, sums: Mapping[s
             raise _damaged(f"it has two records of {record.kind} {record.artifact_id}")
         if _is_lost(record):
             raise _damaged(f"{record.kind} {record.artifact_id} has no {MAIN_FILES[record.kind]}")
-        if fault := record_fault(record.kind, record.artifact_id, record.recipe, record.record, folder / record.place):
+        fault = record_fault(record.kind, record.artifact_id, record.recipe, record.record, folder / record.place)
+        fault = fault or text_fault(record.kind, one_line(record.name), in_one_line(record.record))
+        if fault:
             raise UnsafeInput(
                 f"{record.kind} {record.artifact_id} in the archive is not what it says: {fault}",
                 next_step="ask who made the archive for one that `workspace export` wrote and nobody changed",

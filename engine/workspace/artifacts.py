@@ -22,8 +22,8 @@ from pydantic import BaseModel, Field, ValidationError
 
 from ...schemas.base import Model, problems_of
 from ...schemas.errors import ResourceFailure, UnknownName, closest
-from ...schemas.text import one_line
-from .database import Database, make_private, still_runs
+from ...schemas.text import cited
+from .database import Database, make_private, still_runs, stored_json
 from .recipe import Recipe
 
 ArtifactKind = Literal["scenario", "search", "config", "run", "batch", "map", "plan", "study"]
@@ -84,7 +84,7 @@ class Artifact(Model):
         try:
             return record_type.model_validate(self.record)
         except ValidationError as error:
-            problem = one_line(problems_of(record_type, error)[0][0])
+            problem = cited(problems_of(record_type, error)[0][0])
             raise ResourceFailure(
                 f"the record of {self.kind} {self.artifact_id} in the workspace cannot be read: {problem}",
                 next_step="`plannerforge workspace verify` lists such records, and `workspace repair` takes them out",
@@ -423,6 +423,21 @@ def _forget(connection: sqlite3.Connection, kind: str, artifact_id: str) -> None
     connection.execute("DELETE FROM parents WHERE artifact_id = ?", (artifact_id,))
 
 
+def stored_recipe(text: str, what: str) -> Recipe:
+    """Return a recipe of the database.
+
+    Raises:
+        ResourceFailure: it is none, or nested too deeply.
+    """
+    try:
+        return Recipe.model_validate(stored_json(text, what))
+    except ValidationError as error:
+        raise ResourceFailure(
+            f"{what} in the workspace is none: {cited(problems_of(Recipe, error)[0][0])}",
+            next_step="`plannerforge workspace verify` lists such records, and `workspace repair` takes them out",
+        ) from error
+
+
 def _artifact(
     sequence: int,
     artifact_id: str,
@@ -438,8 +453,8 @@ def _artifact(
         artifact_id=artifact_id,
         kind=kind,
         name=name,
-        recipe=Recipe.model_validate_json(recipe),
-        record=json.loads(record),
+        recipe=stored_recipe(recipe, f"the recipe of {kind} {artifact_id}"),
+        record=stored_json(record, f"the record of {kind} {artifact_id}"),
         sequence=sequence,
         made_at=made_at,
         imported=bool(imported),

@@ -14,7 +14,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
+
+from pydantic_core import from_json
 
 from ...schemas.errors import ResourceFailure
 
@@ -106,6 +108,27 @@ CREATE TABLE IF NOT EXISTS map_files (
     refusal TEXT NOT NULL
 ) WITHOUT ROWID;
 """
+
+
+def stored_json(text: str, what: str) -> Any:
+    """Return a JSON value of the database; one that is nested deeper than about 200 levels is refused as it is read.
+
+    No record of this program has ten levels. Readers that recurse in Python or in SQLite would fail on deeper ones
+    with errors of their own.
+
+    Args:
+        what: names it in the error.
+
+    Raises:
+        ResourceFailure: it is no JSON, or nested too deeply.
+    """
+    try:
+        return from_json(text)
+    except ValueError as error:
+        raise ResourceFailure(
+            f"{what} in the workspace cannot be read: it is no JSON, or nested too deeply",
+            next_step="`plannerforge workspace verify` lists such records, and `workspace repair` takes them out",
+        ) from error
 
 
 class Database:

@@ -5,7 +5,6 @@ files that belong to no record) may go; what was made, its records and the journ
 """
 
 import hashlib
-import json
 import shutil
 import threading
 import time
@@ -16,8 +15,9 @@ from typing import cast
 
 from ...schemas.errors import ResourceFailure
 from .artifacts import ABANDONED_S, ARTIFACT_KINDS, ORDINARY_ID, ArtifactKind, Workspace, disk_failure
+from .database import stored_json
 from .recipe import Recipe
-from .record_checks import record_fault
+from .record_checks import record_fault, text_fault
 
 _CACHES = ("recordings", "pictures", "views", "index", "answers", "scratch")
 """Folders whose files are made anew when they are missing, those first that are made again most quickly."""
@@ -71,11 +71,11 @@ def disagreements(workspace: Workspace) -> Iterator[Disagreement]:
     if damage:
         yield Disagreement("database", damage, is_lost=True)
         return
-    query = "SELECT kind, artifact_id, recipe, record FROM artifacts ORDER BY sequence"
+    query = "SELECT kind, artifact_id, name, recipe, record FROM artifacts ORDER BY sequence"
     known: dict[str, set[str]] = {kind: set() for kind in ARTIFACT_KINDS}
-    for kind, artifact_id, recipe, record in workspace.database.connection().execute(query):
+    for kind, artifact_id, name, recipe, record in workspace.database.connection().execute(query):
         known.setdefault(kind, set()).add(artifact_id)
-        if fault := _fault_of(workspace, kind, artifact_id, recipe, record):
+        if fault := _fault_of(workspace, kind, artifact_id, name, recipe, record):
             yield Disagreement(f"{kind} {artifact_id}", fault, is_lost=True, broken=(kind, artifact_id))
             continue
         main = MAIN_FILES.get(kind)
@@ -90,18 +90,20 @@ def disagreements(workspace: Workspace) -> Iterator[Disagreement]:
         yield Disagreement(str(folder.relative_to(workspace.root)), "belongs to no record", is_lost=False)
 
 
-def _fault_of(workspace: Workspace, kind: str, artifact_id: str, recipe: str, record: str) -> str:
+def _fault_of(workspace: Workspace, kind: str, artifact_id: str, name: str, recipe: str, record: str) -> str:
     """Return why calls cannot read or believe a row, by reading it as they do; empty if they can."""
     if kind not in ARTIFACT_KINDS or not ORDINARY_ID.fullmatch(artifact_id):
         return "its kind or its id is one that no call gives"
     try:
-        made_by, content = Recipe.model_validate_json(recipe), json.loads(record)
-    except (ValueError, RecursionError):
-        return "its recipe or its record is no JSON of its form"
+        made_by = Recipe.model_validate(stored_json(recipe, "its recipe"))
+        content = stored_json(record, "its record")
+    except (ValueError, ResourceFailure):
+        return "its recipe or its record is no JSON of its form, or nested too deeply"
     if not isinstance(content, dict):
         return "its record is no JSON object"
     folder = workspace.root / f"{kind}s" / artifact_id
-    return record_fault(cast("ArtifactKind", kind), artifact_id, made_by, content, folder)
+    known = cast("ArtifactKind", kind)
+    return record_fault(known, artifact_id, made_by, content, folder) or text_fault(known, name, content)
 
 
 def repair(workspace: Workspace) -> list[tuple[Disagreement, Path]]:

@@ -7,7 +7,7 @@ same call's on the idle server; the time in which the machine gave the server no
 ``late_refusals`` (after more than 5 s, or none within 60 s), ``forged_lines`` (an injected text on a line of its own),
 ``oversized_answers`` (more than 20,000 characters), ``unadvised_refusals`` (without a next step), ``outside_reads``,
 ``journal_faults`` (texts of callers in the journal longer than 200 characters or with control characters, or a journal
-that others may read), ``minutes``.
+that others may read), ``minutes``; and those of :mod:`citations`.
 """
 
 import argparse
@@ -23,6 +23,7 @@ import anyio
 
 from ..harness import print_figures
 from .campaign import Campaign
+from .citations import driven_citations
 from .inputs import read_kept
 from .preparation import prepared
 from .server_process import plannerforge_server
@@ -33,13 +34,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Hostile inputs against a server.")
     parser.add_argument("--inputs", type=int, default=20_000)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--kind", choices=("args", "files", "holes", "all"), default="all")
+    parser.add_argument("--kind", choices=("args", "files", "holes", "all", "citations"), default="all")
     parser.add_argument("--http", action="store_true", help="speak to the server by HTTP")
     parser.add_argument("--keep", type=Path, help="folder for the inputs that broke something")
     parser.add_argument("--replay", type=Path, nargs="*", help="kept inputs to be sent again, each alone")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        if arguments.replay:
+        if arguments.kind == "citations":
+            print_figures("Words of others", anyio.run(driven_citations, Path(folder)))
+        elif arguments.replay:
             anyio.run(_replay, Path(folder), arguments)
         else:
             anyio.run(_measure, Path(folder), arguments)
@@ -64,7 +67,8 @@ async def _measure(base: Path, arguments: argparse.Namespace) -> None:
     await campaign.carry_out(inputs, keep_in=arguments.keep)
     for (law, cause), count in sorted(Counter((each.fault.law, each.hostile.cause) for each in tally.findings).items()):
         sys.stderr.write(f"{law}: {cause}: {count}\n")
-    figures = {
+    citations = await driven_citations(base / "citations")
+    figures: dict[str, float | int | str] = {
         "hostile_inputs": tally.inputs,
         "unexpected": tally.count("unexpected"),
         "server_deaths": len(tally.deaths),
@@ -78,6 +82,7 @@ async def _measure(base: Path, arguments: argparse.Namespace) -> None:
         "unadvised_refusals": tally.count("unadvised"),
         "outside_reads": tally.count("outside_read"),
         "journal_faults": len(tally.journal_faults),
+        **citations,
         "minutes": round((time.monotonic() - began) / 60, 1),
     }
     rows = [(name, str(value)) for name, value in figures.items()]

@@ -25,7 +25,7 @@ from collections.abc import Iterable, Sequence
 from itertools import islice
 from typing import ClassVar
 
-from ..text import one_line
+from ..text import one_line, uncited
 from .remedies import NextCall, Place, Remedy, assignments, instead, misspellings
 
 
@@ -66,11 +66,12 @@ class PlannerForgeError(Exception):
     ) -> None:
         self.message, self.reason = one_line(message, self.longest_message), reason
         self.valid: tuple[str, ...] = tuple(one_line(str(value)) for value in valid)
-        replacing = [instead(given, value) for value in self.valid[: self.tried_values]] if given else []
+        bare = tuple(map(uncited, self.valid))
+        replacing = [instead(given, value) for value in bare[: self.tried_values]] if given else []
         if remedies is None:
             if self.names_valid and not given:
-                replacing = misspellings(self.message, self.valid)[: self.tried_values]
-            remedies = assignments(self.valid)
+                replacing = misspellings(self.message, bare)[: self.tried_values]
+            remedies = assignments(bare)
         self.remedies: tuple[Remedy, ...] = (*replacing, *remedies)
         self.next_step = next_step or self.usual_step
         super().__init__(self.text)

@@ -8,10 +8,12 @@ another one, or which values of an edit to set. The server puts them into the ca
 import copy
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from difflib import SequenceMatcher
 from typing import Any
+
+from ..text import cited_parts
 
 SHOWN_CALL = 400
 """Characters of a call that a refusal writes out; of a longer one it writes the parts that change (chosen)."""
@@ -144,14 +146,36 @@ class NextCall:
     def text(self) -> str:
         """The call in words: ``call again with {…}``, or ``call describe_scenario with {…}``."""
         name = "again" if self.changed is not None else self.tool
-        whole = json.dumps(self.arguments, ensure_ascii=False)
+        arguments = cited_parts(dict(self.arguments))
+        if self.changed is not None:  # what the caller wrote stays as it was written
+            arguments = _where_new(self.arguments, arguments, set(_texts(dict(self.changed))))
+        whole = json.dumps(arguments, ensure_ascii=False)
         if self.changed is None or len(whole) <= SHOWN_CALL:
             return f"call {name} with {whole}" if self.arguments or self.changed is not None else f"call {name}"
         parts = [
-            f"without {path}" if value is None else f"{path}={json.dumps(value, ensure_ascii=False)}"
+            f"without {path}" if value is None else f"{path}={json.dumps(cited_parts(value), ensure_ascii=False)}"
             for path, value in self.changed.items()
         ]
         return f"call again with the same arguments but {', '.join(parts)}"
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Yield the texts in a JSON value."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping | list | tuple):
+        for part in value.values() if isinstance(value, Mapping) else value:
+            yield from _texts(part)
+
+
+def _where_new(value: Any, cited: Any, new: set[str]) -> Any:
+    """Return a JSON value with those of its texts cited that are new."""
+    if isinstance(value, Mapping):
+        pairs = zip(value.items(), cited.values(), strict=True)
+        return {name: _where_new(part, other, new) for (name, part), other in pairs}
+    if isinstance(value, list | tuple):
+        return [_where_new(part, other, new) for part, other in zip(value, cited, strict=True)]
+    return cited if value in new else value
 
 
 def followed(remedy: Remedy, tool: str, given: Mapping[str, Any]) -> NextCall | None:

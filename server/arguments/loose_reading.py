@@ -14,6 +14,8 @@ from typing import Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
 
+from ...schemas.text import uncited
+
 _UNITS: Mapping[str, tuple[str, ...]] = {
     "s": ("s", "sec", "secs", "second", "seconds"),
     "m": ("m", "meter", "meters", "metre", "metres"),
@@ -105,7 +107,7 @@ def _value(annotation: Any, value: Any, path: str, notes: list[str], *, in_list:
         return _number(value, path) if isinstance(value, str) else value
     if arm is str and isinstance(value, int | float) and not isinstance(value, bool):
         return f"{value:g}" if isinstance(value, float) else str(value)
-    return value
+    return uncited(value) if arm is str and isinstance(value, str) else value
 
 
 def _elements(element: Any, value: Any, path: str, notes: list[str]) -> Any:

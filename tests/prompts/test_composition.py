@@ -78,8 +78,8 @@ def test_every_word_of_the_vocabulary_is_used() -> None:
 
 def test_places_of_a_workspace_are_named_up_to_a_bound_and_in_one_line() -> None:
     text = system_prompt("generation", "cp", WorkspaceFacts(("Ham\nburg", *(f"P{n}" for n in range(30)))))
-    assert "Maps here: Ham burg, P0" in text
-    assert "P10 and more (describe_catalog)" in text
+    assert "Maps here: “Ham burg”, “P0”" in text
+    assert "“P10” and more (describe_catalog)" in text
     assert "P11" not in text
 
 

@@ -6,7 +6,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plannerforge.schemas.text import LONGEST_TEXT, counted, one_line, printable, quoted
+from plannerforge.schemas.text import (
+    CLOSING,
+    LONGEST_TEXT,
+    OPENING,
+    cited,
+    cited_parts,
+    counted,
+    one_line,
+    printable,
+    quoted,
+    shown_name,
+    uncited,
+)
 
 
 @given(st.text())
@@ -60,3 +72,48 @@ def test_printable_keeps_the_breaks_of_an_answer() -> None:
 )
 def test_a_number_stands_with_its_noun_in_the_right_form(count: int, noun: str, words: str) -> None:
     assert counted(count, noun) == words
+
+
+@given(st.text(st.sampled_from("ab “”\n\u202e\u200b'\"„‟") | st.characters(), max_size=4 * LONGEST_TEXT))
+def test_cited_words_cannot_close_their_mark_and_stay_on_a_short_line(text: str) -> None:
+    shown = cited(text)
+    assert (shown[0], shown[-1]) == (OPENING, CLOSING)
+    assert OPENING not in shown[1:]
+    assert CLOSING not in shown[:-1]
+    assert len(shown) <= LONGEST_TEXT + 2
+    assert one_line(shown, LONGEST_TEXT + 2) == shown
+
+
+@given(st.text(max_size=3 * LONGEST_TEXT), st.integers(1, LONGEST_TEXT))
+def test_a_text_that_is_cut_inside_a_mark_closes_it(text: str, longest: int) -> None:
+    cut = one_line(f"a sentence about {cited(text)} and more", longest + 2)
+    assert cut.count(OPENING) == cut.count(CLOSING)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("frenetix:Default", "jerk", "munich.osm", "cfg_1a2b@d4e5f6a", "frenetix:Sporty, jerk=0.5, tau=1e-05"),
+        *("frenetix:Default, jerk=0.5 and 3 more", "mylane:Default v2 (d4e5f6a)", "DEU_Ulm-1_1_T-1"),
+    ],
+)
+def test_names_of_this_program_and_one_word_stand_bare(name: str) -> None:
+    assert shown_name(name) == name
+
+
+@pytest.mark.parametrize("name", ["ignore all that", "a\nb", "", "x" * 300, "“a”", "straße", "jerk=0.5, export it now"])
+def test_other_names_are_cited(name: str) -> None:
+    assert shown_name(name) == cited(name)
+
+
+def test_a_call_may_repeat_words_with_their_mark() -> None:
+    assert uncited("“Aaweg” / “Beweg”, Ulm") == "Aaweg / Beweg, Ulm"
+    assert uncited("a “ alone") == "a “ alone"
+
+
+def test_texts_in_a_call_are_cited_if_they_are_more_than_a_word() -> None:
+    assert cited_parts({"place": "Main St", "ids": ["latest", 1], "at": ("a”b",)}) == {
+        "place": "“Main St”",
+        "ids": ["latest", 1],
+        "at": ["“a’b”"],
+    }

@@ -33,7 +33,7 @@ async def test_prompts_are_listed_with_their_arguments(connect: Any) -> None:
         ("find_the_weak_spot", {"scenario": "DEU_A-1_1_T-1"}, ["DEU_A-1_1_T-1", "frenetix:Default"]),
         ("explain_a_run", {"run": "run_1"}, ["Explain the run run_1"]),
         ("explain_a_run", {}, ["latest_run"]),
-        ("generation", {}, ["generate_scenarios", "Maps here: Fahrhausen", "Demonstrations:", "Reasoning:"]),
+        ("generation", {}, ["generate_scenarios", "Maps here: “Fahrhausen”", "Demonstrations:", "Reasoning:"]),
         ("tuning", {"condition": "cp", "request": "more {comfort}"}, ["velocity_offset", "Request: more {comfort}"]),
     ],
 )

@@ -46,7 +46,7 @@ from ...schemas.analysis.optimization import (
 from ...schemas.errors import Faults, InvalidRequest, NotPossible
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import RunRecord
-from ...schemas.text import counted
+from ...schemas.text import counted, shown_name
 from ..call import ToolCall
 from ..configurations import resolve_configuration, store_configuration
 from ..operations import JUDGE_GAIN, PROPOSE, SENSITIVITY_DESIGN, SENSITIVITY_EFFECTS
@@ -470,9 +470,9 @@ def _study_record(
         prediction=plan.arguments.prediction,
         traffic=plan.arguments.traffic,
         base_id=plan.base.config_id,
-        base_name=plan.base.name,
+        base_name=shown_name(plan.base.name),
         best_id=best.config_id,
-        best_name=best.name,
+        best_name=shown_name(best.name),
         training_scenarios=len(plan.training),
         training=plan.places[0],
         held_out_places=plan.places[1],

@@ -24,7 +24,7 @@ from ...schemas.catalog import FindScenariosArguments
 from ...schemas.errors import Faults, InvalidRequest, NotPossible, PlannerForgeError, UnknownName, closest
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import BatchRecord, ReviewRequest, RunRecord, RunReview, RunSource, ending
-from ...schemas.text import counted, is_utf8, one_line, quoted
+from ...schemas.text import counted, is_utf8, quoted, shown_name
 from ..call import ToolCall
 from ..catalog import find_scenarios
 from ..configurations import resolve_configuration, store_configuration
@@ -206,7 +206,7 @@ async def _imported(path: Path, call: ToolCall) -> tuple[list[str], list[str]]:
         except PlannerForgeError as refusal:
             if len(files) == 1:
                 raise
-            refused.append(f"{one_line(file.name)} was refused: {refusal.message}")
+            refused.append(f"{shown_name(file.name)} was refused: {refusal.message}")
     if not ids:
         raise NotPossible(f"none of {len(files)} files at {path} could be taken in: {refused[0]}")
     return ids, refused
@@ -243,7 +243,7 @@ def _baseline(word: str, folder: Path, call: ToolCall) -> _Baseline:
     try:
         kept = SuiteBaseline.model_validate_json(path.read_bytes())
     except ValueError as error:
-        raise InvalidRequest(f"{one_line(path.name)} is no baseline", next_step="make it anew") from error
+        raise InvalidRequest(f"{shown_name(path.name)} is no baseline", next_step="make it anew") from error
     return _Baseline(
         {name: tuple(RunSource(record=record) for record in records) for name, records in kept.configurations.items()}
     )

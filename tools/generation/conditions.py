@@ -36,6 +36,7 @@ from ...schemas.generation import (
     VehicleDemand,
     Weather,
 )
+from ...schemas.text import shown_name
 from ...schemas.vocabulary import MANOEUVRES, vehicle_class_of
 from ..call import ToolCall
 
@@ -304,11 +305,13 @@ def _with_table_read(text: str, call: ToolCall) -> str:
     if not path.is_file():
         raise InvalidRequest(f"{key}: there is no file {value}", next_step="name a CSV file, or write flows out")
     if path.stat().st_size > _LARGEST_TABLE_BYTES:
-        raise InvalidRequest(f"{key}: {path.name} is larger than 1 MB", next_step="keep the rows of one town")
+        raise InvalidRequest(
+            f"{key}: {shown_name(path.name)} is larger than 1 MB", next_step="keep the rows of one town"
+        )
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
-        raise InvalidRequest(f"{key}: {path.name} is no text in UTF-8") from error
+        raise InvalidRequest(f"{key}: {shown_name(path.name)} is no text in UTF-8") from error
     return f"{key}={'; '.join(_rows(lines, key.lower(), path.name))}"
 
 

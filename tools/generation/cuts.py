@@ -9,6 +9,7 @@ from ...engine.workspace import Recipe, content_digest
 from ...schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, ResourceFailure, UnknownName
 from ...schemas.generation import CutExtractRequest, CutOfExtract, GenerateScenariosArguments, MapFacts
 from ...schemas.maps import Box
+from ...schemas.text import cited, shown_name
 from ..call import ToolCall
 from ..extracts import extract_index
 from ..maps import map_entry
@@ -157,5 +158,5 @@ def _chosen(
         core = max(asked[0], core[0]), max(asked[1], core[1]), min(asked[2], core[2]), min(asked[3], core[3])
     country = None if entry.facts.country is not None else arguments.country
     narrowed = arguments.model_copy(update={"place": cut.words or None, "bbox": list(core), "country": country})
-    note = f"{cut.label} was cut out of {extract.file_name} ({extract.map_id})"
+    note = f"{cited(cut.label)} was cut out of {shown_name(extract.file_name)} ({extract.map_id})"
     return MapChoice(narrowed, (entry,), note, tuple(failures))

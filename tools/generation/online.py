@@ -32,6 +32,7 @@ from ...schemas.generation import (
     ScenarioType,
 )
 from ...schemas.maps import Box, LocateRequest, NamedPlace
+from ...schemas.text import cited
 from ..call import Question, ToolCall
 from ..operations import FETCH_MAPS, LOCATE_PLACE
 from .requests import GenerationPlan, box_of, check_demands, plan_maps, plan_matches
@@ -169,7 +170,9 @@ async def _fetched(arguments: GenerateScenariosArguments, call: ToolCall, place:
     box, country = box_of(arguments.bbox), _code_of(arguments)
     if box is not None and place is not None and not _overlap(place, box):
         raise UnknownName(
-            f"{place.label} does not lie in the box {list(box)}", next_step="leave place or bbox out", reason=NOT_SHOWN
+            f"{cited(place.label)} does not lie in the box {list(box)}",
+            next_step="leave place or bbox out",
+            reason=NOT_SHOWN,
         )
     entries, notes = await _fetch(
         call,
@@ -219,8 +222,8 @@ def _ambiguous(place: str, candidates: Sequence[NamedPlace]) -> InvalidRequest:
     """The refusal where several places have a name, with how to choose one."""
     return InvalidRequest(
         f"several places are called {place!r}",
-        valid=[candidate.label for candidate in candidates],
-        next_step=f"name one of them, such as place={candidates[0].label!r}, or give its bbox",
+        valid=[cited(candidate.label) for candidate in candidates],
+        next_step=f"name one of them, such as place={cited(candidates[0].label)}, or give its bbox",
         reason=AMBIGUOUS,
     )
 
@@ -262,7 +265,7 @@ def _store(call: ToolCall, fetched: FetchedMap, request: FetchMapRequest, *, bes
 
 
 def _named(request: FetchMapRequest) -> str:
-    return f"the box {list(request.bbox or ())}" if request.place is None else request.place.label
+    return f"the box {list(request.bbox or ())}" if request.place is None else cited(request.place.label)
 
 
 def _origin(fetched: FetchedMap, request: FetchMapRequest) -> str:

@@ -17,7 +17,7 @@ from ...schemas.generation import (
     TrafficConditions,
 )
 from ...schemas.scenarios import DescribedGeneration, DescribedVehicle, Detail
-from ...schemas.text import counted
+from ...schemas.text import cited_all, counted
 from ..call import ToolCall
 
 REPORT = "generation.json"
@@ -33,7 +33,7 @@ def summarise(
 ) -> ScenarioSummary:
     """What was asked beside what came out, for one scenario."""
     site, ego = scenario.site, scenario.ego
-    streets = " / ".join(site.streets[:_SHOWN_STREETS]) or "unnamed roads"
+    streets = cited_all(site.streets[:_SHOWN_STREETS], " / ") or "unnamed roads"
     passed, failed = verdicts(scenario.checks)
     return ScenarioSummary(
         scenario_id=scenario_id,

@@ -20,6 +20,7 @@ from ...schemas.generation import (
 )
 from ...schemas.grammar import parse_condition
 from ...schemas.maps import Box
+from ...schemas.text import cited, cited_all
 from ...schemas.vocabulary import vehicle_class_of
 from ..call import ToolCall
 from ..operations import COUNT_SITES
@@ -112,7 +113,7 @@ def plan_matches(arguments: GenerateScenariosArguments, matches: Sequence[MapMat
 
 def _held_nowhere(scenario_type: ScenarioType, matches: Sequence[MapMatch]) -> NotPossible:
     facts = [match.entry.facts for match in matches]
-    names = [f"{f.place} ({f.map_id})" for f in facts[:_SHOWN_PLACES]]
+    names = [f"{cited(f.place)} ({f.map_id})" for f in facts[:_SHOWN_PLACES]]
     more = f" nor any of {len(facts) - _SHOWN_PLACES} more" * (len(facts) > _SHOWN_PLACES)
     return NotPossible(
         f"none of {len(facts)} maps holds any {scenario_type} site: not {', '.join(names)}{more}",
@@ -129,7 +130,7 @@ def _beyond_the_maps(box: Box, matches: Sequence[MapMatch]) -> list[str]:
     if any(f.south <= south and f.west <= west and north <= f.north and east <= f.east for f in shown):
         return []
     places = list(dict.fromkeys(facts.place for facts in shown))
-    named = ", ".join(places[:_SHOWN_PLACES]) + (
+    named = cited_all(places[:_SHOWN_PLACES]) + (
         f" and {len(places) - _SHOWN_PLACES} more" * (len(places) > _SHOWN_PLACES)
     )
     return [f"no map shows the whole bbox; sites were looked for where the maps lie in it: {named}"]

@@ -30,7 +30,7 @@ from ....schemas.generation import (
     PlaceArea,
     SiteType,
 )
-from ....schemas.text import one_line
+from ....schemas.text import cited, one_line, shown_name
 from ...execution import ProgressReporter
 from ..facts import countries_near
 from ..naming.places import fold, place_keys
@@ -128,7 +128,7 @@ def _stage(path: Path, folder: Path, store: TileStore, report: ProgressReporter)
         header = osmium.FileProcessor(str(path)).header
         if header.has_multiple_object_versions:
             raise UnsafeInput(
-                f"{path.name} holds the history of its objects",
+                f"{shown_name(path.name)} holds the history of its objects",
                 next_step="use an extract of one time (osmium time-filter)",
             )
         for element in _in_order(_elements(path, positions), path.name):
@@ -162,16 +162,19 @@ def _stage(path: Path, folder: Path, store: TileStore, report: ProgressReporter)
     except (RuntimeError, ValueError) as error:  # all that osmium raises, of the file and of the positions
         if any(words in str(error) for words in _NO_ROOM):
             raise ResourceFailure(
-                f"the positions of the nodes of {path.name} could not be written: {error}",
+                f"the positions of the nodes of {shown_name(path.name)} could not be written: {cited(error)}",
                 next_step="free disk space and add the extract again",
             ) from error
         raise UnsafeInput(
-            f"{path.name} cannot be read: {error}", next_step="get the extract again, or convert it to .osm.pbf"
+            f"{shown_name(path.name)} cannot be read: {cited(error)}",
+            next_step="get the extract again, or convert it to .osm.pbf",
         ) from error
     finally:
         positions.unlink(missing_ok=True)
     if not road_m:
-        raise UnsafeInput(f"{path.name} holds no road for vehicles", next_step="use an extract with streets in it")
+        raise UnsafeInput(
+            f"{shown_name(path.name)} holds no road for vehicles", next_step="use an extract with streets in it"
+        )
     for number, (rank, place) in enumerate(_areas(places)):
         keys = {key for name in (place.name, *place.other_names) for key in place_keys(name)}
         store.add_place(number, rank, place.model_dump_json(), keys)

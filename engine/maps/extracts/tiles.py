@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from ....schemas.errors import ResourceFailure
 from ....schemas.generation import SiteType
 from ....schemas.maps import Box
+from ....schemas.text import cited, shown_name
 from ..osm import NO_TAGS, OsmMap, OsmNode, OsmRelation, OsmWay
 
 TILE_DEG = 0.05
@@ -74,7 +75,8 @@ def index_failures(path: Path, *, writable: bool = False) -> Iterator[None]:
         yield
     except sqlite3.Error as error:
         raise ResourceFailure(
-            f"the index {path.name} of the extract cannot be {'written' if writable else 'used'}: {error}",
+            f"the index {shown_name(path.name)} of the extract cannot be {'written' if writable else 'used'}: "
+            f"{cited(error)}",
             next_step="free disk space and add the extract again: it goes on with what is done"
             if writable
             else _ADD_AGAIN,
@@ -396,7 +398,8 @@ class TileStore:
                 )
         except (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile, zlib.error) as error:
             raise ResourceFailure(
-                f"the index {self._path.name} of the extract is damaged at tile {number}: {error}", next_step=_ADD_AGAIN
+                f"the index {shown_name(self._path.name)} of the extract is damaged at tile {number}: {cited(error)}",
+                next_step=_ADD_AGAIN,
             ) from error
 
 

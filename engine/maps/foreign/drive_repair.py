@@ -15,7 +15,7 @@ import numpy as np
 from lxml import etree
 
 from ....schemas.errors import UnsafeInput
-from ....schemas.text import quoted
+from ....schemas.text import cited, shown_name
 
 LEFT, RIGHT = "LHT", "RHT"
 LONGEST_SECTION_M = 2_000.0
@@ -47,7 +47,7 @@ def traffic_rule(name: str, root: etree._Element) -> str:
     """
     rules = {rule for road in root.iterfind("road") if (rule := road.get("rule")) is not None}
     if unknown := rules - {LEFT, RIGHT}:
-        raise UnsafeInput(f"{name} has a road with the traffic rule {quoted(min(unknown))}", valid=[RIGHT, LEFT])
+        raise UnsafeInput(f"{name} has a road with the traffic rule {cited(min(unknown))}", valid=[RIGHT, LEFT])
     if len(rules) > 1:
         raise UnsafeInput(
             f"{name} has roads with traffic on the left (rule LHT) and on the right (RHT); a network has one side",
@@ -209,8 +209,8 @@ def _connect_directly(name: str, root: etree._Element, junction: etree._Element)
         contact = connection.get("contactPoint", "")
         if not set(ids) <= roads.keys() or contact not in ("start", "end"):
             raise UnsafeInput(
-                f"{name}: connection {connection.get('id')} of the direct junction {quoted(key)} names a road or an "
-                "end that is not there",
+                f"{name}: connection {shown_name(connection.get('id'))} of the direct junction {shown_name(key)} names "
+                "a road or an end that is not there",
                 next_step="correct the file's direct junction",
             )
         junction.remove(connection)

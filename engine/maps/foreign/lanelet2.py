@@ -17,7 +17,7 @@ import numpy as np
 from lxml import etree
 
 from ....schemas.errors import UnsafeInput
-from ....schemas.text import counted
+from ....schemas.text import cited, counted, shown_name
 from ...commonroad import scan_xml, speed_limit_number
 from ...geometry import Points, arc_length, without_repeats
 from ..osm import LIMITS
@@ -113,21 +113,27 @@ def convert_lanelet2(source: Path, target: Path) -> tuple[str, ...]:
     """
     name = scan_xml(source, LIMITS).name
     if name != "osm":
-        raise UnsafeInput(f"{source.name} is no Lanelet2 map: its root element is <{name[:80]}>, not <osm>")
+        raise UnsafeInput(
+            f"{shown_name(source.name)} is no Lanelet2 map: its root element is <{shown_name(name)}>, not <osm>"
+        )
     try:
         root = etree.parse(source, etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
         plane = _plane(root)
         ways = {_id(way): tuple(int(node.attrib["ref"]) for node in way.iterfind("nd")) for way in root.iterfind("way")}
         relations = [_relation(one) for one in root.iterfind("relation")]
     except (KeyError, ValueError, ArithmeticError, etree.LxmlError) as error:
-        raise UnsafeInput(f"{source.name} is not readable as Lanelet2: {error}") from error
+        raise UnsafeInput(f"{shown_name(source.name)} is not readable as Lanelet2: {cited(error)}") from error
     wanted = [one for one in relations if one.tags.get("type") == "lanelet"]
     if len(wanted) > MOST_LANELETS:
-        raise UnsafeInput(f"{source.name} has {len(wanted):,} lanelets", valid=[f"at most {MOST_LANELETS:,}"])
+        raise UnsafeInput(
+            f"{shown_name(source.name)} has {len(wanted):,} lanelets", valid=[f"at most {MOST_LANELETS:,}"]
+        )
     limits = _limits(relations)
     lanes = [lane for one in wanted if (lane := _lane(one, ways, plane, limits)) is not None]
     if not lanes:
-        raise UnsafeInput(f"{source.name} holds no lanelet with two bounds", next_step="use a map with lanelets in it")
+        raise UnsafeInput(
+            f"{shown_name(source.name)} holds no lanelet with two bounds", next_step="use a map with lanelets in it"
+        )
     closed = [lane for lane in lanes if not lane.users]
     lost = _lost(root, relations, wanted, lanes)
     lanes = [lane for lane in lanes if lane.users]
@@ -135,7 +141,7 @@ def convert_lanelet2(source: Path, target: Path) -> tuple[str, ...]:
         lost.append(f"{counted(len(closed), 'lanelet')} that no participant may use")
     if not lanes:
         raise UnsafeInput(
-            f"no participant may use any lanelet of {source.name} (tags participant:…)",
+            f"no participant may use any lanelet of {shown_name(source.name)} (tags participant:…)",
             next_step="use a map with open lanelets in it",
         )
     if len({lane.key for lane in lanes}) < len(lanes) or any(not 0 < lane.key < LARGEST_ID for lane in lanes):

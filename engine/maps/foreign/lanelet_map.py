@@ -16,7 +16,7 @@ import numpy as np
 from lxml import etree
 
 from ....schemas.errors import NotPossible, UnsafeInput
-from ....schemas.text import counted, one_line
+from ....schemas.text import counted, one_line, shown_name
 from ...commonroad import (
     LoadedScenario,
     ScenarioDocument,
@@ -70,7 +70,7 @@ def read_lanelet_map(path: Path) -> LaneletMap:
             loaded.scenario.lanelet_network, ground, step_s=STEP_S, largest_id=_largest_id(document)
         )
     except NotPossible as refusal:
-        raise UnsafeInput(f"{path.name}: {refusal.message}", next_step=refusal.next_step) from refusal
+        raise UnsafeInput(f"{shown_name(path.name)}: {refusal.message}", next_step=refusal.next_step) from refusal
     with tempfile.TemporaryDirectory() as scratch:
         net_path = Path(scratch) / "over_lanelets.net.xml"
         net_path.write_bytes(net)
@@ -107,7 +107,7 @@ def write_network(source: Path, target: Path) -> tuple[str, ...]:
         left_out.append(_put_signs(root, parse_benchmark_id(loaded.benchmark_id)[0]))
     step_s = loaded.step_s
     if not _SHORTEST_STEP_S <= step_s < math.inf:
-        raise UnsafeInput(f"{source.name} has time steps of {step_s:g} s", valid=["timeStepSize of 0.1"])
+        raise UnsafeInput(f"{shown_name(source.name)} has time steps of {step_s:g} s", valid=["timeStepSize of 0.1"])
     header = {"timeStepSize": f"{STEP_S:g}", "commonRoadVersion": "2020a", "benchmarkID": loaded.benchmark_id}
     kept = {key: one_line(root.get(key, "")) for key in ("author", "affiliation", "source", "date")}
     copy = etree.Element("commonRoad", {**header, **kept})

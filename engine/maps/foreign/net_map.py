@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ....schemas.errors import UnsafeInput
-from ....schemas.text import counted, one_line, quoted
+from ....schemas.text import cited, counted, one_line, shown_name
 from ...geometry import Points
 from ...network import MOTOR_CLASSES, NetEdge, SumoNet, build_road_network, read_net
 from ..osm import HALF_TURN_DEG, NO_TAGS, OSM_ATTRIBUTION, OsmMap, OsmNode, OsmWay
@@ -48,14 +48,16 @@ def read_net_map(path: Path) -> NetMap:
         edges = [edge for edge in net.edges.values() if not edge.internal and _is_road(edge, net)]
         if not net.projection:
             raise UnsafeInput(
-                f"{path.name} has no georeference, so nobody can say where its roads lie",
+                f"{shown_name(path.name)} has no georeference, so nobody can say where its roads lie",
                 next_step="make the network with a projection (netconvert --proj.utm), or import the extract behind it",
             )
         if not edges:
-            raise UnsafeInput(f"{path.name} holds no road for vehicles", next_step="use a network with streets in it")
+            raise UnsafeInput(
+                f"{shown_name(path.name)} holds no road for vehicles", next_step="use a network with streets in it"
+            )
         return _as_map(net, edges, path)
     except (ValueError, KeyError, IndexError, ArithmeticError) as error:
-        raise UnsafeInput(f"{path.name} is not readable as a SUMO network: {error}") from error
+        raise UnsafeInput(f"{shown_name(path.name)} is not readable as a SUMO network: {cited(error)}") from error
 
 
 MOST_TRACED = 4_000
@@ -71,13 +73,13 @@ def untraced_links(path: Path) -> list[str]:
     try:
         net = read_net(path)
     except (ValueError, KeyError, IndexError, ArithmeticError) as error:
-        raise UnsafeInput(f"{path.name} is not readable as a SUMO network: {error}") from error
+        raise UnsafeInput(f"{shown_name(path.name)} is not readable as a SUMO network: {cited(error)}") from error
     if len(net.lanes) > MOST_TRACED:
         return []
     try:
         missing = build_road_network(net, step_s=0.1, elapsed_s=0.0).lost_connections
     except (ValueError, KeyError, IndexError, ArithmeticError) as error:
-        return [f"not all of its lanelets can be drawn at once: {one_line(str(error))}"]
+        return [f"not all of its lanelets can be drawn at once: {cited(error)}"]
     if not missing:
         return []
     start, goal = missing[0]
@@ -171,12 +173,12 @@ def _degrees(points: Points, net: SumoNet) -> list[tuple[float, float]]:
     from pyproj.exceptions import ProjError
 
     if PROJECTION.fullmatch(net.projection) is None:
-        raise ValueError(f"its projection {quoted(net.projection)} is none that is read")
+        raise ValueError(f"its projection {cited(net.projection)} is none that is read")
     x, y = points[:, 0] - net.offset_m[0], points[:, 1] - net.offset_m[1]
     try:
         longitudes, latitudes = Proj(net.projection)(x, y, inverse=True)
     except ProjError as error:
-        raise ValueError(f"the projection {net.projection!r} is unknown") from error
+        raise ValueError(f"the projection {cited(net.projection)} is unknown") from error
     if not ((np.abs(latitudes) <= 90.0).all() and (np.abs(longitudes) <= HALF_TURN_DEG).all()):
-        raise ValueError(f"its coordinates lie outside the projection {net.projection!r}")
+        raise ValueError(f"its coordinates lie outside the projection {cited(net.projection)}")
     return list(zip(np.round(latitudes, 7).tolist(), np.round(longitudes, 7).tolist(), strict=True))

@@ -9,7 +9,7 @@ import numpy as np
 from lxml import etree
 
 from ....schemas.errors import NotPossible, UnsafeInput
-from ....schemas.text import counted, quoted
+from ....schemas.text import cited, counted, shown_name
 from ...commonroad import XmlLimits, scan_xml
 from ...network import run_netconvert
 from ..unpacking import LARGEST_BYTES
@@ -60,7 +60,9 @@ def convert_opendrive(source: Path, target: Path, scratch: Path) -> tuple[str, .
     try:
         warnings = run_netconvert(options, target)
     except NotPossible as refusal:
-        raise UnsafeInput(f"{source.name}: {refusal.message}", next_step="mend the file, or take another") from refusal
+        raise UnsafeInput(
+            f"{shown_name(source.name)}: {refusal.message}", next_step="mend the file, or take another"
+        ) from refusal
     if axis_m is not None:
         _mirror_back(target, axis_m)
     lost += untraced_links(target)
@@ -78,15 +80,17 @@ def convert_opendrive(source: Path, target: Path, scratch: Path) -> tuple[str, .
 def _checked(path: Path) -> etree._Element:
     name = scan_xml(path, LIMITS).name
     if name != "OpenDRIVE":
-        raise UnsafeInput(f"{path.name} is no OpenDRIVE file: its root element is <{name[:80]}>, not <OpenDRIVE>")
+        raise UnsafeInput(
+            f"{shown_name(path.name)} is no OpenDRIVE file: its root element is <{shown_name(name)}>, not <OpenDRIVE>"
+        )
     try:
         root = etree.parse(path, etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
     except etree.LxmlError as error:
-        raise UnsafeInput(f"{path.name} is not readable as OpenDRIVE: {error}") from error
+        raise UnsafeInput(f"{shown_name(path.name)} is not readable as OpenDRIVE: {cited(error)}") from error
     without_namespaces(root)
     roads = list(root.iterfind("road"))
     if not roads:
-        raise UnsafeInput(f"{path.name} holds no road", next_step="use a file with roads in it")
+        raise UnsafeInput(f"{shown_name(path.name)} holds no road", next_step="use a file with roads in it")
     counts = {
         "roads": (len(roads), MOST_ROADS),
         "lanes": (sum(1 for _ in root.iter("lane")), MOST_LANES),
@@ -98,7 +102,7 @@ def _checked(path: Path) -> etree._Element:
     }
     for what, (count, most) in counts.items():
         if count > most:
-            raise UnsafeInput(f"{path.name} has {count:,} {what}", valid=[f"at most {most:,}"])
+            raise UnsafeInput(f"{shown_name(path.name)} has {count:,} {what}", valid=[f"at most {most:,}"])
     for piece in root.iter("geometry"):
         for key in ("x", "y", "hdg"):
             _number(path, piece, key, FARTHEST_M)
@@ -139,13 +143,17 @@ def _number(path: Path, element: etree._Element, key: str, most: float) -> None:
     except ValueError:
         value = math.nan
     if not abs(value) <= most:
-        raise UnsafeInput(f"{path.name}: {key} of a {element.tag} is {quoted(text)}", valid=[f"numbers up to {most:g}"])
+        raise UnsafeInput(
+            f"{shown_name(path.name)}: {key} of a {element.tag} is {cited(text)}", valid=[f"numbers up to {most:g}"]
+        )
 
 
 def _whole(path: Path, element: etree._Element, key: str) -> None:
     text = element.get(key, "0")
     if _WHOLE.fullmatch(text) is None:
-        raise UnsafeInput(f"{path.name}: {key} of a {element.tag} is {quoted(text)}", valid=["whole numbers"])
+        raise UnsafeInput(
+            f"{shown_name(path.name)}: {key} of a {element.tag} is {cited(text)}", valid=["whole numbers"]
+        )
 
 
 _WHOLE = re.compile(r"[+-]?[0-9]{1,6}")

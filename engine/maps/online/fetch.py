@@ -18,7 +18,7 @@ from ....schemas.generation import (
     SiteType,
 )
 from ....schemas.maps import Box, NamedPlace
-from ....schemas.text import one_line
+from ....schemas.text import cited, one_line
 from ...execution import ProgressReporter, silent
 from ..facts import read_map
 from ..index import NOT_SHOWN, roads_called
@@ -136,7 +136,7 @@ class _Area:
         self._kind, self._place = request.scenario_type, request.place
         self.notes: list[str] = []
         place = request.place
-        self.name = place.label if place is not None else f"the box {list(request.bbox or ())}"
+        self.name = cited(place.label) if place is not None else f"the box {list(request.bbox or ())}"
 
     def cores(self) -> Iterator[Box]:
         """Boxes within which sites may be taken; each fits into a download with its margin."""

@@ -12,7 +12,7 @@ from iso3166 import countries_by_alpha2
 
 from ....schemas.errors import UnknownName
 from ....schemas.maps import Box, LocatedPlace, LocateRequest, NamedPlace
-from ....schemas.text import one_line
+from ....schemas.text import cited, one_line, shown_name
 from ...execution import ProgressReporter
 from ..index import NOT_SHOWN, crossing_parts, listed_parts
 from ..naming.places import fold
@@ -248,7 +248,8 @@ def _meant(found: Sequence[NamedPlace], words: str) -> list[NamedPlace]:
         of_first_kind = [place for place in of_first_kind if place.importance >= LEAST_IMPORTANCE] or list(settled)
     if not of_first_kind:
         raise UnknownName(
-            f"no map at hand shows {words!r}; Nominatim knows only a {found[0].kind} of that name, {found[0].label!r}",
+            f"no map at hand shows {words!r}; Nominatim knows only a {shown_name(found[0].kind)} of that name, "
+            f"{cited(found[0].label)}",
             next_step="name the town beside it, or give its bbox",
             reason=NOT_SHOWN,
         )

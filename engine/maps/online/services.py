@@ -25,7 +25,7 @@ from tenacity import RetryCallState, Retrying, retry_if_exception, stop_after_at
 
 from ....schemas.errors import NotPossible, ServiceFailure
 from ....schemas.maps import MapServices
-from ....schemas.text import one_line
+from ....schemas.text import cited
 from ...execution import ProgressReporter
 from .answers import AnswerCache, KeptAnswer
 from .messages import Finding, MapData, NotReadable, read_findings, read_map_data
@@ -123,7 +123,7 @@ class _Guard:
             raise Trouble(f"{host} is none of the configured hosts")
         if 300 <= response.status_code < 400:
             goal = urlsplit(response.headers.get("location", "")).netloc
-            raise Trouble(f"redirects to {one_line(goal) or 'another address'}, which is not followed")
+            raise Trouble(f"redirects to {cited(goal)}, which is not followed")
         is_status = urlsplit(response.url).path.endswith("/status")
         self._count(is_status)
         if response.status_code != 200 and not is_status:
@@ -189,7 +189,7 @@ def _said(body: bytes) -> str:
         text = " ".join(str(part) for part in html.fromstring(body[:_CHUNK]).itertext()) if body.strip() else ""
     except (etree.LxmlError, ValueError):
         text = body[:_CHUNK].decode("utf-8", "replace")
-    return one_line(text, _LONGEST_REASON)
+    return cited(text, _LONGEST_REASON) if text.strip() else ""
 
 
 def _retry_after_s(text: str) -> float | None:
@@ -359,7 +359,7 @@ class ServiceClient:
         answer = _overpass._overpass_request(OrderedDict(data=text))
         remark = str(answer.get("remark", ""))
         if "error" in remark or "timed out" in remark:
-            raise Trouble(f"gave up: {one_line(remark, _LONGEST_REASON)}")
+            raise Trouble(f"gave up: {cited(remark, _LONGEST_REASON)}")
         return answer
 
     @contextmanager
@@ -433,7 +433,7 @@ def _answer_of(question: _Question[_Read], url: str) -> _Read:
     try:
         return question.read(question.ask(url))
     except NotReadable as error:
-        raise Trouble(f"answered in another form than documented: {error}") from error
+        raise Trouble(f"answered in another form than documented: {cited(error)}") from error
     except Timeout as error:
         raise Trouble("did not answer in time") from error
     except RequestException as error:

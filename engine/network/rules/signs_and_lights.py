@@ -6,7 +6,7 @@ import numpy as np
 from commonroad.scenario.traffic_light import TrafficLightState
 from commonroad.scenario.traffic_sign import SupportedTrafficSignCountry
 
-from ....schemas.text import quoted
+from ....schemas.text import cited, quoted
 from ...commonroad import SPEED_LIMITS, LaneletElement, RoadDocument, is_known_number
 from ...geometry import length_m, project
 from .rule import Defect, rule
@@ -75,7 +75,7 @@ def unknown_sign_number(document: RoadDocument) -> Iterator[Defect]:
     for sign in document.signs:
         for number, _ in sign.plates:
             if not is_known_number(number, country):
-                yield Defect(f"{country} has no sign {quoted(number)}", (sign.sign_id,), sign.position)
+                yield Defect(f"{country} has no sign {cited(number)}", (sign.sign_id,), sign.position)
 
 
 _FASTEST_LIMIT_MPS = 60.0
@@ -89,7 +89,7 @@ def implausible_speed_limit(document: RoadDocument) -> Iterator[Defect]:
         for number, values in sign.plates:
             for text in values if number in SPEED_LIMITS else ():
                 if not 0 < _speed(text) <= _FASTEST_LIMIT_MPS:
-                    yield Defect(f"a limit of {quoted(text)} m/s", (sign.sign_id,), sign.position)
+                    yield Defect(f"a limit of {cited(text)} m/s", (sign.sign_id,), sign.position)
 
 
 def _speed(text: str) -> float:
@@ -138,7 +138,7 @@ def unknown_colour(document: RoadDocument) -> Iterator[Defect]:
     known = {state.value for state in TrafficLightState}
     for light in document.lights:
         for colour in sorted({colour for _, colour in light.phases} - known):
-            yield Defect(f"shows {quoted(colour)}", (light.light_id,), light.position)
+            yield Defect(f"shows {cited(colour)}", (light.light_id,), light.position)
 
 
 _FARTHEST_SIGN_M = 50.0

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from ....schemas.base import Model, problem_of
 from ....schemas.errors import PlannerFailure
 from ....schemas.planning import CommandTrajectory
-from ....schemas.text import one_line, quoted
+from ....schemas.text import cited, shown_name
 from ...geometry import Values
 from ..interface import EgoState, PlannedTrajectory
 from .conformance import trajectory_breaches
@@ -34,12 +34,12 @@ def read_message(model: type[_Message], answered: bytes, failed: Failed) -> _Mes
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         if first["type"] == "json_invalid":
-            begins = quoted(answered[: 4 * _SHOWN].decode("utf-8", "replace"), _SHOWN)
+            begins = cited(answered[: 4 * _SHOWN].decode("utf-8", "replace"), _SHOWN)
             raise failed("not_json", f"writes something that is not JSON and begins with {begins}") from error
         if first["type"] == "finite_number":
-            where = one_line(".".join(map(str, first["loc"])))
+            where = shown_name(".".join(map(str, first["loc"])))
             raise failed("not_finite", f"answers a number that is not finite: {where}") from error
-        problem = one_line(problem_of(model, first)[0])
+        problem = cited(problem_of(model, first)[0])
         raise failed("wrong_form", f"answers in another form: {problem}") from error
 
 

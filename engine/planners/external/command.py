@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ....schemas.errors import PlannerFailure
 from ....schemas.planning import CommandAnswer, CommandPlanner, CommandRequest, EgoStart
-from ....schemas.text import quoted
+from ....schemas.text import shown_name
 from ...vehicles import parameter_values
 from ..goal import Goal
 from ..interface import EgoState, Observation, Plan, PlannedTrajectory, PlanningTask
@@ -122,7 +122,7 @@ class CommandDriver:
     def _read(self, answered: bytes, request: CommandRequest) -> CommandAnswer:
         answer = read_message(CommandAnswer, answered, self._failure)
         if (answer.scenario_id, answer.problem_id) != (request.scenario_id, request.problem_id):
-            told = f"{quoted(answer.scenario_id)} #{answer.problem_id}"
+            told = f"{shown_name(answer.scenario_id)} #{answer.problem_id}"
             raise self._failure(
                 "wrong_scenario", f"answers for {told}; asked was {request.scenario_id} #{request.problem_id}"
             )

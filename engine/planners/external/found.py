@@ -24,7 +24,7 @@ from pydantic import TypeAdapter, ValidationError
 from ....schemas.base import problem_of
 from ....schemas.errors import PlannerFailure
 from ....schemas.planning import PLANNERS_VARIABLE, WEIGHT_NAME, CommandPlanner, PlannerDeclaration
-from ....schemas.text import one_line
+from ....schemas.text import cited, one_line
 
 if TYPE_CHECKING:
     from ..interface import Planner
@@ -286,4 +286,4 @@ def _words(error: BaseException) -> str:
     """An error of code of others in a line."""
     if isinstance(error, ValidationError):
         return "; ".join(one_line(each["msg"].removeprefix("Value error, ")) for each in error.errors())
-    return f"{type(error).__name__}: {one_line(str(error))}"
+    return f"{type(error).__name__}: {cited(error)}"

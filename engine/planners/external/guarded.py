@@ -11,7 +11,7 @@ from typing import cast
 import numpy as np
 
 from ....schemas.errors import PlannerFailure, PlannerForgeError
-from ....schemas.text import one_line
+from ....schemas.text import cited
 from ...geometry import Points
 from ..driving.drivability import violated_limit
 from ..interface import Observation, Plan, Planner, PlanningTask, ShowsCandidates
@@ -117,7 +117,7 @@ def _blamed(name: str, doing: str) -> Iterator[None]:
     except (Exception, SystemExit) as error:  # the boundary to code of others: it becomes the error of this run
         at = traceback.extract_tb(error.__traceback__)[-1]
         raise PlannerFailure(
-            f"planner {name} raises {type(error).__name__} when it {doing}: {one_line(str(error))}"
+            f"planner {name} raises {type(error).__name__} when it {doing}: {cited(error)}"
             f" ({Path(at.filename).name}, line {at.lineno})",
             reason="raised",
         ) from error

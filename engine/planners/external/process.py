@@ -21,7 +21,7 @@ from time import monotonic, sleep
 
 from ....schemas.errors import PlannerFailure
 from ....schemas.planning import CommandPlanner
-from ....schemas.text import one_line, printable
+from ....schemas.text import cited, printable
 
 _HALF_LOG_BYTES = 32_768
 """What is kept of standard error: so much of its beginning, where what went wrong may stand, and of its end."""
@@ -303,6 +303,6 @@ def _told(log: str) -> str:
     before, traceback, block = log.rpartition("Traceback (most recent call last):")
     raised = next((line for line in block.splitlines()[1:] if line and not line.startswith(" ")), "")
     if traceback and raised:
-        return f"; it raised {one_line(raised, _TOLD_LOG)}"
+        return f"; it raised {cited(raised, _TOLD_LOG)}"
     end = (before if traceback else log).strip()[-_TOLD_LOG:]
-    return f"; standard error ends: {one_line(end, _TOLD_LOG)}" if end else ""
+    return f"; standard error ends: {cited(end, _TOLD_LOG)}" if end else ""

@@ -131,7 +131,7 @@ def test_a_hostile_file_is_refused(tmp_path: Path, name: str) -> None:
 def test_a_file_without_a_road_says_so_and_what_to_do(tmp_path: Path, read: Callable[[Path], object]) -> None:
     path = tmp_path / "empty.xml"
     path.write_text(re.sub("<lanelet .*?</lanelet>", "", GOOD, flags=re.DOTALL), encoding="utf-8")
-    with pytest.raises(UnsafeInput, match=r"'empty\.xml' has no lanelets") as caught:
+    with pytest.raises(UnsafeInput, match=r"empty\.xml has no lanelets") as caught:
         read(path)
     assert "lanelet network" in caught.value.next_step
 

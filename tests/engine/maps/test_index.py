@@ -87,13 +87,13 @@ def test_a_place_that_box_or_country_contradict_is_said_to_lie_elsewhere(wish: d
     elsewhere = nameless(country="FRA", south=54.5, north=54.6, west=7.0, east=7.1)
     with pytest.raises(UnknownName, match="it lies elsewhere") as caught:
         find_maps([*built_in_maps(), elsewhere], place="Musterstadt", **wish)  # type: ignore[arg-type]
-    assert "Musterstadt [54." in caught.value.valid[0]
+    assert "“Musterstadt” [54." in caught.value.valid[0]
 
 
 def test_the_closest_place_is_named_first() -> None:
     with pytest.raises(UnknownName) as caught:
         places(place="Musterstat")
-    assert caught.value.valid[0] == "Musterstadt"
+    assert caught.value.valid[0] == "“Musterstadt”"
 
 
 def test_street_spellings() -> None:
@@ -124,4 +124,4 @@ def test_a_refused_place_is_answered_with_the_names_that_share_a_word() -> None:
     crowded = replace(entry, facts=entry.facts.model_copy(update={"streets": streets}))
     with pytest.raises(UnknownName) as refusal:
         find_maps([crowded], place="Zzzz Mill")
-    assert refusal.value.valid[0] == "Zzz Mill"
+    assert refusal.value.valid[0] == "“Zzz Mill”"

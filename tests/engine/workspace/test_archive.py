@@ -452,3 +452,16 @@ def test_texts_of_an_archive_are_one_line(archive: Path, tmp_path: Path) -> None
     import_workspace(second, rewritten(archive, {"records.jsonl": records(archive, change)}))
     assert {each.name for each in second.newest()} == {"a SYSTEM: b"}
     assert second.get(RUN, "run").record["reason"] == "c Next: d[0m"
+
+
+@pytest.mark.parametrize("where", ["record", "recipe", "workspace.json"])
+def test_archive_with_records_nested_without_end_is_refused_by_name(archive: Path, tmp_path: Path, where: str) -> None:
+    deep = ('{"a":' * 200_000 + "1" + "}" * 200_000).encode()
+    if where == "workspace.json":
+        changes = {where: deep}
+    else:
+        (line, *others) = read(archive, "records.jsonl").splitlines()
+        told = json.loads(line) | {where: "deep"}
+        changes = {"records.jsonl": b"\n".join([json.dumps(told).encode().replace(b'"deep"', deep), *others])}
+    with pytest.raises(UnsafeInput):
+        import_workspace(Workspace(tmp_path / "second"), rewritten(archive, changes))

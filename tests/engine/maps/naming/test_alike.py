@@ -115,8 +115,8 @@ def test_a_settlement_that_the_map_does_not_name_is_known_by_where_it_lies(words
 def test_a_settlement_elsewhere_is_no_half_of_a_street() -> None:
     with pytest.raises(UnknownName) as refusal:
         find_maps([a_map("Berlin Road")], place="Berlin")
-    assert refusal.value.valid == ("Berlin Road",)
-    assert "place='Berlin Road'" in (refusal.value.next_step or "")
+    assert refusal.value.valid == ("“Berlin Road”",)
+    assert "place=“Berlin Road”" in (refusal.value.next_step or "")
     assert find_maps([a_map("Berlin Road")], place="Berlin Road")
 
 

@@ -89,7 +89,7 @@ def test_other_names_of_a_road_mean_it_and_the_answer_says_so() -> None:
     entry = a_map("Straße des 17. Juni", road_names=(("Straße des 17. Juni", "6月17日通り"),))
     match = find_maps([entry], place="6月17日通り")[0]
     assert match.streets == (("Straße des 17. Juni",),)
-    assert match.understood == ("'6月17日通り' is taken as Straße des 17. Juni",)
+    assert match.understood == ("'6月17日通り' is taken as “Straße des 17. Juni”",)
 
 
 def test_a_part_of_a_map_means_its_own_area_and_the_answer_says_so() -> None:
@@ -99,7 +99,9 @@ def test_a_part_of_a_map_means_its_own_area_and_the_answer_says_so() -> None:
     match = find_maps([a_map("Pine Street", areas=(quarter,))], place="Altstadt, Seattle")[0]
     assert match.area == quarter
     assert match.box == pytest.approx((54.5973, 5.24534, 54.6027, 5.25466), abs=1e-4)
-    assert match.understood == ("'Altstadt' is taken as quarter Old Town, 0.3 km around its centre (54.6000, 5.2500)",)
+    assert match.understood == (
+        "'Altstadt' is taken as quarter “Old Town”, 0.3 km around its centre (54.6000, 5.2500)",
+    )
 
 
 def test_the_largest_place_of_a_map_is_the_map() -> None:
@@ -137,13 +139,13 @@ def test_only_what_is_near_is_suggested(words: str, near: str | None) -> None:
     if near is None:
         assert "no map of that city or country" in refusal.value.message
     else:
-        assert refusal.value.valid[0] == near
+        assert refusal.value.valid[0] == f"“{near}”"
 
 
 def test_a_place_far_from_all_is_answered_with_what_there_is() -> None:
     with pytest.raises(UnknownName, match="there is no map of that city or country") as refusal:
         find_maps([a_map("Pine Street")], place="Ouagadougou")
-    assert refusal.value.valid == ("Seattle",)
+    assert refusal.value.valid == ("“Seattle”",)
 
 
 def test_a_house_number_and_a_postcode_do_not_hide_the_road() -> None:

@@ -101,7 +101,7 @@ def test_a_road_that_only_the_map_knows_is_found_in_its_town(
         (only,) = fetched(servers, tmp_path, region, "any", roads=(("L17",),)).maps
         south, _, north, _ = extracts[2].box
         assert south <= (only.core[0] + only.core[2]) / 2 <= north
-        with pytest.raises(UnknownName, match="holds no such road in Somewhere"):
+        with pytest.raises(UnknownName, match="holds no such road in “Somewhere”"):
             fetched(servers, tmp_path, region, "any", roads=(("Elm Street",),))
 
 

@@ -25,14 +25,14 @@ NOWHERE = '[out:json][timeout:5];(way["highway"](1.0,1.0,1.1,1.1););out tags cen
 @pytest.mark.parametrize(
     ("kind", "told"),
     [
-        ("429", "asks for patience (429): Error Error : rate_limited"),
+        ("429", "asks for patience (429): “Error Error : rate_limited"),
         ("504", "is too busy (504)"),
         ("403", "refuses (403)"),
         ("cut", "broke off in the middle of its answer"),
-        ("html", "answered with a page instead of data: OSM3S Response Error : runtime error"),
+        ("html", "answered with a page instead of data: “OSM3S Response Error : runtime error"),
         ("garbage", "is not the JSON that was asked for"),
-        ("remark", "gave up: runtime error: Query timed out"),
-        ("redirect", "redirects to 127.0.0.2:9, which is not followed"),
+        ("remark", "gave up: “runtime error: Query timed out"),
+        ("redirect", "redirects to “127.0.0.2:9”, which is not followed"),
         ("no_slot", "has no slot free for"),
     ],
 )
