@@ -38,7 +38,7 @@ from ..schemas.base import Model
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.runs import BatchRecord, RunRecord
 from ..server.settings import Settings
-from ..tools.call import Services, ToolCall
+from ..workflows.context import Services, WorkflowContext
 
 Content = TypeVar("Content", bound=Model)
 Bench = TypeVar("Bench")
@@ -262,11 +262,11 @@ class _InProcess:
         return operation.load()(request, silent)
 
 
-def call_in_process(workspace: Workspace | None = None) -> ToolCall:
+def call_in_process(workspace: Workspace | None = None) -> WorkflowContext:
     """A tool's call without server and workers: it can run operations, and store where it has a workspace."""
     nothing = cast("Any", None)
     services = Services(workspace or nothing, _InProcess(), nothing, nothing, nothing, with_starter=False)
-    return ToolCall(services, no_progress)
+    return WorkflowContext(services, no_progress)
 
 
 class LeftOut(Exception):

@@ -15,12 +15,13 @@ from ..engine.execution import JobStore
 from ..engine.planners import PLANNERS, planner_names
 from ..engine.tuning import preset_configuration, to_yaml, tuning_of
 from ..engine.workspace import ARTIFACT_KINDS, Artifact, ArtifactKind, Workspace
+from ..schemas.artifacts import RESOURCE_SCHEME
 from ..schemas.errors import NotPossible, UnknownName
 from ..schemas.modification import EDITS
 from ..schemas.text import printable_parts, quoted, shown_name
 from ..schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ORIGINS, ROAD_NET_KEYS, SIGNS, TAGS
 
-SCHEME = "plannerforge://"
+SCHEME = RESOURCE_SCHEME
 MOST_BYTES = 16 * 1024**2
 """Of a resource: its file stands in one message, several times over in memory. Chosen."""
 MOST_LISTED = 20

@@ -13,6 +13,8 @@ from .results import Rate
 from .runs import LostCell, Prediction, RunRecord, ScenarioSource, Traffic
 from .text import counted, shown_name
 
+RESOURCE_SCHEME = "plannerforge://"
+"""The scheme of all resource addresses."""
 ExportFormat = Literal[
     "xml",
     "net",

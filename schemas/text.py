@@ -49,8 +49,9 @@ def one_line(text: str, longest: int = LONGEST_TEXT) -> str:
     if len(line) <= longest and read == text:
         return line
     kept = line[: longest - 1].rstrip()
-    if kept.count(OPENING) > kept.count(CLOSING):  # the cut is inside a mark, which is closed
-        return line[: longest - 2].rstrip() + "…" + CLOSING
+    if _is_open(kept):  # the cut is inside a mark, which is closed
+        kept = line[: longest - 2].rstrip()
+        return kept + "…" + CLOSING * _is_open(kept)
     return kept + "…"
 
 
@@ -187,6 +188,11 @@ def in_any_case(value: Any, words: Iterable[str]) -> Any:
     if not isinstance(value, str):
         return value
     return next((word for word in words if word.lower() == value.strip().lower()), value)
+
+
+def _is_open(text: str) -> bool:
+    """Return whether a mark of cited words begins in a text and does not end in it."""
+    return text.count(OPENING) > text.count(CLOSING)
 
 
 def _is_shown(character: str) -> bool:

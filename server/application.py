@@ -41,8 +41,9 @@ from ..prompts.catalog import listed_prompts, prompt_text, workspace_facts
 from ..resources.apps import PAGES, pages
 from ..schemas.errors import PlannerForgeError, ResourceFailure, UnknownName, closest
 from ..schemas.text import quoted
-from ..tools.call import Services, ToolCall
+from ..tools.call import ToolCall
 from ..tools.registry import ToolSpec, only_reading
+from ..workflows.context import Services
 from .asking import Asker, PacedProgress, question_result
 from .clients import ClientIdentity, ClientMemories, client_of
 from .news import WorkspaceNews
@@ -319,7 +320,7 @@ class PlannerForgeServer(MCPServer[Services]):
         call = ToolCall(context.request_context.lifespan_context, PacedProgress(context).send)
 
         async def read() -> GetPromptResult:
-            from ..tools.maps import maps_seen  # not needed before the first answers
+            from ..workflows.maps import maps_seen  # not needed before the first answers
 
             places = tuple(entry.facts.place for entry in maps_seen(call).entries)
             return prompt_text(name, arguments or {}, workspace_facts(call.workspace, places))

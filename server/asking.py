@@ -13,7 +13,7 @@ from mcp.types import ElicitRequest, ElicitRequestFormParams, ElicitResult, Inpu
 from pydantic import BaseModel, Field, create_model
 
 from ..engine.execution import run_in
-from ..tools.call import Question, Services
+from ..workflows.context import Question, Services
 from .tool_calls import InputNeeded
 
 _PROGRESS_INTERVAL_S = 0.5

@@ -9,23 +9,13 @@ from typing import TYPE_CHECKING
 
 import anyio
 
-from ..engine.execution import (
-    CallThreads,
-    Claims,
-    Executor,
-    HeapsGivenBack,
-    JobRunner,
-    JobStore,
-    Limits,
-    ReachableExecutor,
-    WorkerPool,
-)
-from ..engine.planners import programs_named
-from ..engine.workspace import Quota, Workspace, make_private
+from ..engine.execution import CallThreads, HeapsGivenBack, WorkerPool
+from ..engine.workspace import Workspace
 from ..schemas.catalog import BuildIndexRequest
-from ..schemas.errors import NotPossible, PlannerForgeError, as_told
-from ..tools.call import INDEX_FOLDER, Services
+from ..schemas.errors import PlannerForgeError, as_told
 from ..tools.registry import TOOLS, ToolSpec, only_reading
+from ..workflows.context import INDEX_FOLDER, Services
+from ..workflows.services import open_services as open_workflow_services
 from .application import MOST_CALLS, OnEnd, PlannerForgeServer
 from .observing.journal import JOURNAL, Journal
 from .observing.logs import log_call, log_to_stderr
@@ -110,70 +100,19 @@ def _telemetry_of(settings: Settings) -> "Telemetry | None":
 async def open_services(
     settings: Settings, start_folder: Path, threads: CallThreads, telemetry: "Telemetry | None" = None
 ) -> AsyncIterator[Services]:
-    """What tools work with: workspace, workers, jobs (in these threads) and bounds, closed at the end."""
-    workspace_root = settings.workspace.expanduser().resolve()
-    limits = settings.limits(start_folder)
-    make_private(workspace_root)
-    for missing in (root for root in limits.roots if not root.is_dir()):
-        logger.warning("the root %s does not exist (yet): nothing can be read from there", missing)
-    workspace = Workspace(workspace_root)
-    if settings.workspace_mb:
-        workspace.limit_room(Quota(workspace, settings.workspace_mb * 1024**2).admit)
-    try:
-        log = workspace_root / "logs" / "workers.log"
-        async with (
-            _planners_of(settings),
-            WorkerPool.open(limits, log) as workers,
-            carried_out(settings.cluster, workers, limits) as executor,
-            anyio.create_task_group() as tasks,
-        ):
-            store, reachable, run_apart = JobStore(workspace.database), ReachableExecutor(executor), threads.run
-            jobs = JobRunner(store, tasks, telemetry.jobs_apart(run_apart, store) if telemetry else run_apart)
-            claims = Claims(workspace.database)
-            if settings.warm_up:
-                tasks.start_soon(_warmed_up, workers, workspace, threads, settings.embedding_model)
-            yield Services(
-                workspace,
-                telemetry.watched(reachable, lambda: len(workers.worker_pids)) if telemetry else reachable,
-                jobs,
-                claims,
-                limits,
-                settings.map_folders,
-                settings.starter,
-                settings.embedding_model,
-                online=settings.map_services(),
-                links=settings.links,
-            )
-            tasks.cancel_scope.cancel()
-    finally:
-        workspace.close()
-
-
-@asynccontextmanager
-async def _planners_of(settings: Settings) -> AsyncIterator[None]:
-    with programs_named(settings.planners):
-        yield
-
-
-@asynccontextmanager
-async def carried_out(cluster: str, here: WorkerPool, limits: Limits) -> AsyncIterator[Executor]:
-    """Who carries operations out: this machine's workers, or a cluster where one is set.
-
-    Raises:
-        NotPossible: a cluster is set and the packages for it are not installed.
-    """
-    if not cluster:
-        yield here
-        return
-    try:
-        from ..engine.execution import ClusterExecutor
-    except ImportError as error:
-        raise NotPossible(
-            f"the setting cluster asks for {cluster}, and the packages for it are not installed",
-            next_step="pip install 'plannerforge-mcp[cluster]', or leave the setting out",
-        ) from error
-    async with ClusterExecutor.open(cluster, here, limits) as executor:
-        yield executor
+    """Open what tools work with, as the settings say, and close it at the end of the block."""
+    jobs_apart = telemetry.jobs_apart if telemetry is not None else lambda run_apart, _: run_apart
+    async with (
+        open_workflow_services(settings.service_options(start_folder), threads, jobs_apart) as (opened, pool),
+        anyio.create_task_group() as tasks,
+    ):
+        if settings.warm_up:
+            tasks.start_soon(_warmed_up, pool, opened.workspace, threads, settings.embedding_model)
+        if telemetry is not None:
+            watched = telemetry.watched(opened.workers, lambda: len(pool.worker_pids))
+            opened = replace(opened, workers=watched)
+        yield opened
+        tasks.cancel_scope.cancel()
 
 
 def offered_tools(settings: Settings) -> tuple[ToolSpec, ...]:
@@ -201,7 +140,7 @@ async def warm_up(
     """
     await anyio.sleep(delay_s)
     await threads.run(_import_tools)
-    from ..tools.operations import BUILD_INDEX  # its models are not needed before the first answers
+    from ..workflows.operations import BUILD_INDEX  # its models are not needed before the first answers
 
     await workers.warm_up("compute")
     await workers.warm_up("retrieval")

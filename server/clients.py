@@ -16,7 +16,7 @@ from mcp.server.streamable_http import MCP_SESSION_ID_HEADER
 from starlette.requests import Request
 from starlette.types import Scope
 
-from ..tools.call import Recent
+from ..workflows.context import Recent
 
 WRITE_SCOPE = "plannerforge:write"
 """Whose token has it may use every tool; others see the tools that make nothing."""

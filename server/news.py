@@ -16,7 +16,7 @@ from mcp.server.subscriptions import InMemorySubscriptionBus, ResourcesListChang
 from ..engine.execution import CallThreads
 from ..resources.templates import SCHEME
 from ..schemas.errors import PlannerForgeError
-from ..tools.call import Services
+from ..workflows.context import Services
 
 logger = logging.getLogger(__name__)
 _INTERVAL_S = 0.5

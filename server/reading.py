@@ -43,8 +43,9 @@ from ..resources.templates import (
 )
 from ..schemas.errors import InvalidRequest, PlannerForgeError
 from ..schemas.text import quoted
-from ..tools.call import Services, ToolCall
+from ..tools.call import ToolCall
 from ..tools.registry import TOOLS, ToolSpec
+from ..workflows.context import Services, WorkflowContext
 from .clients import client_of
 from .news import WorkspaceNews
 from .tool_calls import answer, answer_text
@@ -245,6 +246,6 @@ async def _told_by_tool(name: str, services: Services) -> str:
 
 async def _view_data(ids: list[str], services: Services) -> str:
     """The data of a view; a board asks for its runs one by one. Imported now: the first answers do not wait for it."""
-    from ..tools.rendering import make_view
+    from ..workflows.rendering import make_view
 
-    return (await make_view(ids, ToolCall(services), whole=False)).data
+    return (await make_view(ids, WorkflowContext(services), whole=False)).data

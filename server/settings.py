@@ -4,7 +4,7 @@ import json
 import os
 import re
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from platformdirs import user_config_path, user_data_path
 from pydantic import Field, SecretStr, ValidationInfo, field_validator
@@ -22,6 +22,9 @@ from ..schemas.catalog import PACKAGED_MODEL
 from ..schemas.maps import NOMINATIM_URL, OVERPASS_URLS, MapServices, OnlineMode
 from ..schemas.planning import CommandPlanner
 from ..schemas.text import in_any_case
+
+if TYPE_CHECKING:
+    from ..workflows.services import ServiceOptions
 
 RECORDINGS_FOLDER = "recordings"
 """Where, in the workspace, workers keep what they read; it may be deleted at any time."""
@@ -229,6 +232,23 @@ class Settings(BaseSettings):
             operation_timeout_s=self.operation_timeout_s,
             file_bytes=self.file_mb * 1024**2,
             recordings=self.workspace.expanduser().resolve() / RECORDINGS_FOLDER,
+        )
+
+    def service_options(self, start_folder: Path) -> "ServiceOptions":
+        """What services are opened with."""
+        from ..workflows.services import ServiceOptions  # only needed where services are opened
+
+        return ServiceOptions(
+            workspace=self.workspace.expanduser().resolve(),
+            limits=self.limits(start_folder),
+            workspace_bytes=self.workspace_mb * 1024**2,
+            cluster=self.cluster,
+            planners=self.planners,
+            map_folders=self.map_folders,
+            with_starter=self.starter,
+            embedding_model=self.embedding_model,
+            online=self.map_services(),
+            links=self.links,
         )
 
 

@@ -35,8 +35,9 @@ from starlette.requests import Request
 
 from ..engine.execution import CallThreads, Job, Task, TaskStore
 from ..schemas.errors import PlannerForgeError, ResourceFailure, UnknownName, as_told
-from ..tools.call import Question, Services, ToolCall
+from ..tools.call import ToolCall
 from ..tools.registry import ToolSpec
+from ..workflows.context import Question, Services
 from .asking import STATELESS_SINCE, Asker, PacedProgress, chosen, question_request, question_result
 from .clients import ClientIdentity, client_of, principal_of
 from .tool_calls import InputNeeded

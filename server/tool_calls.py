@@ -30,9 +30,10 @@ from ..schemas.errors import (
     with_values,
 )
 from ..schemas.text import printable, printable_parts
-from ..tools.call import ImageAnswer, Question, ToolCall
+from ..tools.call import ImageAnswer, ToolCall
 from ..tools.registry import TOOLS, ToolSpec
-from ..tools.scenarios import one_scenario
+from ..workflows.context import Question
+from ..workflows.scenarios import one_scenario
 from .arguments.checking import read_arguments
 from .arguments.loose_reading import read_loosely
 
@@ -183,7 +184,7 @@ def linked_by(call: ToolCall) -> list[ResourceLink]:
     if not call.services.links:
         return []
     links: list[ResourceLink] = []
-    for kind, made_id in list(call.links)[-MOST_LINKS:]:
+    for kind, made_id in list(call.made_here)[-MOST_LINKS:]:
         if kind == "job":
             resource = job_link(made_id)
         elif (artifact := call.workspace.find(kind, made_id)) is not None:

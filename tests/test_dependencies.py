@@ -8,7 +8,7 @@ from importlib.metadata import packages_distributions
 from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parent.parent
-LAYERS = ("schemas", "engine", "tools", "resources", "prompts", "server", "agent", "evals")
+LAYERS = ("schemas", "engine", "workflows", "tools", "resources", "prompts", "server", "library", "agent", "evals")
 COMES_WITH = {"pydantic-core": "pydantic", "sumolib": "eclipse-sumo", "transformers": "sentence-transformers"}
 SHARED_NAMES = {"opentelemetry": {"sdk": "opentelemetry-sdk", "exporter": "opentelemetry-exporter-otlp-json-http"}}
 """Top-level names that several packages share: which one a module below them is of, where it is not ``NAME-api``."""

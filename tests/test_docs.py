@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+from support.tree import LAYERS
 
 from plannerforge.agent.settings import AgentSettings
 from plannerforge.engine.analysis.traffic_rules import TRAFFIC_RULES
@@ -87,7 +88,7 @@ def test_public_names_use_the_words_of_the_glossary() -> None:
     definitions = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
     names = {
         node.name
-        for package in ("agent", "engine", "evals", "prompts", "resources", "schemas", "server", "tools")
+        for package in LAYERS
         for file in (CHECKOUT / package).rglob("*.py")
         for node in ast.parse(file.read_text(encoding="utf-8")).body
         if isinstance(node, definitions) and not node.name.startswith("_")

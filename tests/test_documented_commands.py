@@ -17,8 +17,8 @@ from plannerforge.evals.command_line import application
 from plannerforge.schemas.base import Arguments
 from plannerforge.schemas.planning import CommandPlanner
 from plannerforge.server.commands.suite import read_suite
-from plannerforge.tools.analysis.suite import limits_of
 from plannerforge.tools.registry import TOOLS
+from plannerforge.workflows.analysis.suite import limits_of
 
 
 def fault(words: Sequence[str]) -> str:

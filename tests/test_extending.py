@@ -4,7 +4,7 @@ What a test puts into a registry is what you write into the source; the function
 
 - a tool: its function (``tools/``), its arguments and result (``schemas/``), its line in ``TOOLS``
   (``tools/registry.py``)
-- an operation: its function on the face of a package of the engine, its line in ``tools/operations.py``
+- an operation: its function on the face of a package of the engine, its line in ``workflows/operations.py``
 - an edit: a function of its name (``engine/edits/trajectory.py`` or one of its siblings, where ``OPERATIONS``
   finds it), its line in ``EDITS`` and its name in ``EditOperation`` (``schemas/modification.py``)
 - a planner: its class, its line in ``PLANNERS`` (``engine/planners/registry.py``), its ``PlannerTuning`` in
@@ -67,7 +67,7 @@ from plannerforge.schemas.rendering import Rendered, RenderRequest
 from plannerforge.schemas.results import Finding
 from plannerforge.schemas.runs import RunMetrics
 from plannerforge.server import assembly
-from plannerforge.tools import catalog
+from plannerforge.tools import scenarios
 from plannerforge.tools.call import ToolCall
 from plannerforge.tools.registry import TOOLS, ToolSpec
 
@@ -100,8 +100,8 @@ async def test_a_tool_has_a_worker_carry_out_an_operation(
         response = await call.run(echo, worker_operations.Words(text=arguments.words))
         return RepeatWordsResult(words=response.text)
 
-    monkeypatch.setattr(catalog, "repeat_words", repeat_words, raising=False)
-    monkeypatch.setattr(assembly, "TOOLS", (*TOOLS, ToolSpec("repeat_words", "Repeat words", "catalog")))
+    monkeypatch.setattr(scenarios, "repeat_words", repeat_words, raising=False)
+    monkeypatch.setattr(assembly, "TOOLS", (*TOOLS, ToolSpec("repeat_words", "Repeat words", "scenarios")))
     async with connect() as client:
         result = await client.call_tool("repeat_words", {"words": "hello"})
         assert result.structured_content == {"words": "hello"}

@@ -15,9 +15,9 @@ from plannerforge.engine.traffic.simulation import WARM_UP_S
 from plannerforge.engine.traffic.vehicle_counts import FEWEST, MOST, PAPER_TRIPS, VEHICLES_PER_LANE_KM
 from plannerforge.engine.vehicles.classes import PEDESTRIAN, vehicle_classes
 from plannerforge.schemas.generation import Checks, GenerateScenariosArguments
-from plannerforge.tools.generation.making import CHECK
-from plannerforge.tools.generation.record import verdicts
-from plannerforge.tools.generation.requests import MOST_VEHICLES
+from plannerforge.workflows.generation.making import CHECK
+from plannerforge.workflows.generation.record import verdicts
+from plannerforge.workflows.generation.requests import MOST_VEHICLES
 
 PAGE = (Path(__file__).resolve().parent.parent / "docs" / "generation.md").read_text(encoding="utf-8")
 

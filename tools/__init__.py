@@ -1,1 +1,1 @@
-"""The tools: validated arguments in, one call of the engine, a shaped answer out. No domain logic."""
+"""The tools of MCP: validated arguments in, one workflow, a shaped answer out. No domain logic."""

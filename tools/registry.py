@@ -1,7 +1,7 @@
 """Every tool by name and where its function is. Nothing is imported until used.
 
-Adding a tool: its function, which has the tool's name, one entry here, one contract test. What it has workers do stands
-in ``operations.py``.
+Adding a tool: its function, which has the tool's name, one entry here, one contract test. What it does is a
+workflow (``plannerforge.workflows``).
 """
 
 import importlib
@@ -68,40 +68,40 @@ class ToolSpec:
 
 
 TOOLS: tuple[ToolSpec, ...] = (
-    ToolSpec("describe_catalog", "Describe the catalogue", "catalog", read_only=True),
+    ToolSpec("describe_catalog", "Describe the catalogue", "scenarios", read_only=True),
     ToolSpec(
         "generate_scenarios",
         "Generate scenarios",
-        "generation.tool",
+        "scenarios",
         seldom=("conditions", "cover", "source"),
         open_world=True,
         view="player",
     ),
-    ToolSpec("find_scenarios", "Find scenarios", "catalog"),
-    ToolSpec("import_files", "Import files", "importing", essential=False),
+    ToolSpec("find_scenarios", "Find scenarios", "scenarios"),
+    ToolSpec("import_files", "Import files", "files", essential=False),
     ToolSpec(
         "describe_scenario", "Describe a scenario", "scenarios", read_only=True, seldom=("time_s",), view="player"
     ),
-    ToolSpec("modify_scenario", "Modify a scenario", "modification", view="player"),
-    ToolSpec("list_planners", "List planners", "planning", read_only=True),
-    ToolSpec("configure_planner", "Configure a planner", "planning"),
-    ToolSpec("run_planner", "Run a planner", "planning", view="board"),
+    ToolSpec("modify_scenario", "Modify a scenario", "scenarios", view="player"),
+    ToolSpec("list_planners", "List planners", "planners", read_only=True),
+    ToolSpec("configure_planner", "Configure a planner", "planners"),
+    ToolSpec("run_planner", "Run a planner", "planners", view="board"),
     ToolSpec("get_job", "Look at a job", "artifacts", read_only=True, view="board"),
     ToolSpec("cancel_job", "Cancel a job", "artifacts", essential=False),
     ToolSpec(
         "analyze_results",
         "Analyse results",
-        "analysis.tool",
+        "results",
         read_only=True,
         seldom=("trial", "limit", "offset"),
         making=("trial",),
         view="board",
     ),
-    ToolSpec("compare_results", "Compare results", "analysis.tool", read_only=True, view="board"),
-    ToolSpec("optimize_planner", "Optimise a planner", "analysis.optimization", essential=False),
-    ToolSpec("render", "Draw", "rendering", read_only=True, view="board"),
+    ToolSpec("compare_results", "Compare results", "results", read_only=True, view="board"),
+    ToolSpec("optimize_planner", "Optimise a planner", "planners", essential=False),
+    ToolSpec("render", "Draw", "results", read_only=True, view="board"),
     ToolSpec("list_artifacts", "List artifacts", "artifacts", read_only=True, essential=False),
-    ToolSpec("export_artifacts", "Export artifacts", "exporting", essential=False),
+    ToolSpec("export_artifacts", "Export artifacts", "files", essential=False),
 )
 
 

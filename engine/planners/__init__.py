@@ -40,6 +40,9 @@
 ``OwnPlanner``: What an entry point of the group ``plannerforge.planners`` names: the class and its declaration.
 ``ScenarioFile``: The file that a program plans on.
 ``planner_driver``: A user's planner as the loop drives it, for a ``with`` block.
+``PlannerHere``: A planner that is an object of this process.
+``planners_here``: Makes objects of this process known as planners while a block runs.
+``is_here``: Whether a planner is an object of this process.
 ``programs_named``: Makes the programs of the settings known as planners while a block runs, in workers too.
 ``known_planner``: A planner's name as registered; ``UnknownName`` where there is none.
 ``make_planner``: A new planner by its name.
@@ -83,7 +86,7 @@ if TYPE_CHECKING:
     from .external.check import PlannerCheck, check_on
     from .external.command import ScenarioFile
     from .external.conformance import check_planner
-    from .external.found import Found, OwnPlanner, programs_named
+    from .external.found import Found, OwnPlanner, PlannerHere, is_here, planners_here, programs_named
     from .external.program import planner_driver
     from .frenetix.costs import CandidateBatch, responsibility
     from .frenetix.planner import Frenetix

@@ -43,7 +43,7 @@ from ...engine.workspace import Workspace
 from ...schemas.scenarios import ScenarioRecord
 from ...server.assembly import create_server
 from ...server.settings import Settings
-from ...tools.call import INDEX_FOLDER
+from ...workflows.context import INDEX_FOLDER
 from ..harness import existing, print_figures, shared_scenarios
 
 _KILLS, _FILES, _SEED = 30, 40, 20261121

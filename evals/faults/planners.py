@@ -37,9 +37,9 @@ from ...engine.workspace import Workspace
 from ...schemas.errors import UnexpectedFailure, error_classes
 from ...schemas.planning import RunPlannerArguments, RunPlannerResult
 from ...schemas.runs import BatchRecord
-from ...tools.call import Services, ToolCall
-from ...tools.configurations import store_configuration
-from ...tools.planning import run_planner
+from ...workflows.configurations import store_configuration
+from ...workflows.context import Services, WorkflowContext
+from ...workflows.planners import run_planner
 from ..harness import built_in, print_figures
 from .fault_injection import CRASH, HANG, FaultInjector, RunOperation
 from .processes import workers_of_this_process
@@ -169,7 +169,7 @@ def _still_runs(process: subprocess.Popen[str], after_s: float) -> bool:
 
 
 @asynccontextmanager
-async def _faulty_call(workspace: Workspace, instead: Mapping[str, RunOperation]) -> AsyncIterator[ToolCall]:
+async def _faulty_call(workspace: Workspace, instead: Mapping[str, RunOperation]) -> AsyncIterator[WorkflowContext]:
     """A tool call in this process, in which the runs of some scenarios hang or crash."""
 
     async def ignore(share: float, message: str) -> None:
@@ -182,7 +182,7 @@ async def _faulty_call(workspace: Workspace, instead: Mapping[str, RunOperation]
     ):
         jobs = JobRunner(JobStore(workspace.database), tasks)
         executor = FaultInjector(pool, instead)
-        yield ToolCall(Services(workspace, executor, jobs, Claims(workspace.database), limits), ignore)
+        yield WorkflowContext(Services(workspace, executor, jobs, Claims(workspace.database), limits), ignore)
 
 
 def _small_scenarios(workspace: Workspace) -> list[str]:
@@ -191,7 +191,7 @@ def _small_scenarios(workspace: Workspace) -> list[str]:
     return sorted(known, key=lambda key: workspace.file("scenario", key, "scenario.xml").stat().st_size)[:_SCENARIOS]
 
 
-def _drawn_configs(call: ToolCall, chance: random.Random) -> tuple[str, ...]:
+def _drawn_configs(call: WorkflowContext, chance: random.Random) -> tuple[str, ...]:
     """Ids of new configurations, the planners in turn."""
     made = []
     for number in range(_CONFIGS):

@@ -17,7 +17,7 @@ from ...schemas.errors import NotPossible, PlannerForgeError
 from ...schemas.generation import GeneratedScenario, GenerateScenariosArguments, GenerationRequest
 from ...schemas.runs import NO_TRAJECTORY
 from ...server.arguments.checking import read_arguments
-from ...tools.generation.requests import AssignedSite, SiteAssignment, assign_sites, plan_maps, request_for
+from ...workflows.generation.requests import AssignedSite, SiteAssignment, assign_sites, plan_maps, request_for
 from ..harness import built_in, call_in_process
 from .figures import DEFECT, Made, Stages, print_verdict
 from .judges import (

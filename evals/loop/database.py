@@ -45,7 +45,7 @@ from ...engine.tuning import changed_configuration
 from ...schemas.errors import InvalidRequest, PlannerForgeError, UnsafeInput
 from ...schemas.planning import PlannerConfiguration, RunRequest, RunResponse
 from ...schemas.runs import Prediction, Traffic
-from ...tools.operations import RUN_PLANNER
+from ...workflows.operations import RUN_PLANNER
 from ..harness import Figures, built_in, drawn, existing, print_figures
 
 _HEAD_BYTES = 4000

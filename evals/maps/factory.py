@@ -38,7 +38,7 @@ from ...engine.generation import count_sites, generate_scenario
 from ...engine.maps import MapEntry, read_map
 from ...schemas.errors import PlannerForgeError
 from ...schemas.generation import GenerateScenariosArguments, ReadMapRequest
-from ...tools.generation.requests import assign_sites, plan_maps, request_for
+from ...workflows.generation.requests import assign_sites, plan_maps, request_for
 from ..generation.figures import motion_figures, ratio
 from ..harness import (
     Figures,

@@ -25,8 +25,8 @@ from ...schemas.modification import (
     TouchedVehicle,
 )
 from ...schemas.runs import RunRecord
-from ...tools.modification import modify_scenario
-from ...tools.scenario_storage import store_scenario
+from ...workflows.modification import modify_scenario
+from ...workflows.scenario_storage import store_scenario
 from ..harness import call_in_process
 from ..symmetries.fresh_data import fresh_scenario
 from ..tracks import is_drivable

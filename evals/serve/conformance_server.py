@@ -66,8 +66,9 @@ from ...server import tasks
 from ...server.assembly import create_server
 from ...server.http.serving import HttpServer, bound
 from ...server.settings import Settings
-from ...tools.call import Question, ToolCall
+from ...tools.call import ToolCall
 from ...tools.registry import ToolSpec
+from ...workflows.context import Question
 
 PNG = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
 WAV = "UklGRiQAAABXQVZFZm10IBAAAAABAAEAQB8AAIA+AAACABAAZGF0YQAAAAA="

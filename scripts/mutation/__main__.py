@@ -39,7 +39,7 @@ PARTS = {
 """The files of each part; of the catalogue those that a search goes through."""
 TESTS = [
     *("tests/engine/edits", "tests/engine/analysis", "tests/engine/catalog", "tests/engine/test_criticality.py"),
-    *("tests/engine/test_time_to_collision.py", "tests/tools/test_search_stages.py"),
+    *("tests/engine/test_time_to_collision.py", "tests/workflows/test_search_stages.py"),
 ]
 """Tests that run the parts in their own process: a worker of a server knows nothing of mutants."""
 _LEAST_LIMIT_S = 10
@@ -114,7 +114,9 @@ def recorded() -> dict[str, Any]:
         RuntimeError: it cannot be made.
     """
     code = sorted(
-        path for folder in ("engine", "schemas", "tools", "tests") for path in (CHECKOUT / folder).rglob("*.py")
+        path
+        for folder in ("engine", "schemas", "workflows", "tools", "tests")
+        for path in (CHECKOUT / folder).rglob("*.py")
     )
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in code)).hexdigest()
     kept: dict[str, Any] = json.loads(RECORD.read_bytes()) if RECORD.exists() else {}

@@ -24,7 +24,7 @@ from rich.table import Column, Table
 
 from ... import __version__
 from ...schemas.errors import PlannerForgeError
-from ...tools.call import INDEX_FOLDER
+from ...workflows.context import INDEX_FOLDER
 from ..settings import Settings, settings_file
 from .hosts import HOSTS, Host, address_of, has_server, mend_program
 

@@ -16,9 +16,9 @@ from ...schemas.artifacts import ImportedItem
 from ...schemas.errors import InvalidRequest, PlannerForgeError, UnsafeInput
 from ...schemas.generation import MapFacts, ScenarioType
 from ...schemas.text import counted
-from ...tools.call import Services, ToolCall
-from ...tools.generation.online import fetch_beside
-from ...tools.maps import MapInventory, import_map, known_country, maps_at_hand
+from ...workflows.context import Services, WorkflowContext
+from ...workflows.generation.online import fetch_beside
+from ...workflows.maps import MapInventory, import_map, known_country, maps_at_hand
 from ..assembly import open_services
 from ..settings import Settings
 
@@ -99,12 +99,12 @@ async def _add(
             status.update(escape(f"{message} ({share:.0%})"))
 
         async with _services(settings) as services:
-            call = ToolCall(services, show)
+            call = WorkflowContext(services, show)
             return [(path, await _added(call, path, place, country)) for path in paths]
 
 
 async def _added(
-    call: ToolCall, path: Path, place: str | None, country: str | None
+    call: WorkflowContext, path: Path, place: str | None, country: str | None
 ) -> ImportedItem | PlannerForgeError:
     try:
         added = await import_map(call, path, place, country, wait_s=math.inf)
@@ -124,12 +124,12 @@ async def _fetch(
         bars.update(bar, completed=share, description=message or place)
 
     async with _services(settings) as services:
-        return await fetch_beside(ToolCall(services, show), place, country, scenario_type)
+        return await fetch_beside(WorkflowContext(services, show), place, country, scenario_type)
 
 
 async def _all(settings: Settings) -> MapInventory:
     async with _services(settings) as services:
-        return await maps_at_hand(ToolCall(services))
+        return await maps_at_hand(WorkflowContext(services))
 
 
 def _complain(text: str) -> None:

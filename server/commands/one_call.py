@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 
 from ...resources.templates import SCHEME
-from ...tools.rendering import FOLDER
+from ...workflows.rendering import FOLDER
 from ..assembly import create_server
 from ..settings import Settings
 from ..tool_calls import answer_text

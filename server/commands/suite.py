@@ -29,7 +29,7 @@ from ...schemas.errors import InvalidRequest, PlannerForgeError, ResourceFailure
 from ...schemas.generation import GenerateScenariosArguments
 from ...schemas.planning import ConfigurePlannerArguments
 from ...schemas.text import counted, one_line, quoted
-from ...tools.analysis.suite import carry_out, limits_of
+from ...workflows.analysis.suite import carry_out, limits_of
 from ..arguments.checking import read_arguments
 from ..assembly import open_services
 from ..observing.logs import log_to_stderr
@@ -150,7 +150,7 @@ def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]
 
 
 async def _carry_out(suite: Suite, folder: Path, settings: Settings, console: Console) -> SuiteReport:
-    from ...tools.call import ToolCall
+    from ...workflows.context import WorkflowContext
 
     log_to_stderr(settings.log_level, settings.log_format, settings.journal_redact)
     columns = (SpinnerColumn(), BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
@@ -163,7 +163,7 @@ async def _carry_out(suite: Suite, folder: Path, settings: Settings, console: Co
                 def tell(done: int, total: int, message: str) -> None:
                     bars.update(bar, completed=done, total=total or None, description=escape(message))
 
-                return await carry_out(suite, folder, ToolCall(services), tell)
+                return await carry_out(suite, folder, WorkflowContext(services), tell)
     finally:
         threads.close()
 

@@ -11,8 +11,8 @@ import typer
 
 from ...engine.execution import CallThreads
 from ...engine.workspace import write_whole
-from ...tools.call import ToolCall
-from ...tools.rendering import VIEWS, MadeView, make_view
+from ...workflows.context import WorkflowContext
+from ...workflows.rendering import VIEWS, MadeView, make_view
 from ..assembly import open_services
 from ..settings import Settings
 
@@ -35,7 +35,7 @@ async def _view(words: Sequence[str], settings: Settings) -> MadeView:
     threads = CallThreads()
     try:
         async with open_services(settings, Path.cwd(), threads) as services:
-            return await make_view(words, ToolCall(services))
+            return await make_view(words, WorkflowContext(services))
     finally:
         threads.close()
 

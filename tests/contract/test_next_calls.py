@@ -13,7 +13,7 @@ from support.builders import town_road
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnexpectedFailure, with_values
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
-from plannerforge.tools import modification
+from plannerforge.workflows import modification
 
 pytestmark = pytest.mark.anyio
 KEY = "plannerforge/next_call"

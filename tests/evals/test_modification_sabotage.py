@@ -21,8 +21,8 @@ from plannerforge.evals.modification.cases import Case, Effort, Measured, Refusa
 from plannerforge.evals.modification.requests import edit_of
 from plannerforge.schemas.errors import NotPossible, WorkerFailure
 from plannerforge.schemas.modification import EditOperation
-from plannerforge.tools import modification
-from plannerforge.tools.call import ToolCall
+from plannerforge.workflows import modification
+from plannerforge.workflows.context import WorkflowContext
 
 
 @pytest.fixture
@@ -73,7 +73,7 @@ def test_a_later_call_that_forgets_the_edits_before_it_is_seen(base: Path, monke
     assert several_calls_equal(base, edits)
     find = modification.one_scenario
 
-    def without_edits(word: str, call: ToolCall) -> tuple[Artifact, int | None]:
+    def without_edits(word: str, call: WorkflowContext) -> tuple[Artifact, int | None]:
         given, problem = find(word, call)
         recipe = given.recipe.model_copy(update={"arguments": {**given.recipe.arguments, "edits": []}})
         return given.model_copy(update={"recipe": recipe}), problem

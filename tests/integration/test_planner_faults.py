@@ -23,7 +23,7 @@ from support.server import StdioServer
 from plannerforge.engine.execution import pool
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
-from plannerforge.tools.operations import RUN_PLANNER
+from plannerforge.workflows.operations import RUN_PLANNER
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("importable_tests")]
 Ask = Callable[..., Awaitable[Any]]
@@ -54,7 +54,7 @@ def faults(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder.mkdir()
     monkeypatch.setenv("PLANNER_FAULTS", str(folder))
     misbehaving = replace(RUN_PLANNER, entry_point="support.planner_faults:run")
-    monkeypatch.setattr("plannerforge.tools.runs.RUN_PLANNER", misbehaving)
+    monkeypatch.setattr("plannerforge.workflows.runs.RUN_PLANNER", misbehaving)
     monkeypatch.setitem(pool.PRELOAD, "compute", ())
     return folder
 
@@ -116,7 +116,7 @@ async def test_every_misbehaviour_loses_its_own_run_by_name_and_is_tried_again(
     served: Any, files: Path, faults: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     misbehaving = replace(RUN_PLANNER, entry_point="support.planner_faults:run", timeout_s=5.0)
-    monkeypatch.setattr("plannerforge.tools.runs.RUN_PLANNER", misbehaving)
+    monkeypatch.setattr("plannerforge.workflows.runs.RUN_PLANNER", misbehaving)
     for number, fault in enumerate(FAULTS, 1):
         (faults / scenario_id(number)).write_text(fault)
     async with served() as ask:

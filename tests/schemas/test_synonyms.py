@@ -10,7 +10,7 @@ from plannerforge.engine.vehicles import vehicle_classes
 from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.generation import GenerateScenariosArguments
 from plannerforge.schemas.vocabulary import preset_of, synonyms, vehicle_class_of
-from plannerforge.tools.generation.requests import plan_maps
+from plannerforge.workflows.generation.requests import plan_maps
 
 
 def test_every_word_means_one_thing() -> None:

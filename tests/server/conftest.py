@@ -17,8 +17,9 @@ from plannerforge.schemas.errors import NotPossible
 from plannerforge.server import assembly
 from plannerforge.server.settings import Settings
 from plannerforge.server.tool_calls import MOST_IMAGE_BYTES
-from plannerforge.tools.call import Image, ImageAnswer, Question, ToolCall
+from plannerforge.tools.call import Image, ImageAnswer, ToolCall
 from plannerforge.tools.registry import TOOLS, ToolSpec
+from plannerforge.workflows.context import Question
 
 REAL = ("get_job", "cancel_job", "list_artifacts", "export_artifacts")
 PNG = bytes.fromhex("89504e470d0a1a0a")

@@ -11,7 +11,7 @@ from plannerforge.schemas.base import Model
 from plannerforge.schemas.catalog import BuildIndexRequest, BuildIndexResponse
 from plannerforge.schemas.errors import PlannerForgeError, ResourceFailure
 from plannerforge.server.assembly import calls_within, warm_up
-from plannerforge.tools.operations import BUILD_INDEX
+from plannerforge.workflows.operations import BUILD_INDEX
 
 pytestmark = pytest.mark.anyio
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-LAYERS = ("schemas", "engine", "tools", "resources", "prompts", "server", "agent", "evals")
+LAYERS = ("schemas", "engine", "workflows", "tools", "resources", "prompts", "server", "library", "agent", "evals")
 """The folders that are packages of ``plannerforge``."""
 
 

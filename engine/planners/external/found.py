@@ -12,7 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
@@ -57,13 +57,25 @@ class OwnPlanner:
 
 
 @dataclass(frozen=True)
+class PlannerHere:
+    """A planner that is an object of this process, and the text that tells its versions apart."""
+
+    planner: OwnPlanner
+    source: str
+
+
+@dataclass(frozen=True)
 class Found:
-    """A planner of others: an entry point or a program. ``fault``: why its name cannot be used; empty where it can."""
+    """A planner of others: an entry point, a program or an object of this process.
+
+    ``fault``: why its name cannot be used; empty if it can be used.
+    """
 
     name: str
     where: str
     entry: EntryPoint | None = None
     command: CommandPlanner | None = None
+    here: PlannerHere | None = None
     fault: str = ""
 
     def own(self) -> OwnPlanner:
@@ -72,6 +84,8 @@ class Found:
         Raises:
             PlannerFailure: it cannot be imported, or is no ``OwnPlanner``.
         """
+        if self.here is not None:
+            return self.here.planner
         if self.entry is None:
             raise PlannerFailure(f"planner {self.name} is a program, not a class", reason=_BROKEN)
         try:
@@ -104,6 +118,8 @@ class Found:
     @property
     def version(self) -> str:
         """A digest of the planner's own source, so that runs of an edited planner are made anew."""
+        if self.here is not None:
+            return _digest(self.here.source, [])
         return _digest("" if self.command is None else self.command.model_dump_json(), self.sources)
 
     @property
@@ -127,7 +143,8 @@ def found_planners(built_in: Collection[str]) -> dict[str, Found]:
         PlannerFailure: the variable of the environment is malformed.
     """
     found: dict[str, Found] = {}
-    for each in (*_of_packages(_path_times()), *_of_environment(os.environ.get(PLANNERS_VARIABLE, ""))):
+    of_environment = _of_environment(os.environ.get(PLANNERS_VARIABLE, ""))
+    for each in (*_of_packages(_path_times()), *of_environment, *_of_this_process().values()):
         fault = ""
         if each.name in built_in:
             fault = f"the {each.where} is named as the built-in planner {each.name}; rename it"
@@ -135,7 +152,7 @@ def found_planners(built_in: Collection[str]) -> dict[str, Found]:
             fault = f"{each.where}: '{one_line(each.name)}' is no name; lower-case letters, digits and _ make one"
         elif each.name in found:
             fault = f"two planners are named {each.name}: {found[each.name].where} and {each.where}; rename one"
-        found[each.name] = Found(each.name, each.where, each.entry, each.command, fault)
+        found[each.name] = replace(each, fault=fault)
     return found
 
 
@@ -152,6 +169,31 @@ def programs_named(commands: Mapping[str, CommandPlanner]) -> Iterator[None]:
             os.environ[PLANNERS_VARIABLE] = before
         elif commands:
             os.environ.pop(PLANNERS_VARIABLE, None)
+
+
+@contextmanager
+def planners_here(planners: Mapping[str, PlannerHere]) -> Iterator[None]:
+    """While the block runs, these objects are planners in this process; other processes do not know them."""
+    known = _of_this_process()
+    before = dict(known)
+    known.update(
+        {_folded(name): Found(_folded(name), "object of this process", here=one) for name, one in planners.items()}
+    )
+    try:
+        yield
+    finally:
+        known.clear()
+        known.update(before)
+
+
+def is_here(name: str) -> bool:
+    """Return whether a planner is an object of this process, which only this process can drive."""
+    return _folded(name) in _of_this_process()
+
+
+@cache
+def _of_this_process() -> dict[str, Found]:
+    return {}
 
 
 def _path_times() -> tuple[tuple[str, int], ...]:

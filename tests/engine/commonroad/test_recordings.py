@@ -16,7 +16,7 @@ from plannerforge.engine.commonroad.recordings import Recording, RecordingStore
 from plannerforge.engine.execution.limits import Limits
 from plannerforge.engine.execution.pool import WorkerPool
 from plannerforge.schemas.scenarios import ReadFactsRequest
-from plannerforge.tools.operations import READ_FACTS
+from plannerforge.workflows.operations import READ_FACTS
 
 
 def digest_of(path: Path) -> str:

@@ -18,7 +18,7 @@ from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import DensityFacts, GeneratedScenario
 from plannerforge.schemas.modification import ModificationRequest
 from plannerforge.schemas.scenarios import ReadFactsRequest
-from plannerforge.tools.generation.record import verdicts
+from plannerforge.workflows.generation.record import verdicts
 
 
 def manoeuvres_in(folder: Path) -> tuple[str, ...]:

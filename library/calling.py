@@ -1,0 +1,130 @@
+"""Runs workflows, which are asynchronous, for code that waits; planners of the caller drive in the caller's thread.
+
+An event loop in a thread of its own holds workspace, workers and jobs. While the caller waits for a workflow, its
+thread carries out what only this process can do: runs of planners that are objects of the caller. A breakpoint in
+``plan()`` therefore stops in the caller's own thread.
+"""
+
+import asyncio
+import queue
+import threading
+from collections.abc import Awaitable, Callable
+from concurrent.futures import Future
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, TypeVar, cast
+
+from anyio.from_thread import BlockingPortal, start_blocking_portal
+
+from ..engine.execution import CallThreads, Executor, OnProgress, Operation, Request, Response, no_progress, silent
+from ..engine.planners import is_here
+from ..schemas.planning import ReplayRequest, RunRequest
+from ..workflows.context import Services, WorkflowContext
+from ..workflows.services import ServiceOptions, open_services
+
+_Answer = TypeVar("_Answer")
+
+
+@dataclass
+class _Errand:
+    """Work for the caller's thread, and where its result goes."""
+
+    work: Callable[[], Any]
+    done: "Future[Any]" = field(default_factory=Future)
+
+    def carry_out(self) -> None:
+        try:
+            self.done.set_result(self.work())
+        except Exception as error:  # noqa: BLE001 - it is raised where the result is waited for
+            self.done.set_exception(error)
+        except BaseException as error:
+            self.done.set_exception(error)
+            raise
+
+
+class _CallersExecutor:
+    """An executor that hands runs of the caller's own planners to the caller's thread, and all else to the workers."""
+
+    def __init__(self, workers: Executor, errands: "queue.SimpleQueue[_Errand | None]") -> None:
+        self._workers, self._errands = workers, errands
+
+    @property
+    def capacity(self) -> int:
+        """How many operations the workers carry out at once."""
+        return self._workers.capacity
+
+    @property
+    def notice(self) -> str:
+        """What those who read a result have to be told of how it was made."""
+        return self._workers.notice
+
+    async def run(
+        self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress
+    ) -> Response:
+        """Return the response of the operation.
+
+        Raises:
+            PlannerForgeError: what the operation raised.
+        """
+        run = request.run if isinstance(request, ReplayRequest) else request
+        if not (isinstance(run, RunRequest) and is_here(run.configuration.planner)):
+            return await self._workers.run(operation, request, on_progress=on_progress)
+        errand = _Errand(lambda: operation.load()(request, silent))
+        self._errands.put(errand)
+        return cast("Response", await asyncio.wrap_future(errand.done))
+
+
+class Caller:
+    """Opens the services when they are first needed, and lets workflows use them until it is closed."""
+
+    def __init__(self, options: ServiceOptions) -> None:
+        self._options = options
+        self._stack = ExitStack()
+        self._lock = threading.RLock()
+        self._errands: queue.SimpleQueue[_Errand | None] = queue.SimpleQueue()
+        self._portal: BlockingPortal | None = None
+        self._services: Services | None = None
+
+    def call(self, workflow: Callable[..., Awaitable[_Answer]], *arguments: object) -> _Answer:
+        """Return what a workflow returns for these arguments and a context of its own.
+
+        Raises:
+            PlannerForgeError: what the workflow raised.
+        """
+        with self._lock:
+            portal, services = self._opened()
+            context = WorkflowContext(services)
+            waiting = portal.start_task_soon(partial(workflow, *arguments, context))
+            waiting.add_done_callback(lambda _: self._errands.put(None))
+            try:
+                while not waiting.done():
+                    errand = self._errands.get()
+                    if errand is not None:
+                        errand.carry_out()
+            except BaseException:
+                waiting.cancel()
+                raise
+            return waiting.result()
+
+    @property
+    def services(self) -> Services:
+        """The services, opened now if they are not open yet."""
+        with self._lock:
+            return self._opened()[1]
+
+    def close(self) -> None:
+        """End workers and jobs; what is stored stays."""
+        with self._lock:
+            self._portal = self._services = None
+            self._stack.close()
+
+    def _opened(self) -> tuple[BlockingPortal, Services]:
+        if self._portal is None or self._services is None:
+            threads = CallThreads()
+            self._stack.callback(threads.close)
+            self._portal = self._stack.enter_context(start_blocking_portal())
+            opened = self._portal.wrap_async_context_manager(open_services(self._options, threads))
+            services, _ = self._stack.enter_context(opened)
+            self._services = replace(services, workers=_CallersExecutor(services.workers, self._errands))
+        return self._portal, self._services

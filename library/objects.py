@@ -1,0 +1,212 @@
+"""What the Python door hands out: scenarios, runs and pictures as objects that show themselves in notebooks."""
+
+import base64
+import html
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, overload
+
+from ..engine.workspace import Workspace
+from ..schemas.base import Result
+from ..schemas.planning import RunPlannerResult
+from ..schemas.runs import RunRecord, RunSeries, RunSteps, configuration_id
+
+if TYPE_CHECKING:
+    import pandas
+
+
+class Home(Protocol):
+    """The workspace that objects come from."""
+
+    @property
+    def stored(self) -> Workspace:
+        """The stored artifacts."""
+
+    def render(self, *things: Any, **arguments: Any) -> tuple["Picture", ...]:
+        """Draw things."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture in a file, with the words for those who cannot see it."""
+
+    path: Path
+    media_type: str
+    words: str
+
+    def _repr_html_(self) -> str:
+        data = base64.b64encode(self.path.read_bytes()).decode()
+        return f'<img src="data:{self.media_type};base64,{data}" alt="{html.escape(self.words, quote=True)}">'
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A stored scenario; ``ID#problem`` means another planning problem than the first."""
+
+    workspace: Home = field(repr=False, compare=False)
+    scenario_id: str
+
+    def __str__(self) -> str:
+        return self.scenario_id
+
+    @property
+    def path(self) -> Path:
+        """The CommonRoad file."""
+        return self.workspace.stored.file("scenario", self.scenario_id.partition("#")[0], "scenario.xml")
+
+    def plot(self, **arguments: Any) -> Picture:
+        """Draw the scenario, as ``render`` does."""
+        return self.workspace.render(self, **arguments)[0]
+
+    def _repr_html_(self) -> str:
+        return f"<p><code>{html.escape(self.scenario_id)}</code></p>{self.plot()._repr_html_()}"
+
+
+@dataclass(frozen=True)
+class Scenarios(Sequence[Scenario]):
+    """Scenarios in order, and ``result``: all that was answered when they were made or found."""
+
+    result: Result
+    scenarios: Sequence[Scenario]
+
+    def __len__(self) -> int:
+        return len(self.scenarios)
+
+    @overload
+    def __getitem__(self, index: int) -> Scenario: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Scenario]: ...
+
+    def __getitem__(self, index: int | slice) -> Scenario | Sequence[Scenario]:
+        return self.scenarios[index]
+
+    def __str__(self) -> str:
+        return self.result.to_text()
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+
+@dataclass(frozen=True)
+class Run:
+    """A stored run."""
+
+    workspace: Home = field(repr=False, compare=False)
+    run_id: str
+
+    def __str__(self) -> str:
+        return self.run_id
+
+    @property
+    def record(self) -> RunRecord:
+        """How the run ended, and its metrics."""
+        return self.workspace.stored.get(self.run_id, "run").read(RunRecord)
+
+    @property
+    def steps(self) -> RunSteps:
+        """The driven states, and the cost terms of the plans."""
+        return RunSteps.model_validate_json(self._file("steps.json").read_bytes())
+
+    @property
+    def series(self) -> RunSeries:
+        """What else is known over time, debug values of the planner included; empty if nothing was driven."""
+        path = self._file("series.json")
+        return RunSeries.model_validate_json(path.read_bytes()) if path.is_file() else RunSeries()
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """Return a table with a row for each driven state: position, motion, offset from the reference path."""
+        import pandas
+
+        steps, series = self.steps, self.series
+        columns: dict[str, Sequence[float]] = {
+            name: getattr(steps, name) for name in ("x_m", "y_m", "heading_rad", "speed_mps", "acceleration_mps2")
+        }
+        columns |= {
+            name: values
+            for name in ("lateral_offset_m", "heading_error_rad", "steering_rad")
+            if len(values := getattr(series, name)) == len(steps.x_m)
+        }
+        index = pandas.RangeIndex(steps.first_step, steps.first_step + len(steps.x_m), name="step")
+        return pandas.DataFrame({name: list(values) for name, values in columns.items()}, index=index)
+
+    def plot(self, **arguments: Any) -> Picture:
+        """Draw the run, as ``render`` does."""
+        return self.workspace.render(self, **arguments)[0]
+
+    def _file(self, name: str) -> Path:
+        return self.workspace.stored.folder("run", self.run_id) / name
+
+    def _repr_html_(self) -> str:
+        record = self.record
+        told = html.escape(f"{self.run_id}: {record.outcome}, {record.reason}")
+        return f"<p>{told}</p>{self.plot()._repr_html_()}"
+
+
+@dataclass(frozen=True)
+class Runs(Sequence[Run]):
+    """Runs in order, and ``result``: what was answered when they were made."""
+
+    workspace: Home = field(repr=False, compare=False)
+    result: RunPlannerResult
+    runs: Sequence[Run]
+
+    def __len__(self) -> int:
+        return len(self.runs)
+
+    def __iter__(self) -> Iterator[Run]:
+        return iter(self.runs)
+
+    @overload
+    def __getitem__(self, index: int) -> Run: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Run]: ...
+
+    def __getitem__(self, index: int | slice) -> Run | Sequence[Run]:
+        return self.runs[index]
+
+    def __str__(self) -> str:
+        return self.result.to_text()
+
+    @property
+    def result_ids(self) -> list[str]:
+        """The ids by which analyses and comparisons name these runs: their batch, or each run."""
+        return [self.result.batch_id] if self.result.batch_id else [run.run_id for run in self.runs]
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """Return a table with a row for each run: how it ended and its metrics."""
+        import pandas
+
+        rows = []
+        for run in self.runs:
+            record = run.record
+            metrics = {} if record.metrics is None else record.metrics.model_dump(mode="json")
+            rows.append(
+                {
+                    "run_id": record.run_id,
+                    "scenario_id": record.scenario_id,
+                    "problem_id": record.problem_id,
+                    "config_id": configuration_id(record.config_id),
+                    "config_name": record.config_name,
+                    "planner_version": record.planner_version,
+                    "outcome": record.outcome,
+                    "reason": record.reason,
+                    **metrics,
+                }
+            )
+        return pandas.DataFrame(rows)
+
+    def to_parquet(self, path: str | Path) -> Path:
+        """Write :meth:`to_pandas` to a Parquet file, and return its path."""
+        target = Path(path)
+        self.to_pandas().to_parquet(target, index=False)
+        return target
+
+    def plot(self, kind: str = "outcomes", **arguments: Any) -> Picture:
+        """Draw a chart of the runs, as ``render`` does; by default how they ended."""
+        return self.workspace.render(self, kind=kind, **arguments)[0]
+
+    def _repr_html_(self) -> str:
+        return str(self.to_pandas().to_html(index=False, max_rows=20))

@@ -1,0 +1,335 @@
+"""A workspace for Python: everything that the tools of MCP do, as methods that take keyword arguments and wait."""
+
+import inspect
+import pickle
+import re
+import uuid
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Protocol, TypeVar
+
+from ..engine.planners import OwnPlanner, Planner, PlannerHere, planners_here
+from ..engine.workspace import Workspace as StoredWorkspace
+from ..schemas.analysis.comparison import CompareResultsArguments, CompareResultsResult
+from ..schemas.analysis.optimization import OptimizePlannerArguments, OptimizePlannerResult
+from ..schemas.artifacts import (
+    ExportArtifactsArguments,
+    ExportArtifactsResult,
+    ImportFilesArguments,
+    ImportFilesResult,
+    ListArtifactsArguments,
+    ListArtifactsResult,
+)
+from ..schemas.base import Arguments
+from ..schemas.catalog import DescribeCatalogArguments, DescribeCatalogResult, FindScenariosArguments
+from ..schemas.errors import InvalidRequest, NotPossible
+from ..schemas.generation import GenerateScenariosArguments
+from ..schemas.jobs import CancelJobArguments, GetJobArguments, JobResult
+from ..schemas.modification import ModifyScenarioArguments
+from ..schemas.planning import (
+    ConfigurePlannerArguments,
+    ConfigurePlannerResult,
+    ListPlannersArguments,
+    ListPlannersResult,
+    PlannerDeclaration,
+    RunPlannerArguments,
+)
+from ..schemas.rendering import RenderArguments
+from ..schemas.results import AnalyzeResultsArguments, AnalyzeResultsResult
+from ..schemas.runs import BatchRecord
+from ..schemas.scenarios import DescribeScenarioArguments, DescribeScenarioResult
+from ..server.arguments.checking import read_arguments
+from ..server.settings import Settings
+from ..workflows import artifacts as artifact_work
+from ..workflows import catalog, exporting, importing, modification, rendering
+from ..workflows import planners as planning
+from ..workflows import scenarios as scenario_work
+from ..workflows.analysis import comparison, figures, optimization
+from ..workflows.context import WorkflowContext
+from ..workflows.generation import generate
+from ..workflows.scenarios import ChosenScenario, choose_scenarios
+from .calling import Caller
+from .objects import Picture, Run, Runs, Scenario, Scenarios
+
+_Arguments = TypeVar("_Arguments", bound=Arguments)
+_Long = TypeVar("_Long", bound="_LongAnswer")
+_WAIT_S = 50.0
+"""How long one look at a job waits; the longest that its request allows."""
+
+
+class _LongAnswer(Protocol):
+    """An answer that names the job that still makes it."""
+
+    @property
+    def state(self) -> str: ...
+
+    @property
+    def job_id(self) -> str | None: ...
+
+
+AnyPlanner = str | OwnPlanner | Planner | type[Planner]
+"""A configuration by id or name, such as ``frenetix:Default``, or a planner of one's own: an object, or its class."""
+
+
+class Workspace:
+    """A folder of scenarios, configurations, runs and results, and everything that can be done with them.
+
+    Workers start with the first call that needs them, and end with :meth:`close` or the ``with`` block. Everything that
+    is made is stored; what was made before by the same request is found again, also by a server on the same folder.
+
+    Args:
+        folder: where everything is stored; None for the folder that a server uses by default.
+        settings: those of the server by name, such as ``workers=4`` or ``maps_online="offline"``.
+    """
+
+    def __init__(self, folder: str | Path | None = None, **settings: Any) -> None:
+        if folder is not None:
+            settings["workspace"] = Path(folder)
+        options = Settings(**settings).service_options(Path.cwd())
+        self._caller = Caller(options)
+        self._planners = ExitStack()
+        self._known: list[tuple[object, str]] = []
+
+    def __enter__(self) -> "Workspace":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the workers; what is stored stays."""
+        self._planners.close()
+        self._caller.close()
+
+    @property
+    def stored(self) -> StoredWorkspace:
+        """The stored artifacts, their records and files."""
+        return self._caller.services.workspace
+
+    def catalog(self, **arguments: Any) -> DescribeCatalogResult:
+        """Return what the catalogue holds, and the words by which it can be searched (``describe_catalog``)."""
+        return self._caller.call(catalog.describe_catalog, read_arguments(DescribeCatalogArguments, arguments))
+
+    def generate(self, **arguments: Any) -> Scenarios:
+        """Make scenarios from maps (``generate_scenarios``); waits until all of them are made."""
+        asked = read_arguments(GenerateScenariosArguments, arguments)
+        made = self._ended(generate.generate_scenarios, asked)
+        ids = [one.scenario_id for one in made.scenarios]
+        if made.plan is not None:
+            ids = [one.scenario_id for one in self._caller.call(_meant, made.plan.plan_id)]
+        return Scenarios(made, [self.scenario(key) for key in ids])
+
+    def find(self, text: str | None = None, **arguments: Any) -> Scenarios:
+        """Search the catalogue (``find_scenarios``)."""
+        asked = arguments if text is None else {"text": text, **arguments}
+        found = self._caller.call(catalog.find_scenarios, read_arguments(FindScenariosArguments, asked))
+        return Scenarios(found, [self.scenario(match.scenario_id) for match in found.matches])
+
+    def import_files(self, path: str | Path, **arguments: Any) -> ImportFilesResult:
+        """Take in scenarios, maps, weight files and archives (``import_files``); waits until all of them are in."""
+        asked = read_arguments(ImportFilesArguments, {"path": str(path), **arguments})
+        return self._ended(importing.import_files, asked)
+
+    def scenario(self, scenario_id: str) -> Scenario:
+        """Return a stored scenario by its id, ``ID#problem`` for another planning problem than the first."""
+        return Scenario(self, scenario_id)
+
+    def describe(self, scenario: "str | Scenario", **arguments: Any) -> DescribeScenarioResult:
+        """Describe a scenario in words and ids (``describe_scenario``)."""
+        asked = read_arguments(DescribeScenarioArguments, {"scenario_id": str(scenario), **arguments})
+        return self._caller.call(scenario_work.describe_scenario, asked)
+
+    def edit(self, scenario: "str | Scenario", edits: Sequence[Mapping[str, Any] | str], **arguments: Any) -> Scenarios:
+        """Store a scenario with edits (``modify_scenario``); the result has no scenario after a ``dry_run``."""
+        asked = {"scenario_id": str(scenario), "edits": list(edits), **arguments}
+        made = self._caller.call(modification.modify_scenario, read_arguments(ModifyScenarioArguments, asked))
+        return Scenarios(made, [] if made.scenario_id is None else [self.scenario(made.scenario_id)])
+
+    def planners(self, **arguments: Any) -> ListPlannersResult:
+        """Return the planners, and what can be set in one (``list_planners``)."""
+        return self._caller.call(planning.list_planners, read_arguments(ListPlannersArguments, arguments))
+
+    def configure(self, planner: AnyPlanner | None = None, **arguments: Any) -> ConfigurePlannerResult:
+        """Store a configuration that is made from a preset and changes (``configure_planner``)."""
+        asked = arguments if planner is None else {"planner": self._named(planner), **arguments}
+        return self._caller.call(planning.configure_planner, read_arguments(ConfigurePlannerArguments, asked))
+
+    def run(
+        self,
+        scenarios: "Sequence[str | Scenario] | str | Scenario",
+        planners: "Sequence[AnyPlanner] | AnyPlanner" = "current",
+        **arguments: Any,
+    ) -> Runs:
+        """Run planners on scenarios (``run_planner``), and wait until all runs are made.
+
+        A planner may be an object of one's own: its ``plan()`` is then called in this thread, so that breakpoints and
+        debuggers work. Planners that are named drive in worker processes.
+
+        Raises:
+            PlannerForgeError: a scenario or planner that does not exist.
+        """
+        asked = read_arguments(
+            RunPlannerArguments,
+            {
+                "scenarios": [str(one) for one in _several(scenarios)],
+                "configs": [self._named(one) for one in _several(planners)],
+                **arguments,
+            },
+        )
+        made = self._ended(planning.run_planner, asked)
+        ids = [line.run_id for line in made.runs]
+        if made.batch_id is not None:
+            ids = list(self.stored.get(made.batch_id, "batch").read(BatchRecord).runs)
+        return Runs(self, made, [Run(self, key) for key in ids])
+
+    def analyse(
+        self, results: "Sequence[str | Runs | Run] | str | Runs | Run", **arguments: Any
+    ) -> AnalyzeResultsResult:
+        """Return rates, metrics, costs and findings of runs (``analyze_results``)."""
+        asked = read_arguments(AnalyzeResultsArguments, {"results": _result_ids(results), **arguments})
+        return self._caller.call(figures.analyze_results, asked)
+
+    def compare(self, *results: "str | Runs | Run", **arguments: Any) -> CompareResultsResult:
+        """Compare results with paired tests, the first as the baseline (``compare_results``)."""
+        asked = read_arguments(CompareResultsArguments, {"results": _result_ids(results), **arguments})
+        return self._caller.call(comparison.compare_results, asked)
+
+    def optimise(
+        self, scenarios: "Sequence[str | Scenario] | str | Scenario", base: AnyPlanner = "current", **arguments: Any
+    ) -> OptimizePlannerResult:
+        """Search for a better configuration, or say which weights matter (``optimize_planner``); waits for the end."""
+        given = {"scenarios": [str(one) for one in _several(scenarios)], "base": self._named(base), **arguments}
+        asked = read_arguments(OptimizePlannerArguments, given)
+        return self._ended(optimization.optimize_planner, asked)
+
+    def render(self, *things: "str | Scenario | Run | Runs", **arguments: Any) -> tuple[Picture, ...]:
+        """Draw pictures, animations and charts (``render``)."""
+        ids = [key for one in things for key in _ids_of(one)]
+        drawing = self._caller.call(rendering.render, read_arguments(RenderArguments, {"ids": ids, **arguments}))
+        return tuple(Picture(Path(one.path), one.mime_type, one.alt_text) for one in drawing.made.images)
+
+    def artifacts(self, **arguments: Any) -> ListArtifactsResult:
+        """List artifacts or jobs, the newest first (``list_artifacts``)."""
+        return self._caller.call(artifact_work.list_artifacts, read_arguments(ListArtifactsArguments, arguments))
+
+    def export(
+        self, *things: "str | Scenario | Run | Runs", folder: str | Path, **arguments: Any
+    ) -> ExportArtifactsResult:
+        """Write artifacts, tables, pictures and reports into a folder (``export_artifacts``)."""
+        ids = [key for one in things for key in _ids_of(one)]
+        asked = read_arguments(ExportArtifactsArguments, {"ids": ids, "folder": str(folder), **arguments})
+        return self._caller.call(exporting.export_artifacts, asked)
+
+    def job(self, job_id: str = "latest", **arguments: Any) -> JobResult:
+        """Look at a job, or wait for its end (``get_job``)."""
+        return self._caller.call(
+            artifact_work.get_job, read_arguments(GetJobArguments, {"job_id": job_id, **arguments})
+        )
+
+    def cancel_job(self, job_id: str = "latest") -> JobResult:
+        """Stop a job; what is finished stays (``cancel_job``)."""
+        return self._caller.call(artifact_work.cancel_job, read_arguments(CancelJobArguments, {"job_id": job_id}))
+
+    def _ended(self, workflow: Callable[..., Awaitable[_Long]], asked: Arguments) -> _Long:
+        """Return what a workflow returns once its job has ended; the same request then finds all that was made.
+
+        If the caller interrupts the wait, the job is cancelled; what is finished stays.
+        """
+        answer = self._caller.call(workflow, asked)
+        while answer.state == "running" and answer.job_id:
+            try:
+                self.job(answer.job_id, wait_s=_WAIT_S)
+            except BaseException:
+                self.cancel_job(answer.job_id)
+                raise
+            answer = self._caller.call(workflow, asked)
+        if answer.state in ("failed", "cancelled") and answer.job_id:
+            job = self.job(answer.job_id, wait_s=0)
+            raise NotPossible(f"{job.job_id} {job.state}: {job.error or job.message}", next_step=job.next_step)
+        return answer
+
+    def _named(self, planner: AnyPlanner) -> str:
+        """Return the words that name a planner in a request; an object of one's own becomes known by a name first."""
+        if isinstance(planner, str):
+            return planner
+        known = next((name for one, name in self._known if one is planner), None)
+        if known is None:
+            known, here = _own(planner)
+            self._planners.enter_context(planners_here({known: here}))
+            self._known = [(one, name) for one, name in self._known if name != known] + [(planner, known)]
+        return f"{known}:Default"
+
+
+async def _meant(word: str, context: WorkflowContext) -> tuple[ChosenScenario, ...]:
+    return choose_scenarios([word], context).scenarios
+
+
+def _several(things: Any) -> list[Any]:
+    return list(things) if isinstance(things, Sequence) and not isinstance(things, str) else [things]
+
+
+def _ids_of(thing: "str | Scenario | Scenarios | Run | Runs") -> list[str]:
+    """Return the ids by which requests name something."""
+    if isinstance(thing, Runs):
+        return thing.result_ids
+    return [str(one) for one in thing] if isinstance(thing, Scenarios) else [str(thing)]
+
+
+def _result_ids(results: Any) -> list[str]:
+    several = [results] if isinstance(results, Runs) else _several(results)
+    return [key for one in several for key in _ids_of(one)]
+
+
+def _own(planner: OwnPlanner | Planner | type[Planner]) -> tuple[str, PlannerHere]:
+    """Return the name of a planner of the caller's, and what is known of it.
+
+    Raises:
+        InvalidRequest: it is no planner.
+    """
+    if isinstance(planner, OwnPlanner):
+        return _folded(planner.make), PlannerHere(planner, _source(planner.make, planner.declaration.model_dump_json()))
+    if isinstance(planner, type):
+        return _folded(planner), PlannerHere(OwnPlanner(planner, _declared(planner)), _source(planner, ""))
+    if not (callable(getattr(planner, "reset", None)) and callable(getattr(planner, "plan", None))):
+        raise InvalidRequest(
+            f"{type(planner).__name__} is no planner",
+            valid=["a configuration such as frenetix:Default", "a class or object with reset and plan"],
+            next_step="see docs/own_planner.md",
+        )
+    made = OwnPlanner(lambda: planner, _declared(type(planner)))
+    return _folded(type(planner)), PlannerHere(made, _source(type(planner), _state(planner)))
+
+
+def _declared(kind: type) -> PlannerDeclaration:
+    return PlannerDeclaration(summary=(inspect.getdoc(kind) or kind.__name__).splitlines()[0])
+
+
+def _folded(maker: object) -> str:
+    """Return ``my_planner`` for the class ``MyPlanner``."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", getattr(maker, "__name__", "own_planner")).lower()
+
+
+def _source(maker: Any, state: str) -> str:
+    """Return the text that tells versions of a planner apart: the code of its file, and the state of the object.
+
+    If the code is unknown, no two calls have the same version: no stored run is then taken for one of this planner.
+    """
+    places: list[Any] = [inspect.getmodule(maker), maker]
+    for place in places:  # the second: of a class in a cell of a notebook
+        try:
+            return inspect.getsource(place) + state
+        except (OSError, TypeError):
+            continue
+    return uuid.uuid4().hex
+
+
+def _state(planner: object) -> str:
+    """Return the attributes of a planner as text; another one each time if they cannot be written down."""
+    try:
+        return pickle.dumps(vars(planner)).hex()
+    except (TypeError, AttributeError, pickle.PicklingError):
+        return uuid.uuid4().hex

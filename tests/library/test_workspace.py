@@ -1,0 +1,127 @@
+"""The Python door on real workers: own planners drive in the caller's thread, and all work of tools is reachable."""
+
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.builders import town_road
+
+from plannerforge.engine.planners import Observation, Plan, PlannedTrajectory, PlanningTask
+from plannerforge.library import Workspace
+from plannerforge.schemas.errors import InvalidRequest, UnknownName
+from plannerforge.tools.registry import TOOLS
+
+METHODS = {
+    "describe_catalog": "catalog",
+    "generate_scenarios": "generate",
+    "find_scenarios": "find",
+    "import_files": "import_files",
+    "describe_scenario": "describe",
+    "modify_scenario": "edit",
+    "list_planners": "planners",
+    "configure_planner": "configure",
+    "run_planner": "run",
+    "get_job": "job",
+    "cancel_job": "cancel_job",
+    "analyze_results": "analyse",
+    "compare_results": "compare",
+    "optimize_planner": "optimise",
+    "render": "render",
+    "list_artifacts": "artifacts",
+    "export_artifacts": "export",
+}
+
+
+class Straight:
+    """Goes straight on at its speed."""
+
+    def __init__(self, share: float = 1.0) -> None:
+        self.share, self.threads = share, set[int]()
+
+    def reset(self, task: PlanningTask) -> None:
+        self.step_s = task.step_s
+
+    def plan(self, observation: Observation) -> Plan:
+        self.threads.add(threading.get_ident())
+        ego = observation.ego
+        times = np.arange(21) * self.step_s
+        direction = np.array([np.cos(ego.heading_rad), np.sin(ego.heading_rad)])
+        positions = ego.position + np.outer(times * ego.speed_mps, direction)
+        same = np.ones(21)
+        return Plan(PlannedTrajectory(positions, ego.heading_rad * same, ego.speed_mps * same, 0.0 * same))
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workspace]:
+    folder = tmp_path_factory.mktemp("door")
+    town_road().write(folder / "town.xml")
+    with Workspace(folder / "workspace", roots=(folder,), workers=1, starter=False, warm_up=False) as opened:
+        opened.import_files(folder / "town.xml", kind="scenario")
+        yield opened
+
+
+def scenario_of(workspace: Workspace) -> str:
+    return workspace.artifacts(kind="scenario").artifacts[0].artifact_id
+
+
+def test_every_tool_has_a_method_of_the_workspace() -> None:
+    assert set(METHODS) == {spec.name for spec in TOOLS}
+    assert all(callable(getattr(Workspace, method)) for method in METHODS.values())
+
+
+def test_an_own_planner_drives_in_the_thread_of_its_caller(workspace: Workspace) -> None:
+    planner = Straight()
+    runs = workspace.run(scenario_of(workspace), planner)
+    assert planner.threads == {threading.get_ident()}
+    assert runs[0].record.planner == "straight"
+    assert list(runs.to_pandas()["run_id"]) == [runs[0].run_id]
+    assert len(runs[0].to_pandas()) == len(runs[0].steps.x_m)
+
+
+def test_the_same_planner_again_is_the_stored_run_and_another_state_is_not(workspace: Workspace) -> None:
+    planner = Straight(0.5)
+    first = workspace.run(scenario_of(workspace), planner)
+    again = workspace.run(scenario_of(workspace), planner)
+    other = workspace.run(scenario_of(workspace), Straight(0.7))
+    assert first[0].run_id == again[0].run_id
+    assert first[0].run_id != other[0].run_id
+
+
+def test_several_runs_are_a_batch_that_can_be_analysed_and_compared(workspace: Workspace) -> None:
+    scenario = scenario_of(workspace)
+    runs = workspace.run(scenario, ["idm:Default", Straight])
+    assert [run.record.planner for run in runs] == ["idm", "straight"]
+    assert workspace.analyse(runs).runs == 2
+    assert len(workspace.compare(runs).sides) == 2
+
+
+def test_what_is_no_planner_and_what_is_unknown_is_refused(workspace: Workspace) -> None:
+    with pytest.raises(InvalidRequest):
+        workspace.run(scenario_of(workspace), 3)  # type: ignore[arg-type]
+    with pytest.raises(UnknownName):
+        workspace.describe("no_such_scenario")
+    with pytest.raises(InvalidRequest):
+        workspace.describe(scenario_of(workspace), detial="full")
+
+
+def test_a_planner_that_fails_raises_and_the_workspace_goes_on(workspace: Workspace) -> None:
+    class Broken(Straight):
+        """Has no plan."""
+
+        def plan(self, observation: Observation) -> Plan:
+            raise RuntimeError("no idea")
+
+    with pytest.raises(Exception, match="no idea"):
+        workspace.run(scenario_of(workspace), Broken())
+    assert workspace.artifacts(kind="scenario").artifacts
+
+
+def test_importing_the_package_loads_only_the_standard_library() -> None:
+    program = "import sys; before = set(sys.modules); import plannerforge; print(*sorted(set(sys.modules) - before))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=Path.home())
+    loaded = {name.partition(".")[0] for name in done.stdout.split()}
+    assert loaded <= {"plannerforge", *sys.stdlib_module_names}

@@ -1,0 +1,58 @@
+"""From arguments to maps, where what several cannot meet is told of all; and how rows of a plan take their sites."""
+
+import pytest
+
+from plannerforge.engine.generation import Hopeless
+from plannerforge.engine.maps import MapMatch
+from plannerforge.engine.maps.index import built_in_maps
+from plannerforge.schemas.errors import NotPossible
+from plannerforge.schemas.generation import GenerateScenariosArguments
+from plannerforge.workflows.generation.coverage import Spot
+from plannerforge.workflows.generation.requests import plan_maps
+
+MATCHES = [MapMatch(entry) for entry in built_in_maps()[:3]]
+IDS = [match.entry.facts.map_id for match in MATCHES]
+
+
+def test_a_type_that_no_map_of_a_box_holds_is_refused_with_what_all_of_them_hold() -> None:
+    entries = [entry for entry in built_in_maps() if "roundabout" not in entry.facts.sites]
+    arguments = GenerateScenariosArguments(scenario_type="roundabout", country="ZAM", bbox=[-80.0, -170.0, 80.0, 170.0])
+    with pytest.raises(NotPossible, match=f"none of {len(entries)} maps holds any roundabout site") as caught:
+        plan_maps(arguments, entries)
+    assert set(caught.value.valid) == {kind for entry in entries for kind in entry.facts.sites}
+
+
+def test_a_single_map_is_left_to_say_itself_what_it_lacks() -> None:
+    arguments = GenerateScenariosArguments(scenario_type="ramp", place="Landmoor")
+    assert [match.entry.facts.place for match in plan_maps(arguments, built_in_maps()).matches] == ["Landmoor"]
+
+
+def taken(spot: Spot, turns: dict[str, int], hopeless: Hopeless, levels: tuple[int, ...] = (0, 1)) -> list[str]:
+    """The turns of one row: the numbers of map and site, ``-`` before those that it passes over."""
+    return [
+        f"{'-' * (state == 'passed')}{IDS.index(match.entry.facts.map_id)}.{site}"
+        for match, site, _, state in spot.turns(turns, levels, hopeless, seed=7)
+    ]
+
+
+def test_rows_take_all_sites_in_turn_and_then_another_seed() -> None:
+    spot, turns = Spot("ramp", ((MATCHES[0], 2), (MATCHES[1], 1))), dict[str, int]()
+    assert [taken(spot, turns, frozenset()) for _ in range(4)] == [["0.0"], ["1.0"], ["0.1"], ["0.0"]]
+    assert [seed for _, _, seed, _ in spot.turns(turns, (0, 1), frozenset(), seed=7)] == [8]
+    assert turns == {"ramp": 5}
+
+
+def test_a_row_passes_over_the_sites_of_a_map_that_does_not_suit_it() -> None:
+    spot, turns = Spot("ramp", ((MATCHES[0], 3), (MATCHES[1], 1))), dict[str, int]()
+    hopeless: Hopeless = frozenset({("ramp", IDS[0], 1, 1), ("rural", IDS[1], 1, 1), ("ramp", IDS[1], 1, 0)})
+    assert taken(spot, turns, hopeless) == ["-0.0", "1.0"]
+    assert taken(spot, turns, hopeless, (0, 2)) == ["0.1"]
+    assert taken(spot, turns, hopeless) == ["-0.2", "-0.0", "1.0"]
+
+
+def test_a_row_takes_what_comes_where_no_map_suits_it_or_those_that_do_are_far() -> None:
+    none: Hopeless = frozenset(("ramp", key, 1, 1) for key in IDS)
+    assert taken(Spot("ramp", tuple((match, 1) for match in MATCHES)), {}, none) == ["0.0"]
+    first: Hopeless = frozenset({("ramp", IDS[0], 1, 1)})
+    far = Spot("ramp", ((MATCHES[0], 9), (MATCHES[1], 1)))
+    assert taken(far, {"ramp": 2}, first) == ["-0.1", "-0.2", "-0.3", "-0.4", "0.5"]

@@ -1,0 +1,105 @@
+"""describe_scenario tells how a generated scenario came out, and what its vehicles were generated as."""
+
+import json
+
+import pytest
+from support.server import Connect
+
+from plannerforge.server.settings import Settings
+from plannerforge.workflows.generation.record import REPORT
+
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
+WISH = {
+    "place": "Musterstadt",
+    "scenario_type": "urban",
+    "vehicles": ["delivery=2", "moped=1", "truck=1"],
+    "duration_s": 5,
+}
+
+
+async def test_classes_that_commonroad_has_no_type_for_are_told_of_every_vehicle(connect: Connect) -> None:
+    async with connect() as client:
+        await client.call_tool("generate_scenarios", WISH)
+        answer = await client.call_tool("describe_scenario", {"detail": "vehicles", "radius_m": 2000})
+        assert answer.structured_content is not None
+        vehicles = answer.structured_content["description"]["vehicles"]
+        classes = [(one["kind"], one["vehicle_class"]) for one in vehicles if one["kind"] != "car"]
+        assert sorted(classes) == [("motorcycle", "moped"), ("truck", ""), ("truck", "delivery"), ("truck", "delivery")]
+        assert str(answer.content).count(" truck (delivery): ") == 2
+        assert str(answer.content).count(" motorcycle (moped): ") == 1
+
+
+async def test_asked_and_realised_are_told_with_the_checks(connect: Connect) -> None:
+    async with connect() as client:
+        made = (await client.call_tool("generate_scenarios", WISH)).structured_content
+        assert made is not None
+        answer = await client.call_tool("describe_scenario", {"detail": "checks"})
+        assert answer.structured_content is not None
+        told = answer.structured_content["generation"]
+        assert told["site"]["latitude"] == made["scenarios"][0]["latitude"]
+        assert told["classes_asked"] == {"truck": 1, "delivery": 2, "moped": 1}
+        assert told["vehicles_realised"] == made["scenarios"][0]["vehicles_realised"]
+        assert told["checks_failed"] == []
+        assert "Generated: urban (asked: urban) at " in str(answer.content)
+        assert "5 s recorded (asked: 5 s)" in str(answer.content)
+
+
+async def test_notes_and_warnings_are_listed_whole_where_the_detail_asks_for_them(
+    connect: Connect, settings: Settings
+) -> None:
+    async with connect() as client:
+        made = (await client.call_tool("generate_scenarios", WISH)).structured_content
+        assert made is not None
+        path = settings.workspace / "scenarios" / made["scenarios"][0]["scenario_id"] / REPORT
+        warnings = [f"edge {number} is odd" for number in range(40)]
+        repair = "an earlier try was given up: vehicles overlap"
+        kept = json.loads(path.read_text()) | {"netconvert_warnings": warnings, "notes": [repair]}
+        path.write_text(json.dumps(kept))
+        brief = str((await client.call_tool("describe_scenario", {})).content)
+        assert "Generated:" not in brief
+        assert warnings[7] not in brief
+        for detail in ("checks", "recipe"):
+            text = str((await client.call_tool("describe_scenario", {"detail": detail})).content)
+            assert all(f"netconvert: {warning}" in text for warning in warnings)
+            assert f"Generation note: {repair}" in text
+
+
+async def test_scenarios_of_other_origin_have_no_such_part(connect: Connect) -> None:
+    async with connect() as client:
+        answer = await client.call_tool("describe_scenario", {})
+        assert answer.structured_content is not None
+        assert answer.structured_content["generation"] is None
+        assert "Generated:" not in str(answer.content)
+
+
+async def test_shares_of_traffic_are_told_with_their_source(connect: Connect) -> None:
+    async with connect() as client:
+        wish = {"place": "Musterstadt", "vehicles": ["bus", "taxi", "truck=30%"], "duration_s": 5}
+        made = (await client.call_tool("generate_scenarios", wish)).structured_content
+        assert made is not None
+        bus, taxi, truck = made["scenarios"][0]["notes"][:3]
+        source = "ACEA, Vehicles in use in Europe: EU, 2019"
+        assert bus == f"bus: its share of traffic, 0.25 % of all vehicles ({source}), one at least"
+        assert taxi.startswith("taxi: one at least; how many there are in traffic is not known here")
+        realised = made["scenarios"][0]["classes_realised"]
+        assert (realised["bus"], realised["taxi"]) == (1, 1)
+        assert truck.startswith("truck: 30% of all vehicles asked, ")
+        assert 0.2 < realised["truck"] / made["scenarios"][0]["vehicles_realised"] < 0.4
+
+
+async def test_conditions_are_told_and_the_scenario_is_found_by_them_after_an_edit_too(connect: Connect) -> None:
+    async with connect() as client:
+        conditions = ["time=night", "drivers=m25_gaps", "trips=fringe"]
+        wish = {"place": "Musterstadt", "duration_s": 5, "conditions": conditions}
+        made = (await client.call_tool("generate_scenarios", wish)).structured_content
+        assert made is not None
+        scenario_id = made["scenarios"][0]["scenario_id"]
+        assert "quarter million pairs on the M25" in str(made["notes"])
+        told = str((await client.call_tool("describe_scenario", {"detail": "recipe"})).content)
+        assert all(word in told for word in ("time=02:30", "drivers=m25_gaps", "trips=fringe"))
+        edit = {"edits": [{"op": "remove_vehicle", "vehicles": ["farthest"]}], "scenario_id": scenario_id}
+        edited = (await client.call_tool("modify_scenario", edit)).structured_content
+        found = (await client.call_tool("find_scenarios", {"tags": ["night"]})).structured_content
+        assert found is not None
+        assert edited is not None
+        assert {one["scenario_id"] for one in found["matches"]} == {scenario_id, edited["scenario_id"]}

@@ -1,0 +1,252 @@
+"""What was made, and the jobs that make it: listed, waited for, stopped."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+from ..engine.execution import Job
+from ..engine.planners import PLANNERS
+from ..engine.workspace import Artifact
+from ..schemas.artifacts import (
+    RESOURCE_SCHEME,
+    BatchSummary,
+    ConfigSuccess,
+    ListArtifactsArguments,
+    ListArtifactsResult,
+    ListedArtifact,
+    SuccessRequest,
+)
+from ..schemas.catalog import SearchRecord
+from ..schemas.errors import NotPossible, UnknownName
+from ..schemas.jobs import CancelJobArguments, GetJobArguments, JobResult
+from ..schemas.runs import BatchRecord, RunRecord, configuration_id
+from ..schemas.text import counted
+from .context import WorkflowContext
+from .operations import SUCCESS_RATES
+from .results import lineages, run_record, told_apart
+
+_NEXT = {
+    "running": "call get_job again with the same job_id",
+    "done": "use the finished ids, for instance in analyze_results",
+    "failed": "correct what the error names and start again; what is finished is reused",
+    "cancelled": "the finished results stay; the same call takes up the rest",
+    "interrupted": "its server ended; the same call takes up the rest, what is finished is reused",
+}
+_MOST_NAMED = 100
+"""Of a token's own jobs, the newest that are looked through for those that run; chosen."""
+_NEXT_AFTER_IMPORT = "search with find_scenarios, or list what came in with list_artifacts"
+
+
+async def list_artifacts(arguments: ListArtifactsArguments, context: WorkflowContext) -> ListArtifactsResult:
+    """Artifacts or jobs, newest first."""
+    if arguments.kind == "job":
+        return _jobs(arguments, context)
+    artifacts = context.workspace.newest(
+        kind=arguments.kind,
+        parent=arguments.parent,
+        text=arguments.text,
+        limit=arguments.limit + 1,
+        offset=arguments.offset,
+    )
+    shown = artifacts[: arguments.limit]
+    listed = tuple(_listed(artifact) for artifact in shown)
+    if arguments.kind == "batch":
+        batches = await _summaries([artifact.read(BatchRecord) for artifact in shown], context)
+        listed = tuple(item.model_copy(update={"batch": batch}) for item, batch in zip(listed, batches, strict=True))
+    return ListArtifactsResult(artifacts=listed, more=len(artifacts) > arguments.limit)
+
+
+async def _summaries(batches: Sequence[BatchRecord], context: WorkflowContext) -> list[BatchSummary]:
+    """What came out of each batch, configurations in order of their runs; rates are those of ``analyze_results``."""
+    run_ids = dict.fromkeys(run_id for batch in batches for run_id in batch.runs)
+    records = told_apart(run_record(context.workspace.get(run_id, "run")) for run_id in run_ids)
+    known = {record.run_id: record for record in records}
+    roots = {one.scenario_id: one.root for one in lineages((run.scenario_id for run in known.values()), context)}
+    groups = [_by_config([known[run_id] for run_id in batch.runs]) for batch in batches]
+    sets = tuple(
+        tuple((roots.get(run.scenario_id, run.scenario_id), run.outcome == "goal_reached") for run in _valid(runs))
+        for group in groups
+        for runs in group.values()
+    )
+    rates = iter((await context.run(SUCCESS_RATES, SuccessRequest(sets=sets))).rates if sets else ())
+    names = _config_names(known.values())
+    return [
+        BatchSummary(
+            prediction=batch.prediction,
+            traffic=batch.traffic,
+            scenarios=len(
+                {known[run_id].scenario_id for run_id in batch.runs} | {cell.scenario_id for cell in batch.lost}
+            ),
+            configs=tuple(
+                ConfigSuccess(
+                    config_id=configuration_id(config_id),
+                    config_name=names[config_id],
+                    success=next(rates),
+                    invalid=len(runs) - len(_valid(runs)),
+                )
+                for config_id, runs in group.items()
+            ),
+            lost=len(batch.lost),
+        )
+        for batch, group in zip(batches, groups, strict=True)
+    ]
+
+
+def _valid(runs: Sequence[RunRecord]) -> list[RunRecord]:
+    return [run for run in runs if run.outcome != "invalid"]
+
+
+def _by_config(runs: Iterable[RunRecord]) -> dict[str, list[RunRecord]]:
+    groups: dict[str, list[RunRecord]] = {}
+    for run in runs:
+        groups.setdefault(run.config_id, []).append(run)
+    return groups
+
+
+def _config_names(runs: Iterable[RunRecord]) -> dict[str, str]:
+    """The names of configurations by id; where several have one name, with their ids."""
+    names = {run.config_id: run.config_name for run in runs}
+    often = Counter(names.values())
+    return {config_id: name if often[name] == 1 else f"{name} {config_id}" for config_id, name in names.items()}
+
+
+def _listed(artifact: Artifact) -> ListedArtifact:
+    return ListedArtifact(
+        artifact_id=artifact.artifact_id,
+        kind=artifact.kind,
+        name=_name(artifact),
+        made_by=artifact.recipe.tool,
+        parents=artifact.recipe.parents,
+        made_at=artifact.made_at,
+        uri=f"{RESOURCE_SCHEME}{artifact.kind}/{artifact.artifact_id}/record",
+    )
+
+
+def _name(artifact: Artifact) -> str:
+    """Return the name of an artifact.
+
+    A search is named by its conditions and the number of its matches, a run of a planner that is not built in with the
+    version that drove.
+    """
+    if artifact.kind == "run":
+        record = run_record(artifact)
+        return artifact.name if record.planner in PLANNERS else f"{artifact.name} {record.planner_version}"
+    if artifact.kind != "search":
+        return artifact.name
+    search = artifact.read(SearchRecord)
+    count = len(search.scenario_ids) if search.total is None else search.total
+    return f"{search.arguments.in_words()}: {counted(count, 'match')}"
+
+
+def _jobs(arguments: ListArtifactsArguments, context: WorkflowContext) -> ListArtifactsResult:
+    jobs = context.jobs.store.newest(arguments.limit + 1, arguments.offset)
+    listed = tuple(
+        ListedArtifact(
+            artifact_id=job.job_id,
+            kind="job",
+            name=f"{job.state}, {job.share:.0%}",
+            made_by=job.recipe.tool,
+            parents=job.recipe.parents,
+            made_at="",
+            uri="",
+        )
+        for job in jobs[: arguments.limit]
+    )
+    return ListArtifactsResult(artifacts=listed, more=len(jobs) > arguments.limit)
+
+
+async def get_job(arguments: GetJobArguments, context: WorkflowContext) -> JobResult:
+    """Wait for the end of a job."""
+    job_id = _job_id(arguments.job_id, context)
+    job = await context.wait_for(job_id, arguments.wait_s)
+    return _job_result(job)
+
+
+async def cancel_job(arguments: CancelJobArguments, context: WorkflowContext) -> JobResult:
+    """Stop a job."""
+    job = await context.jobs.cancel(_own_job_id(arguments.job_id, context))
+    if not job.ended:
+        raise NotPossible(
+            f"{job.job_id} runs in another server on this workspace",
+            next_step="cancel it from the client that started it",
+        )
+    return _job_result(job)
+
+
+def _job_id(word: str, context: WorkflowContext) -> str:
+    """The id of a job; ``latest`` is the client's own, else the newest of the workspace, which is told."""
+    if word != "latest":
+        return context.jobs.store.get(word).job_id
+    own = _own_latest(context)
+    if own is not None:
+        return own
+    newest = context.jobs.store.get(word)
+    context.tell_whose("job", newest.job_id)
+    return newest.job_id
+
+
+def _own_latest(context: WorkflowContext) -> str | None:
+    """The job that the client started last, else the newest that was begun with its token, which is told."""
+    last = context.services.recent.last(["job"])
+    if last:
+        return last[0][1]
+    owner = context.services.owner
+    before = context.jobs.store.newest_of(owner, 1) if owner else []
+    if not before:
+        return None
+    context.tell_whose("job", before[0].job_id, "this token's")
+    return before[0].job_id
+
+
+def _own_job_id(word: str, context: WorkflowContext) -> str:
+    """The id of a job that the client may stop: any, where no token is asked for, else one that its token began.
+
+    Raises:
+        NotPossible: another began it; those of its own that run are named.
+        UnknownName: there is none.
+    """
+    owner = context.services.owner
+    if not owner:
+        return _job_id(word, context)
+    own = _own_latest(context) if word == "latest" else word
+    if own is None:
+        raise UnknownName(
+            "no job was begun with this token", next_step="get_job and list_artifacts show those of others"
+        )
+    job = context.jobs.store.get(own)
+    if job.owner != owner:
+        running = [each.job_id for each in context.jobs.store.newest_of(owner, _MOST_NAMED) if not each.ended]
+        raise NotPossible(
+            f"{job.job_id} was not begun with this token",
+            valid=running,
+            next_step="cancel it with the token that began it; get_job shows how far it is",
+        )
+    return job.job_id
+
+
+def _job_result(job: Job) -> JobResult:
+    return JobResult(
+        job_id=job.job_id,
+        kind=job.kind,
+        state=job.state,
+        share=round(job.share, 4),
+        message=job.message,
+        remaining_s=None if job.remaining_s is None else round(job.remaining_s, 1),
+        results=job.results,
+        error=job.error,
+        next_step=_next_step(job),
+    )
+
+
+def _batches(job: Job) -> list[str]:
+    return [key for key in job.results if key.startswith("batch_")]
+
+
+def _next_step(job: Job) -> str:
+    if job.state != "done":
+        return _NEXT[job.state]
+    if job.kind == "plan":
+        return f"run_planner with scenarios ['{job.results[0]}']"
+    batches = _batches(job)
+    if batches:
+        return f"analyze_results or compare_results with results ['{batches[-1]}']"
+    return _NEXT_AFTER_IMPORT if job.kind == "import" else _NEXT[job.state]

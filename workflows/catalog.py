@@ -1,0 +1,247 @@
+"""What the catalogue holds, and searches of it."""
+
+import hashlib
+from collections import Counter
+from collections.abc import Sequence
+from itertools import islice
+
+from ..engine.catalog import (
+    Ranking,
+    Search,
+    description_of,
+    entries_of,
+    is_place,
+    known_places,
+    open_catalogue,
+    scenario_facets,
+)
+from ..engine.cosimulation import presets as behaviour_presets
+from ..engine.maps import country_code, find_maps
+from ..engine.planners import PLANNERS, planner_names
+from ..engine.tuning import tuning_of
+from ..engine.workspace import ArtifactKind, Recipe
+from ..schemas.catalog import (
+    CountryMaps,
+    DescribeCatalogArguments,
+    DescribeCatalogResult,
+    FacetCounts,
+    FindScenariosArguments,
+    FindScenariosResult,
+    RankRequest,
+    SearchRecord,
+)
+from ..schemas.errors import UnknownName, closest
+from ..schemas.generation import MapFacts
+from ..schemas.scenarios import ScenarioFacts, ScenarioRecord
+from ..schemas.text import cited, counted, one_line, quoted
+from .context import INDEX_FOLDER, WorkflowContext
+from .maps import maps_seen
+from .operations import RANK
+from .scenarios import one_scenario, opened_search, searched_within
+
+_MAPS_PAGE = 40
+"""Maps on one page of their list (chosen)."""
+_COUNTRIES_SHOWN = 8
+"""Countries of maps that are counted where all facets are asked for (chosen)."""
+
+
+async def describe_catalog(arguments: DescribeCatalogArguments, context: WorkflowContext) -> DescribeCatalogResult:
+    """Facets with counts."""
+    open_catalogue(context.workspace, with_starter=context.services.with_starter)
+    within = None if arguments.within is None else _within(arguments.within, context)
+    connection = context.workspace.database.connection()
+    maps = _maps_within(arguments.within, context)
+    if arguments.within is not None and not within and not maps and not _is_search(arguments.within):
+        raise _nowhere(arguments.within, context)
+    count, facets = scenario_facets(connection, arguments.facet, within)
+    found = DescribeCatalogResult(scenarios=count, facets=(*facets, *_other_facets(arguments, maps, context)))
+    return _with_maps(found, maps, arguments) if arguments.facet == "maps" else found
+
+
+def _within(word: str, context: WorkflowContext) -> frozenset[str]:
+    """The scenarios of a search, a coverage plan, a country or a place; none where none lies there.
+
+    Raises:
+        UnknownName: there is no such search or plan.
+    """
+    if _is_search(word):
+        return frozenset(searched_within(word, context) or ())
+    where = {"country": word} if country_code(word) else {"city": word}
+    search = opened_search(FindScenariosArguments(**where), context)
+    entries = entries_of(context.workspace.database.connection(), search.funnel.matches)
+    return frozenset(entry.scenario_id for entry in entries)
+
+
+def _other_facets(
+    arguments: DescribeCatalogArguments, maps: Sequence[MapFacts], context: WorkflowContext
+) -> list[FacetCounts]:
+    """The facets that are not about scenarios: ``maps``, ``behaviours``, ``planners``, or the wanted one of them."""
+    makers = {"maps": lambda: _maps(maps, arguments, context), "behaviours": _behaviours, "planners": _planners}
+    return [make() for name, make in makers.items() if arguments.facet in ("all", name)]
+
+
+def _maps_within(word: str | None, context: WorkflowContext) -> tuple[MapFacts, ...]:
+    """The maps of a country or place, or that show the places of a search; all maps without a word. By country."""
+    known = [entry.facts for entry in maps_seen(context).entries]
+    if word is None:
+        found = known
+    elif _is_search(word):
+        ids = searched_within(word, context) or ()
+        countries = {each.partition("_")[0] for each in ids}
+        found = [facts for facts in known if facts.country in countries]
+    elif (code := country_code(word)) is not None:
+        found = [facts for facts in known if code == facts.country or code in facts.countries_near]
+    else:
+        found = _showing(word, context)
+    return tuple(
+        sorted(found, key=lambda facts: (facts.country is None, facts.country or "", facts.place, facts.map_id))
+    )
+
+
+def _showing(place: str, context: WorkflowContext) -> list[MapFacts]:
+    try:
+        return [match.entry.facts for match in find_maps(maps_seen(context).entries, place=place)]
+    except UnknownName:
+        return []
+
+
+def _is_search(word: str) -> bool:
+    return word.startswith(("search", "plan_")) or word == "latest"
+
+
+def _nowhere(word: str, context: WorkflowContext) -> UnknownName:
+    """Neither a scenario nor a map lies there."""
+    places = {entry.facts.place for entry in maps_seen(context).entries}
+    places |= {
+        place
+        for place, country in known_places(context.workspace.database.connection()).places
+        if is_place(country, place)
+    }
+    return UnknownName(
+        f"no scenario and no map lies in {quoted(word)}, which is no search either",
+        valid=map(cited, closest(word, sorted(places))),
+        next_step="leave within out for all, or choose one of these",
+    )
+
+
+def _with_maps(
+    found: DescribeCatalogResult, maps: Sequence[MapFacts], arguments: DescribeCatalogArguments
+) -> DescribeCatalogResult:
+    """The answer with one page of the maps, country by country, and the call that shows the rest."""
+    page = maps[arguments.offset : arguments.offset + _MAPS_PAGE]
+    countries = [
+        CountryMaps(
+            country=country,
+            maps=sum(_country(facts) == country for facts in maps),
+            sites=sum(sum(facts.sites.values()) for facts in maps if _country(facts) == country),
+            listed=tuple(_map_line(facts) for facts in page if _country(facts) == country),
+        )
+        for country in dict.fromkeys(_country(facts) for facts in page)
+    ]
+    after = arguments.offset + len(page)
+    shown = f"{arguments.offset + 1} to {after}" if page else "none"
+    within = "" if arguments.within is None else f", within='{one_line(arguments.within)}'"
+    following = f"; describe_catalog facet=maps{within}, offset={after} shows more" if after < len(maps) else ""
+    cut = len(page) < len(maps)
+    rest = f"Maps {shown} of {len(maps)}{following}." if cut else ""
+    return found.model_copy(update={"maps": tuple(countries), "maps_rest": rest})
+
+
+def _country(facts: MapFacts) -> str:
+    return facts.country or (f"{'/'.join(facts.countries_near)}?" if facts.countries_near else "?")
+
+
+def _map_line(facts: MapFacts) -> str:
+    """A map with the sites of each type that can be cut from it."""
+    sites = ", ".join(f"{kind} {count}" for kind, count in sorted(facts.sites.items()) if count) or "no sites"
+    return f"{cited(facts.place)} ({facts.map_id}): {sites}"
+
+
+def _maps(maps: Sequence[MapFacts], arguments: DescribeCatalogArguments, context: WorkflowContext) -> FacetCounts:
+    """How many maps lie in each country, with what is to be known of the map folders."""
+    counted_maps = Counter(_country(facts) for facts in maps)
+    countries = dict(sorted(counted_maps.items(), key=lambda item: (-item[1], item[0])))
+    hidden = len(countries) - _COUNTRIES_SHOWN
+    shown = dict(islice(countries.items(), _COUNTRIES_SHOWN))
+    sites = sum(sum(facts.sites.values()) for facts in maps)
+    notes = [
+        f"by country, for generate_scenarios; {counted(sites, 'site')}",
+        *([f"{counted(hidden, 'more country')}"] if hidden > 0 else []),
+        *(["facet maps lists them"] if arguments.facet == "all" else []),
+        *maps_seen(context).notes,
+    ]
+    return FacetCounts(facet="maps", counts=shown if arguments.facet == "all" else countries, note="; ".join(notes))
+
+
+def _behaviours() -> FacetCounts:
+    names = dict.fromkeys(sorted(behaviour_presets()), 0)
+    return FacetCounts(facet="behaviours", counts=names, note="set_behaviour")
+
+
+def _planners() -> FacetCounts:
+    planners_of: dict[str, list[str]] = {}
+    for name in PLANNERS:
+        others = [preset for preset in tuning_of(name).presets if preset != "Default"]
+        if others:
+            planners_of.setdefault(", ".join(others), []).append(name)
+    presets = "; ".join(f"{presets} ({', '.join(names)})" for presets, names in planners_of.items())
+    counts = dict.fromkeys(planner_names(), 0)
+    return FacetCounts(facet="planners", counts=counts, note=f"PLANNER:PRESET, Default or {presets}")
+
+
+async def find_scenarios(arguments: FindScenariosArguments, context: WorkflowContext) -> FindScenariosResult:
+    """Filter by slots, rank by text, store the search, answer with one page of it."""
+    open_catalogue(context.workspace, with_starter=context.services.with_starter)
+    arguments = _resolved(arguments, context)
+    search = opened_search(arguments, context)
+    ranking = await _ranking(search, context) if search.needs_ranking else None
+    hits = search.find(ranking)
+    stages = search.stage_counts()
+    found = hashlib.sha256("\n".join(hits.matches).encode()).hexdigest()
+    recipe = Recipe(
+        tool="find_scenarios",
+        arguments=arguments.model_dump(mode="json", exclude={"limit", "offset"})
+        | {"found": found, "left": [stage.left for stage in stages]},
+        parents=tuple(key.partition("#")[0] for key in (arguments.within, arguments.like) if key),
+    )
+    search_id = f"search_{recipe.digest}"
+    total = hits.total if hits.total > len(hits.matches) else None
+    record = SearchRecord(arguments=arguments, scenario_ids=hits.matches, stages=stages, total=total)
+    context.workspace.put("search", search_id, recipe=recipe, record=record)
+    context.made("search", search_id)
+    return search.answer(search_id, hits, ranking)
+
+
+def _resolved(arguments: FindScenariosArguments, context: WorkflowContext) -> FindScenariosArguments:
+    """The arguments with ids in the place of ``latest``, and the id of the entry that others are to be like."""
+    changes = {}
+    if arguments.like is not None:
+        changes["like"] = _example(arguments.like, context).scenario_id
+    if arguments.within is not None:
+        kind: ArtifactKind = "plan" if arguments.within.startswith("plan_") else "search"
+        changes["within"] = context.artifact(arguments.within, kind).artifact_id
+    return arguments.model_copy(update=changes)
+
+
+def _example(word: str, context: WorkflowContext) -> ScenarioFacts:
+    """The entry that others are to be like; it need not be listed, as a version that was superseded."""
+    artifact, problem_id = one_scenario(word, context)
+    facts = artifact.read(ScenarioRecord).facts
+    return facts if problem_id is None else facts.seen_by(problem_id)
+
+
+async def _ranking(search: Search, context: WorkflowContext) -> Ranking:
+    arguments, candidates = search.arguments, search.candidates()
+    text = arguments.text or ""
+    if arguments.like is not None:
+        text = f"{text} {description_of(_example(arguments.like, context))}".strip()
+    request = RankRequest(
+        database=context.workspace.database.path,
+        index=context.workspace.root / INDEX_FOLDER,
+        text=text,
+        candidates=candidates,
+        method="bm25" if arguments.method == "bm25" else "semantic",
+        limit=max(len(candidates), 1),
+        model=context.services.embedding_model,
+    )
+    return Ranking.of(await context.run(RANK, request))

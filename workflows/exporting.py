@@ -1,0 +1,304 @@
+"""Writing files, pictures and reports into a folder of the user's.
+
+Stored files are copied; solution files, tables, pictures and the report are made for the export.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+from ..engine.rendering import (
+    analysis_section,
+    batch_section,
+    comparison_section,
+    overview_section,
+    report_image,
+    rules_section,
+    run_section,
+    scenario_section,
+)
+from ..engine.workspace import REPORT_NAME, Artifact, Export, plan_exports, refuse_taken, write_export, write_whole
+from ..schemas.analysis.comparison import CompareResultsArguments
+from ..schemas.artifacts import (
+    ExportArtifactsArguments,
+    ExportArtifactsResult,
+    ExportedFile,
+    ForeignExport,
+    ForeignExportRequest,
+    RunTableRequest,
+    SolutionRequest,
+    StepTableRequest,
+)
+from ..schemas.errors import Faults, InvalidRequest, NotPossible
+from ..schemas.measures import MeasuredValue
+from ..schemas.planning import PlannerConfiguration
+from ..schemas.rendering import PictureKind, ReportRequest, ReportSection
+from ..schemas.results import AnalyzeResultsArguments, AnalyzeResultsResult
+from ..schemas.runs import BatchRecord, RunRecord, RunSource, configuration_id, excesses_in_words
+from ..schemas.scenarios import ScenarioRecord
+from ..schemas.text import printable
+from .analysis.comparison import compare_results
+from .analysis.figures import analyze_results
+from .context import WorkflowContext
+from .operations import (
+    WRITE_OPENDRIVE,
+    WRITE_OPENSCENARIO,
+    WRITE_REPORT,
+    WRITE_RUN_TABLE,
+    WRITE_SOLUTION,
+    WRITE_STEP_TABLE,
+)
+from .rendering import draw, make_view, named_artifact
+from .results import driven_by, run_sources, scenario_sources
+
+_FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "goal_late", "goal_early", "goal_refused")
+"""Outcomes whose run a report shows first, whatever the order: any of them is a failure of the planner."""
+
+
+async def export_artifacts(arguments: ExportArtifactsArguments, context: WorkflowContext) -> ExportArtifactsResult:
+    """Write what was asked for; every name is checked before the first file is written."""
+    folder = context.allowed_path(arguments.folder)
+    named, faults = list[Artifact](), Faults()
+    for word in dict.fromkeys(arguments.ids):
+        with faults.collecting():
+            named.append(named_artifact(word, context))
+    faults.raise_all()
+    artifacts = list({(artifact.kind, artifact.artifact_id): artifact for artifact in named}.values())
+    planned = plan_exports(context.workspace, artifacts, arguments.formats, folder)
+    report = folder / REPORT_NAME if "html" in arguments.formats else None
+    views = (
+        {artifact.artifact_id: folder / f"{artifact.artifact_id}.view.html" for artifact in artifacts} if report else {}
+    )
+    if not arguments.overwrite:
+        refuse_taken([export.path for export in planned] + ([report, *views.values()] if report else []))
+    files = [await _write(context, export) for export in planned]
+    if report is not None:
+        files += await _write_report(context, artifacts, report, views)
+    return ExportArtifactsResult(folder=_shown(folder), files=tuple(files))
+
+
+async def _write(context: WorkflowContext, export: Export) -> ExportedFile:
+    """Write the file of an export."""
+    foreign: ForeignExport | None = None
+    if export.is_computed:
+        with context.workspace.scratch() as scratch:
+            target = scratch / "made"
+            if export.format in ("opendrive", "openscenario"):
+                foreign = await _compute_foreign(context, export, target)
+            else:
+                await _compute(context, export, target)
+            write_export(context.workspace, export, target)
+    else:
+        write_export(context.workspace, export, await _drawn(context, export) if export.is_drawn else None)
+    written = _written(export.artifact.artifact_id, export.format, export.path)
+    if export.format == "solution" and (beyond := export.artifact.read(RunRecord).beyond_vehicle):
+        return written.model_copy(update={"warning": excesses_in_words(beyond)})
+    if foreign is None:
+        return written
+    return written.model_copy(update={"lost": foreign.lost, "geometry": foreign.geometry})
+
+
+async def _drawn(context: WorkflowContext, export: Export) -> Path:
+    kind: PictureKind = "animation" if export.format == "gif" else "auto"
+    scenario_ids = [export.artifact.artifact_id] if export.artifact.kind == "scenario" else []
+    made = await draw(context, kind, scenario_ids=scenario_ids, run_ids=_runs(export.artifact))
+    return Path(made.images[0].path)
+
+
+def _runs(artifact: Artifact) -> list[str]:
+    if artifact.kind == "run":
+        return [artifact.artifact_id]
+    return list(artifact.record["runs"]) if artifact.kind == "batch" else []
+
+
+def _shown(path: Path) -> str:
+    return printable(str(path), kept="")
+
+
+def _written(artifact_id: str, form: str, path: Path) -> ExportedFile:
+    return ExportedFile(artifact_id=artifact_id, format=form, path=_shown(path), size_bytes=path.stat().st_size)
+
+
+async def _compute(context: WorkflowContext, export: Export, target: Path) -> None:
+    """Have a worker write the file of an export to ``target``.
+
+    Raises:
+        UnknownName: the export's run, configuration or scenario is not in the workspace any more.
+    """
+    if export.format == "solution":
+        await context.run(WRITE_SOLUTION, _solution(context, export, target))
+    elif export.artifact.kind == "run":
+        await context.run(WRITE_STEP_TABLE, _steps_table(context, export, target))
+    else:
+        await context.run(WRITE_RUN_TABLE, _table(context, export, target))
+
+
+async def _compute_foreign(context: WorkflowContext, export: Export, target: Path) -> ForeignExport:
+    """Have a worker write a scenario in another tool's format; OpenSCENARIO names the OpenDRIVE file beside it."""
+    scenario = context.workspace.file("scenario", export.artifact.artifact_id, "scenario.xml")
+    roads = f"{export.artifact.artifact_id}.xodr"
+    request = ForeignExportRequest(scenario_path=str(scenario), target_path=str(target), roads=roads)
+    return await context.run(WRITE_OPENDRIVE if export.format == "opendrive" else WRITE_OPENSCENARIO, request)
+
+
+def _solution(context: WorkflowContext, export: Export, target: Path) -> SolutionRequest:
+    record = export.artifact.read(RunRecord)
+    return SolutionRequest(
+        record=record,
+        configuration=context.workspace.get(configuration_id(record.config_id), "config").read(PlannerConfiguration),
+        scenario_path=str(context.workspace.file("scenario", record.scenario_id, "scenario.xml")),
+        steps_path=str(context.workspace.file("run", record.run_id, "steps.json")),
+        target_path=str(target),
+    )
+
+
+def _steps_table(context: WorkflowContext, export: Export, target: Path) -> StepTableRequest:
+    record = export.artifact.read(RunRecord)
+    return StepTableRequest(
+        record=record,
+        steps_path=str(context.workspace.file("run", record.run_id, "steps.json")),
+        form="csv" if export.format == "csv" else "parquet",
+        target_path=str(target),
+    )
+
+
+def _table(context: WorkflowContext, export: Export, target: Path) -> RunTableRequest:
+    batch = export.artifact.read(BatchRecord)
+    runs = run_sources(batch.runs, context)
+    return RunTableRequest(
+        records=tuple(run.record for run in runs),
+        steps_paths={run.record.run_id: run.steps_path for run in runs if run.steps_path is not None},
+        scenarios=scenario_sources((run.record.scenario_id for run in runs), context),
+        lost=batch.lost,
+        configurations=tuple(context.workspace.get(key, "config").read(PlannerConfiguration) for key in batch.configs),
+        form="csv" if export.format == "csv" else "parquet",
+        target_path=str(target),
+    )
+
+
+async def _write_report(
+    context: WorkflowContext, artifacts: Sequence[Artifact], path: Path, views: Mapping[str, Path]
+) -> list[ExportedFile]:
+    """One page on scenarios and batches, in their order, and the view of each beside it.
+
+    Raises:
+        InvalidRequest: an artifact that a report cannot show.
+    """
+    for artifact in artifacts:
+        if artifact.kind not in ("scenario", "batch"):
+            raise InvalidRequest(
+                f"a report cannot show the {artifact.kind} {artifact.artifact_id}", valid=["scenario ids", "batch ids"]
+            )
+    sections, written, left_out = list[ReportSection](), list[ExportedFile](), list[str]()
+    for number, artifact in enumerate(artifacts):
+        own = [await _scenario(context, artifact)] if artifact.kind == "scenario" else await _batch(context, artifact)
+        view = views[artifact.artifact_id]
+        try:
+            page = (await make_view([artifact.artifact_id], context)).page()
+        except NotPossible as error:
+            left_out.append(f"no view of {artifact.artifact_id}: {error.message}")
+            sections += own
+        else:
+            write_whole(view, partial(Path.write_text, data=page, encoding="utf-8"))
+            written.append(_written(artifact.artifact_id, "view", view))
+            sections += [own[0].model_copy(update={"view": view.name}), *own[1:]]
+        await context.progress(0.9 * (number + 1) / len(artifacts), f"report on {artifact.artifact_id}")
+    request = ReportRequest(
+        title="PlannerForge report",
+        introduction="What was made, run and found; every figure was computed from the artifacts named beside it.",
+        sections=tuple(sections),
+        footer="Made by PlannerForge MCP.",
+        path=str(path),
+    )
+    await context.run(WRITE_REPORT, request)
+    report = _written(", ".join(artifact.artifact_id for artifact in artifacts), "html", path)
+    return [report.model_copy(update={"warning": "; ".join(left_out)}), *written]
+
+
+async def _scenario(context: WorkflowContext, artifact: Artifact) -> ReportSection:
+    base = [parent for parent in artifact.recipe.parents if context.workspace.find("scenario", parent) is not None]
+    beside = [*base[:1], artifact.artifact_id]
+    drawn = await draw(context, "picture", scenario_ids=beside)
+    caption = f"{beside[0]} before and {beside[1]} after the edits" if len(beside) == 2 else artifact.artifact_id
+    images = [report_image(image, caption) for image in drawn.images]
+    return scenario_section(artifact.read(ScenarioRecord), artifact.recipe, images)
+
+
+async def _batch(context: WorkflowContext, artifact: Artifact) -> list[ReportSection]:
+    """In short, what came out in pictures, the comparison, the findings, one run in detail, all runs."""
+    batch = artifact.read(BatchRecord)
+    runs = run_sources(batch.runs, context)
+    listed = batch_section(batch, [run.record for run in runs])
+    if not runs:
+        return [listed]
+    named = [artifact.artifact_id]
+    whole = await analyze_results(AnalyzeResultsArguments(results=named, breakdown="config"), context)
+    found = await analyze_results(AnalyzeResultsArguments(results=named, detail="findings"), context)
+    compared = None
+    if len(batch.configs) > 1:
+        compared = await compare_results(CompareResultsArguments(results=named), context)
+    names = {run.record.config_id: driven_by(run.record) for run in runs}
+    overview = overview_section(batch, names, whole, compared)
+    sections = [await _illustrated(overview, context, batch.runs, _OF_ALL)]
+    if compared is not None:
+        sections.append(await _illustrated(comparison_section(compared), context, batch.runs, _OF_SIDES))
+    sections.append(await _illustrated(analysis_section(found), context, batch.runs, _OF_FINDINGS))
+    ruled = await analyze_results(AnalyzeResultsArguments(results=named, detail="rules"), context)
+    sections += [rules_section(ruled)] if ruled.rule_shares else []
+    shown = _telling(runs, whole)
+    together = [run.record.run_id for run in runs if run.record.scenario_id == shown.scenario_id]
+    looked_at = await analyze_results(AnalyzeResultsArguments(results=[shown.run_id]), context)
+    told = run_section(shown, looked_at, await _measures(context, shown))
+    detail = await _illustrated(told, context, [shown.run_id], _OF_ONE)
+    return [*sections, await _illustrated(detail, context, together, _BESIDE), listed]
+
+
+async def _measures(context: WorkflowContext, record: RunRecord) -> Sequence[MeasuredValue]:
+    """What was measured of a run; nothing of one that could not be attempted."""
+    if record.outcome == "invalid":
+        return ()
+    asked = AnalyzeResultsArguments(results=[record.run_id], detail="measures")
+    return (await analyze_results(asked, context)).measures
+
+
+_OF_ALL: dict[PictureKind, str] = {
+    "outcomes": "How the runs ended, by configuration",
+    "causes": "Who hit whom, and whether a reference driver in the ego's place prevents it",
+    "strata": "Success by conditions, road and density of traffic",
+}
+_OF_SIDES: dict[PictureKind, str] = {
+    "distributions": "The metrics of all runs, by configuration",
+    "flips": "Scenarios that flipped between the first two configurations",
+}
+_OF_FINDINGS: dict[PictureKind, str] = {"costs": "Mean weighted cost by term and configuration"}
+_OF_ONE: dict[PictureKind, str] = {
+    "picture": "The run from above, at its end",
+    "animation": "The run from above in motion; slower around its decisive moment",
+    "timeline": "The run over time, with its moments",
+    "terms": "What the cost of the chosen trajectories was made of over time",
+}
+_BESIDE: dict[PictureKind, str] = {"profile": "Speed and acceleration of all runs on this scenario"}
+
+
+async def _illustrated(
+    section: ReportSection, context: WorkflowContext, run_ids: Sequence[str], captions: dict[PictureKind, str]
+) -> ReportSection:
+    """The section with pictures of these runs; one that they have nothing for is named with the reason."""
+    images, absent = list(section.images), list[str]()
+    for kind, caption in captions.items():
+        try:
+            made = await draw(context, kind, run_ids=run_ids)
+        except NotPossible as error:
+            absent.append(f"No picture of {kind}: {error}.")
+            continue
+        told = "".join(f"; {note}" for note in made.notes)
+        images += [report_image(image, f"{caption}{told}") for image in made.images]
+    return section.model_copy(update={"images": tuple(images), "text": (*section.text, *absent)})
+
+
+def _telling(runs: Sequence[RunSource], whole: AnalyzeResultsResult) -> RunRecord:
+    """The run that is shown: the first failure that a reference driver prevents, else the first one."""
+    records = [run.record for run in runs]
+    hopeless = whole.causes.not_preventable if whole.causes is not None else ()
+    failed = [record for record in records if record.outcome in _FAILURES]
+    return ([record for record in failed if record.run_id not in hopeless] or failed or records)[0]

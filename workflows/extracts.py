@@ -1,0 +1,140 @@
+"""Extracts of whole countries: read into tiles by a job, and kept in a folder of their own in the workspace.
+
+An extract becomes a map like any other when its index is whole; what a broken off job left is gone on with by the next
+job for the same file.
+"""
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import anyio
+
+from ..engine.execution import Job, JobProgress
+from ..engine.workspace import Artifact, Recipe, content_digest, disk_failure, make_private
+from ..schemas.errors import ResourceFailure, UnsafeInput
+from ..schemas.generation import INDEX_NAME, IndexExtractRequest, MapFacts
+from ..schemas.text import shown_name
+from .context import WorkflowContext
+from .operations import INDEX_EXTRACT
+
+_DISK_PER_BYTE = 10
+"""Bytes on disk that indexing a byte of an extract takes at its most, positions of nodes included (measured: 9.8)."""
+_DIGESTED = 0.02
+"""Share of the work that is done when the file's digest is known (chosen)."""
+
+
+@dataclass(frozen=True)
+class KnownAs:
+    """What the person who adds a map says of it: its place, its country (ISO alpha-3); None: what the file says."""
+
+    place: str | None = None
+    country: str | None = None
+
+
+def extract_index(context: WorkflowContext, map_id: str) -> Path:
+    """Where the index of an extract lies."""
+    return context.workspace.root / "extracts" / map_id / INDEX_NAME
+
+
+def map_recipe(path: Path, known: KnownAs) -> Recipe:
+    """What a map is told by: the content of its file, and what was said of it."""
+    arguments = {"content": content_digest(path)}
+    arguments |= {"name": known.place} if known.place else {}
+    arguments |= {"country": known.country} if known.country else {}
+    return Recipe(tool="import_files", arguments=arguments)
+
+
+def start_indexing(context: WorkflowContext, path: Path, known: KnownAs) -> Job:
+    """Start the job that reads an extract into tiles, or join the one that does.
+
+    Raises:
+        UnsafeInput: the file is gone.
+    """
+
+    async def work(progress: JobProgress) -> None:
+        async def report(share: float, message: str) -> None:
+            progress.report(share, message)
+
+        own_call = WorkflowContext(
+            context.services, report
+        )  # the one that started the job may have been answered already
+        artifact = await _indexed(own_call, path, known)
+        progress.add_result(artifact.artifact_id)
+        progress.report(1.0, f"{shown_name(path.name)} is the map {artifact.artifact_id}")
+
+    size, changed_ns = _state_of(path)
+    arguments = {"extract": str(path), "size": size, "changed_ns": changed_ns}
+    arguments |= {"name": known.place, "country": known.country}
+    return context.start_job("import", Recipe(tool="import_files", arguments=arguments), work)
+
+
+def _state_of(path: Path) -> tuple[int, int]:
+    """Size in bytes and time of change in nanoseconds.
+
+    Raises:
+        UnsafeInput: the file is gone.
+    """
+    try:
+        stat = path.stat()
+    except OSError as error:
+        raise UnsafeInput(f"{shown_name(path.name)} cannot be read: {error.strerror}") from error
+    return stat.st_size, stat.st_mtime_ns
+
+
+async def _indexed(context: WorkflowContext, path: Path, known: KnownAs) -> Artifact:
+    """The extract as a map: the one of the same content, or a new one.
+
+    That of one that was made before is looked through, and made anew where it is gone or damaged.
+
+    Raises:
+        UnsafeInput: the file is broken, is not sorted, holds no road, or was written meanwhile; nothing of it is kept.
+        ResourceFailure: the disk has no room.
+    """
+    await context.progress(0.0, "reading the extract")
+    before = _state_of(path)
+    recipe = await anyio.to_thread.run_sync(map_recipe, path, known)
+    map_id = f"map_{recipe.digest}"
+    index = extract_index(context, map_id)
+    folder = index.parent
+    if not (index.exists() and context.workspace.find_by_recipe("map", recipe)):
+        _make_room(folder, path)
+    request = IndexExtractRequest(
+        path=str(path), folder=str(folder), map_id=map_id, place=known.place, country=known.country
+    )
+    try:
+        indexed = await context.run(INDEX_EXTRACT, request, share=(_DIGESTED, 1.0))
+        if _state_of(path) != before:
+            raise UnsafeInput(
+                f"{shown_name(path.name)} was written while it was read", next_step="add it again when it is whole"
+            )
+    except UnsafeInput:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return context.workspace.put("map", map_id, recipe=recipe, record=indexed.facts, name=indexed.facts.place)
+
+
+def _make_room(folder: Path, path: Path) -> None:
+    try:
+        make_private(folder.parent.parent)
+        folder.mkdir(parents=True, exist_ok=True)
+        free = shutil.disk_usage(folder).free + sum(each.stat().st_size for each in folder.iterdir())
+    except OSError as error:
+        raise disk_failure(folder, error) from error
+    needed = _DISK_PER_BYTE * path.stat().st_size
+    if free < needed:
+        raise ResourceFailure(
+            f"reading {shown_name(path.name)} into tiles takes up to {needed / 1e9:.1f} GB of disk;"
+            f" {free / 1e9:.1f} GB are free",
+            next_step="free disk space, choose another --workspace, or use a smaller extract",
+        )
+
+
+def told_of(facts: MapFacts) -> str:
+    """How much an extract holds, in words; empty for other maps."""
+    size = facts.extract
+    return (
+        ""
+        if size is None
+        else f"{size.places:,} {'place' if size.places == 1 else 'places'}, kept by {size.tiles:,} tiles"
+    )

@@ -1,0 +1,346 @@
+"""What a coverage plan is asked for: its factors and their levels, read from a call; and the levels of a scenario.
+
+A level is a value of an argument of the call, or a turn, which is a goal. Factors that say where a scenario lies
+(place, country, type of site) make groups of sites.
+"""
+
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import product
+from typing import Any, get_args
+
+from pydantic import ValidationError
+
+from ...engine.generation import Levels, made_before
+from ...engine.maps import MapEntry, MapMatch
+from ...engine.vehicles import PEDESTRIAN, vehicle_classes
+from ...engine.workspace import Recipe, versions_of
+from ...schemas.base import problems_of
+from ...schemas.errors import InvalidRequest, UnknownName, closest
+from ...schemas.generation import TURNS_AT, Combination, Density, GenerateScenariosArguments, PlanFactor, SiteType, Turn
+from ...schemas.text import quoted
+from ..context import WorkflowContext
+from .making import shape_of
+from .online import maps_for
+from .requests import AssignedSite, request_for
+
+MOST_FACTORS, MOST_LEVELS, MOST_COMBINATIONS = 10, 60, 20_000
+"""Of a plan (chosen): choosing its rows takes seconds then."""
+_USUAL: Mapping[str, tuple[str, ...]] = {
+    "scenario_type": get_args(SiteType),
+    "density": get_args(Density),
+    "turn": get_args(Turn),
+    "vehicles": ("cars", "truck", "bus", "motorcycle", "bicycle"),
+}
+"""The levels of a factor that is named alone."""
+_FREE = ("place", "country", "duration_s", "ego")
+"""Further arguments that a plan can vary; their values are the call's."""
+
+
+def read_cover(texts: Sequence[str]) -> tuple[tuple[PlanFactor, ...], int]:
+    """The factors of a plan, and how many of them a combination joins.
+
+    Raises:
+        InvalidRequest: a line that cannot be read, a level that there is not, or more than a plan takes.
+        UnknownName: a factor that there is not.
+    """
+    factors: list[PlanFactor] = []
+    strength: int | None = None
+    for text in texts:
+        name, mark, values = (part.strip() for part in text.partition("="))
+        if name == "strength":
+            strength = _strength(text, values)
+        else:
+            factors.append(_factor(name, values if mark else None, [factor.name for factor in factors]))
+    if not factors:
+        raise InvalidRequest("cover names nothing to vary", valid=[*_USUAL, *_FREE], next_step=_HOW)
+    strength = min(2, len(factors)) if strength is None else strength
+    if not 1 <= strength <= len(factors) or len(factors) > MOST_FACTORS:
+        raise InvalidRequest(
+            f"cover has {len(factors)} factor(s) and the strength {strength}",
+            valid=[f"strength=1 to strength={min(len(factors), MOST_FACTORS)}", f"at most {MOST_FACTORS} factors"],
+        )
+    count = _combinations(factors, strength)
+    if count > MOST_COMBINATIONS:
+        raise InvalidRequest(
+            f"cover asks for {count:,} combinations",
+            valid=[f"at most {MOST_COMBINATIONS:,}"],
+            next_step="lower the strength, or name fewer levels",
+        )
+    return tuple(factors), strength
+
+
+_HOW = "write cover such as ['scenario_type=intersection|roundabout', 'density=low|high', 'turn=left|right']"
+
+
+def _strength(text: str, value: str) -> int:
+    if not re.fullmatch(r"\d", value):
+        raise InvalidRequest(f"{quoted(text)} is no strength", valid=["strength=1", "strength=2", "strength=3"])
+    return int(value)
+
+
+def _combinations(factors: Sequence[PlanFactor], strength: int) -> int:
+    """How many combinations there are: the elementary symmetric polynomial of the numbers of levels."""
+    sums = [1, *[0] * strength]
+    for factor in factors:
+        for size in range(strength, 0, -1):
+            sums[size] += sums[size - 1] * len(factor.levels)
+    return sums[strength]
+
+
+def _factor(name: str, values: str | None, known: Sequence[str]) -> PlanFactor:
+    if name not in _USUAL and name not in _FREE:
+        near = closest(name, [*_USUAL, *_FREE])
+        raise UnknownName(
+            f"cover cannot vary {quoted(name)}", valid=near or [*_USUAL, *_FREE, "strength"], next_step=_HOW
+        )
+    if name in known and name != "vehicles":
+        raise InvalidRequest(f"cover names {name} twice", next_step="name its levels together: density=low|high")
+    levels = (
+        _USUAL.get(name, ()) if values is None else tuple(dict.fromkeys(part.strip() for part in values.split("|")))
+    )
+    if not levels or not all(levels) or len(levels) > MOST_LEVELS:
+        raise InvalidRequest(
+            f"cover gives {name} {len(levels)} levels, or an empty one", valid=[f"1 to {MOST_LEVELS}"], next_step=_HOW
+        )
+    if name in ("scenario_type", "density", "turn") and (wrong := [one for one in levels if one not in _USUAL[name]]):
+        raise InvalidRequest(f"there is no {name} {', '.join(map(quoted, wrong))}", valid=_USUAL[name])
+    times = sum(one.partition(" ")[0] == name for one in known)
+    return PlanFactor(name=f"{name} {times + 1}" if times else name, levels=levels)
+
+
+@dataclass(frozen=True)
+class AskedPlan:
+    """What a call asks a plan for: ``arguments`` are those that all of its scenarios share.
+
+    ``shown``: the maps for the levels of place and country together, by those levels; ``notes``: on finding them.
+    """
+
+    arguments: GenerateScenariosArguments
+    factors: tuple[PlanFactor, ...]
+    strength: int
+    shown: dict[tuple[tuple[int, int], ...], tuple[MapMatch, ...]] = field(default_factory=dict)
+    notes: dict[str, None] = field(default_factory=dict)
+
+    @classmethod
+    async def of(
+        cls, arguments: GenerateScenariosArguments, context: WorkflowContext, entries: Sequence[MapEntry]
+    ) -> "AskedPlan":
+        """Read the arguments, find or fetch the maps, and try each level once.
+
+        Raises:
+            InvalidRequest: arguments that contradict each other, or a level that cannot be meant.
+            UnknownName: no map shows a place.
+            ServiceFailure: a map would have to be fetched, and cannot be.
+        """
+        factors, strength = read_cover(arguments.cover)
+        names = {factor.name.partition(" ")[0] for factor in factors}
+        if arguments.trial_run:
+            raise InvalidRequest(
+                "trial_run is for single scenarios", next_step="leave it out, and give the plan's id to run_planner"
+            )
+        if arguments.goal.startswith("lanelet:"):
+            raise InvalidRequest("a goal on a lanelet means one site; a plan has many", valid=["through", "steps:50"])
+        if "turn" in names and arguments.goal != "through":
+            raise InvalidRequest(f"cover varies the turn; goal {quoted(arguments.goal)} has none", valid=["through"])
+        asked = cls(arguments, factors, strength)
+        for group in asked.groups("place", "country"):
+            found = await maps_for(asked.row_arguments(group), context, entries)
+            asked.shown[tuple(group.items())] = found.matches
+            asked.notes.update(dict.fromkeys(found.notes))
+        for factor, levels in enumerate(one.levels for one in factors):
+            for level in range(len(levels)):
+                asked.check({factor: level})
+        return asked
+
+    def check(self, levels: Mapping[int, int]) -> None:
+        """Refuse what can never be meant, before anything is made.
+
+        Raises:
+            InvalidRequest: a level that cannot be meant.
+            UnknownName: no such vehicle class, or no map shows the place.
+        """
+        request = request_for(self.row_arguments(levels), AssignedSite(self.matches(levels)[0]), 0)
+        known = (*vehicle_classes(), PEDESTRIAN.name)
+        for demand in request.vehicles:
+            if demand.vehicle_class not in known:
+                name = demand.vehicle_class
+                raise UnknownName(f"there is no vehicle class {quoted(name)}", valid=closest(name, known))
+
+    def row_arguments(self, levels: Mapping[int, int]) -> GenerateScenariosArguments:
+        """The arguments of a scenario with some levels.
+
+        Raises:
+            InvalidRequest: a level that cannot be meant.
+        """
+        changed: dict[str, Any] = {"cover": [], "count": 1}
+        vehicles = list(self.arguments.vehicles)
+        for factor, level in levels.items():
+            name, value = self.factors[factor].name.partition(" ")[0], self.factors[factor].levels[level]
+            if name == "vehicles":
+                vehicles += [] if value == "cars" else [part.strip() for part in value.split("+")]
+            elif name == "turn":
+                changed["goal"] = f"through:{value}"
+            elif name == "duration_s":
+                changed[name] = float(value) if re.fullmatch(r"\d+(\.\d+)?", value) else value
+            else:
+                changed[name] = value
+        given = self.arguments.model_dump() | changed | {"vehicles": vehicles}
+        try:
+            return GenerateScenariosArguments.model_validate(given)
+        except ValidationError as error:
+            (problem, valid), *_ = problems_of(GenerateScenariosArguments, error, "argument")
+            raise InvalidRequest(
+                f"cover asks for {self.words(levels)}, which cannot be: {problem}", valid=valid, next_step=_HOW
+            ) from error
+
+    def matches(self, levels: Mapping[int, int]) -> tuple[MapMatch, ...]:
+        """The maps for some levels; those of all places and countries where the levels name none."""
+        names = ("place", "country")
+        where = {(factor, level) for factor, level in levels.items() if self.factors[factor].name in names}
+        fitting = (matches for key, matches in self.shown.items() if where <= set(key))
+        each = {(match.entry.facts.map_id, match.streets, match.box): match for matches in fitting for match in matches}
+        return tuple(each.values())
+
+    @cached_property
+    def recipe(self) -> Recipe:
+        """What makes the plan: not how many scenarios of it were asked for."""
+        shared = self.arguments.model_dump(mode="json", exclude={"cover", "count", "trial_run", "seed"})
+        cover = [f"{factor.name}={'|'.join(factor.levels)}" for factor in self.factors]
+        maps = sorted({match.entry.facts.map_id for match in self._all_matches()})
+        return Recipe(
+            tool="generate_scenarios",
+            arguments={**shared, "cover": [*cover, f"strength={self.strength}"], "maps": maps},
+            seed=self.arguments.seed,
+            versions=versions_of("covertable", "eclipse-sumo", "libsumo", "numpy"),
+        )
+
+    @property
+    def plan_id(self) -> str:
+        """The id of the plan."""
+        return f"plan_{self.recipe.digest}"
+
+    @property
+    def wanted(self) -> int | None:
+        """Scenarios asked for; None where the call leaves it to the combinations."""
+        return self.arguments.count if "count" in self.arguments.model_fields_set else None
+
+    def of_spot(self) -> Iterator[dict[int, int]]:
+        """The levels of the factors that say where a scenario may lie, in all their combinations."""
+        by_type = any(factor.name == "scenario_type" for factor in self.factors)
+        return self.groups("place", "country", "scenario_type" if by_type else "turn")
+
+    def groups(self, *names: str) -> Iterator[dict[int, int]]:
+        """The levels of some factors, by their names, in all combinations; one empty group where there is no such."""
+        saying = [index for index, factor in enumerate(self.factors) if factor.name in names]
+        for levels in product(*(range(len(self.factors[index].levels)) for index in saying)):
+            yield dict(zip(saying, levels, strict=True))
+
+    def words(self, levels: Mapping[int, int]) -> str:
+        """Levels as they are written in a call, with a plus between them."""
+        return " + ".join(self.factors[factor].text(level) for factor, level in levels.items())
+
+    def _all_matches(self) -> Iterator[MapMatch]:
+        for group in self.of_spot():
+            yield from self.matches(group)
+
+
+def impossible_turns(asked: AskedPlan) -> Iterator[tuple[Combination, str]]:
+    """Turns that no ego makes at sites of a type, whatever the map."""
+    indices = {factor.name: index for index, factor in enumerate(asked.factors)}
+    if "turn" not in indices:
+        return
+    turn, types = indices["turn"], indices.get("scenario_type")
+    kinds = [asked.arguments.scenario_type] if types is None else list(asked.factors[types].levels)
+    for index, kind in enumerate(kinds):
+        possible: tuple[Turn, ...] = get_args(Turn) if kind == "any" else TURNS_AT[kind]  # type: ignore[index]
+        for level, name in enumerate(asked.factors[turn].levels):
+            if name not in possible:
+                key = ((turn, level),) if types is None else tuple(sorted(((types, index), (turn, level))))
+                yield key, f"no ego makes that turn at a site of the type {kind}"
+
+
+def held_before(asked: AskedPlan, context: WorkflowContext) -> list[Levels]:
+    """The levels of what the workspace holds, each once: by what was asked for each of its scenarios."""
+    held = HeldLevels(asked)
+    found = {held.of(shape): None for shape in made_before(context.workspace.database.connection())}
+    return [levels for levels in found if levels is not None and any(level is not None for level in levels)]
+
+
+_WHERE = ("map_id", "streets", "bbox")
+_OWN: Mapping[str, tuple[str, ...]] = {
+    "scenario_type": ("scenario_type",),
+    "density": ("density",),
+    "turn": ("goal",),
+    "duration_s": ("duration_s",),
+    "ego": ("ego",),
+    "vehicles": ("vehicles",),
+    "place": _WHERE,
+    "country": _WHERE,
+}
+"""The fields of a scenario's request that a factor says."""
+
+
+class HeldLevels:
+    """Tells the levels of a plan that a scenario has, by what was asked for it."""
+
+    def __init__(self, asked: AskedPlan) -> None:
+        self._asked = asked
+        self._common = self._shape({})
+        self._names = [factor.name.partition(" ")[0] for factor in asked.factors]
+        self._shapes = [
+            [self._shape({index: level}) for level in range(len(factor.levels))]
+            for index, factor in enumerate(asked.factors)
+        ]
+        self._where = [
+            [
+                self._spots({index: level}) if self._names[index] in ("place", "country") else set()
+                for level in range(len(factor.levels))
+            ]
+            for index, factor in enumerate(asked.factors)
+        ]
+        self._everywhere = {spot for group in asked.of_spot() for spot in self._spots(group)}
+
+    def of(self, shape: Mapping[str, Any]) -> Levels | None:
+        """A level of each factor, None for one that the plan does not have; None for what belongs to another plan."""
+        said = {field for name in self._names for field in _OWN[name]} | set(_WHERE)
+        fields = (set(self._common) | set(shape)) - said
+        if any(self._common.get(field) != shape.get(field) for field in fields):
+            return None
+        if _spot_of(shape) not in self._everywhere:
+            return None
+        levels = tuple(self._level(index, shape) for index in range(len(self._names)))
+        asked = [*self._common["vehicles"]]
+        for index, level in enumerate(levels):
+            if self._names[index] == "vehicles" and level is not None:
+                asked += [one for one in self._shapes[index][level]["vehicles"] if one not in asked]
+        return levels if all(one in asked for one in shape["vehicles"]) else None
+
+    def _level(self, factor: int, shape: Mapping[str, Any]) -> int | None:
+        name = self._names[factor]
+        if name in ("place", "country"):
+            return next((level for level, spots in enumerate(self._where[factor]) if _spot_of(shape) in spots), None)
+        own = self._shapes[factor]
+        if name == "vehicles":
+            fitting = [level for level, one in enumerate(own) if all(part in shape[name] for part in one[name])]
+            return max(fitting, key=lambda level: len(own[level][name]), default=None)
+        return next(
+            (level for level, one in enumerate(own) if all(one[key] == shape.get(key) for key in _OWN[name])), None
+        )
+
+    def _shape(self, levels: Mapping[int, int]) -> dict[str, Any]:
+        match = self._asked.matches(levels)[0]
+        return shape_of(request_for(self._asked.row_arguments(levels), AssignedSite(match), 0))
+
+    def _spots(self, levels: Mapping[int, int]) -> set[str]:
+        arguments = self._asked.row_arguments(levels)
+        return {
+            _spot_of(shape_of(request_for(arguments, AssignedSite(match), 0))) for match in self._asked.matches(levels)
+        }
+
+
+def _spot_of(shape: Mapping[str, Any]) -> str:
+    return json.dumps([shape.get(field) for field in _WHERE])

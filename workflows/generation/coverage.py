@@ -1,0 +1,390 @@
+"""Many scenarios to a coverage plan: which combinations of types of sites, densities, classes and turns are made next.
+
+A plan is a job that any server on the workspace takes up again: its rows stand in the database before they are made,
+and what became of each is stored with it. What the workspace holds already counts; so does what an earlier call with
+the same ``cover`` has made, whatever its ``count``.
+"""
+
+import logging
+from collections import Counter, deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import anyio
+
+from ...engine.execution import Job, JobProgress
+from ...engine.generation import TRIES, Hopeless, PlanCounts, PlanRow, PlanRows, RowState, combinations_in
+from ...engine.maps import MapEntry, MapMatch
+from ...schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, ResourceFailure
+from ...schemas.generation import (
+    CannotBe,
+    Combination,
+    CoverageReport,
+    CoverageRequest,
+    GenerateScenariosArguments,
+    GenerateScenariosResult,
+    PlanRecord,
+    PlanSummary,
+    ScenarioType,
+)
+from ...schemas.jobs import JobState
+from ...schemas.text import one_line
+from ..context import WorkflowContext
+from ..operations import COUNT_SITES, PLAN_COVERAGE
+from .cover_words import AskedPlan, held_before, impossible_turns
+from .making import make_scenario
+from .requests import AssignedSite, nth_site, request_for
+
+logger = logging.getLogger(__name__)
+WAIT_S = 45.0
+"""The call answers after this time at most; chosen to be less than clients wait."""
+_FIRST, _AT_ONCE = 250, 2000
+"""Rows that are planned together (chosen), as many as were made so far within these bounds: many of each map, which
+workers then read once for all of them, and of each site, whose network they build once; but few at first, for what they
+become tells which maps later ones pass over."""
+_ROUNDS_BEYOND = 2
+"""Rounds of traffic for a row beyond those that cover all (chosen; one that is faultless ends them): three more, and
+other sites for them, cost more than another row does."""
+_TAKEN = 64
+"""Rows that are read from the database together (chosen)."""
+_MOST_PASSED = 2
+"""Sites on each map of a group that are passed over for one row, on average and at most (chosen)."""
+_GIVEN_UP_AFTER = 20
+"""Rows beyond those that cover all which are refused one after the other until a plan ends short of its count (chosen:
+where three of ten are refused, as on real maps, so many in a row are none that chance makes)."""
+_LISTED = 50
+"""Combinations that the structured answer names of those that cannot be, and of those left (chosen)."""
+_LONGEST_REASON = 160
+"""Characters of a refusal in the answer (chosen)."""
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A group of sites that a row may lie at: on which maps, how many on each."""
+
+    words: str
+    held: tuple[tuple[MapMatch, int], ...]
+
+    def turns(
+        self, turns: dict[str, int], levels: Sequence[int], hopeless: Hopeless, seed: int
+    ) -> Iterator[tuple[MapMatch, int, int, RowState]]:
+        """The map, the site and the seed of its next row, after those that are passed over for a row of such levels.
+
+        All sites take turns, with another seed each time. Those of a map that does not suit one of the levels are
+        passed over, ``_MOST_PASSED`` times as many as there are maps at most, and none where no map suits them.
+
+        Args:
+            turns: by the words for sites, how many turns were taken; these are added.
+            levels: of the row.
+            hopeless: what no row needs to try again.
+            seed: of the plan.
+        """
+        unfit = {
+            map_id
+            for match, _ in self.held
+            for map_id in [match.entry.facts.map_id]
+            if any((self.words, map_id, factor, level) in hopeless for factor, level in enumerate(levels))
+        }
+        most = _MOST_PASSED * len(self.held) if len(unfit) < len(self.held) else 0
+        for passed in range(most + 1):
+            turn = turns.get(self.words, 0)
+            turns[self.words] = turn + 1
+            place, site, lap = nth_site([count for _, count in self.held], turn)
+            match = self.held[place][0]
+            if passed == most or match.entry.facts.map_id not in unfit:
+                yield match, site, seed + lap, "waiting"
+                return
+            yield match, site, seed + lap, "passed"
+
+    def match(self, map_id: str) -> MapMatch:
+        """How one of its maps shows what was asked."""
+        return next(match for match, _ in self.held if match.entry.facts.map_id == map_id)
+
+
+async def cover_combinations(
+    arguments: GenerateScenariosArguments, context: WorkflowContext, entries: Sequence[MapEntry], notes: Sequence[str]
+) -> GenerateScenariosResult:
+    """Carry a coverage plan on until so many scenarios are made, and answer with how far it is after 45 s at most.
+
+    Raises:
+        InvalidRequest: a plan that cannot be meant.
+        UnknownName: no map shows the place.
+    """
+    asked = await AskedPlan.of(arguments, context, entries)
+    notes = [*asked.notes, *notes]
+    context.made("plan", asked.plan_id)
+    rows = PlanRows(context.workspace.database, asked.plan_id)
+    job: Job | None = None
+    if not _is_enough(asked, rows) or context.workspace.find("plan", asked.plan_id) is None:
+
+        async def work(progress: JobProgress) -> None:
+            await _PlanWork(asked, WorkflowContext(context.services), progress).carry_on()
+
+        job = context.start_job("plan", asked.recipe, work)
+        context.made("job", job.job_id)
+        job = await context.wait_for(job.job_id, WAIT_S)
+    return await _answer(asked, context, rows, job, notes)
+
+
+def _is_enough(asked: AskedPlan, rows: PlanRows) -> bool:
+    return asked.wanted is not None and rows.counts().made >= asked.wanted
+
+
+class _PlanWork:
+    """The job of a plan: counts sites, plans rows, makes them as many at once as there are workers."""
+
+    def __init__(self, asked: AskedPlan, context: WorkflowContext, progress: JobProgress) -> None:
+        self._asked, self._call, self._progress = asked, context, progress
+        self._rows = PlanRows(context.workspace.database, asked.plan_id)
+        self._tally = PlanCounts()
+
+    async def carry_on(self) -> None:
+        """Make rows until there are enough, or none can be made any more."""
+        self._progress.add_result(self._asked.plan_id)
+        self._progress.report(0.0, "looking at what the maps and the workspace hold")
+        record = await self._record()
+        spots = {words: self._spot(words, group, record) for group, words in self._groups()}
+        self._rows.prepare(held_before(self._asked, self._call))
+        self._tally = self._rows.counts()
+        while not self._has_enough(0):
+            if not self._tally.waiting and not await self._plan_more(record, spots):
+                return
+            await self._make_waiting(spots)
+
+    def _has_enough(self, under_way: int) -> bool:
+        """Whether there are as many as asked for once those under way are made."""
+        return self._asked.wanted is not None and self._tally.made + under_way >= self._asked.wanted
+
+    def _groups(self) -> list[tuple[dict[int, int], str]]:
+        return [(group, self._asked.words(group)) for group in self._asked.of_spot()]
+
+    def _spot(self, words: str, group: Mapping[int, int], record: PlanRecord) -> Spot:
+        by_id = {match.entry.facts.map_id: match for match in self._asked.matches(group)}
+        return Spot(words, tuple((by_id[map_id], count) for map_id, count in record.spots.get(words, ())))
+
+    async def _record(self) -> PlanRecord:
+        """What the plan is: as it is stored, or from the maps."""
+        asked, workspace = self._asked, self._call.workspace
+        stored = workspace.find("plan", asked.plan_id)
+        if stored is not None:
+            return stored.read(PlanRecord)
+        spots: dict[str, tuple[tuple[str, int], ...]] = {}
+        barred = dict(impossible_turns(asked))
+        for group, words in self._groups():
+            if any(set(key) <= set(group.items()) for key in barred):
+                continue
+            spots[words] = await self._sites(group)
+            if not spots[words]:
+                barred[tuple(sorted(group.items()))] = "no map there holds such a site"
+        if not any(spots.values()):
+            raise NotPossible(
+                "no map holds a site for any of the combinations",
+                valid=sorted({kind for match in asked.matches({}) for kind in match.entry.facts.sites}),
+                next_step="name another place, or other levels of scenario_type",
+            )
+        record = PlanRecord(
+            plan_id=asked.plan_id,
+            cover=tuple(asked.recipe.arguments["cover"]),
+            factors=asked.factors,
+            strength=asked.strength,
+            barred=tuple(barred.items()),
+            spots=spots,
+        )
+        workspace.put("plan", record.plan_id, recipe=asked.recipe, record=record, name="; ".join(record.cover))
+        return record
+
+    async def _sites(self, group: Mapping[int, int]) -> tuple[tuple[str, int], ...]:
+        """The maps that hold sites for some levels, and how many: as the index says, or counted on the map."""
+        arguments = self._asked.row_arguments(group)
+        kind, found = arguments.scenario_type, []
+        for match in self._asked.matches(group):
+            facts = match.entry.facts
+            if (
+                kind == "any"
+                or arguments.road_classes is not None
+                or arguments.bbox is not None
+                or match.streets
+                or match.box
+            ):
+                count = await self._counted(arguments, match)
+            else:
+                count = facts.sites.get(kind, 0)
+            if count:
+                found.append((facts.map_id, count))
+        return tuple(found)
+
+    async def _counted(self, arguments: GenerateScenariosArguments, match: MapMatch) -> int:
+        kind: ScenarioType = arguments.scenario_type
+        if kind not in ("any", *match.entry.facts.sites):
+            return 0
+        try:
+            return (await self._call.run(COUNT_SITES, request_for(arguments, AssignedSite(match), 0))).count
+        except NotPossible:
+            return 0
+
+    async def _plan_more(self, record: PlanRecord, spots: Mapping[str, Spot]) -> bool:
+        """Plan the next rows; False where there are enough, or none can be made any more."""
+        wanted = self._asked.wanted
+        at_once = min(max(self._tally.made, _FIRST), _AT_ONCE)
+        missing = at_once if wanted is None else min(wanted - self._tally.made, at_once)
+        if _is_exhausted(self._rows):
+            return False
+        lap = self._rows.last_lap()
+        report = await self._call.run(PLAN_COVERAGE, coverage_request(record, self._rows, lap=lap + 1, most=missing))
+        if not report.rows or (not report.left and wanted is None):
+            return False
+        self._rows.add(self._placed(report.rows, spots, lap=0 if report.left else lap + 1))
+        self._tally = self._rows.counts()
+        return True
+
+    def _placed(self, rows: Sequence[tuple[int, ...]], spots: Mapping[str, Spot], lap: int) -> Iterator[PlanRow]:
+        """Rows with a map and a site each: the next one of their group of sites."""
+        turns, number, hopeless = self._rows.turns(), self._rows.next_number(), self._rows.hopeless(TRIES)
+        saying = list(next(self._asked.of_spot()))
+        for levels in rows:
+            words = self._asked.words({factor: levels[factor] for factor in saying})
+            for match, site, seed, state in spots[words].turns(turns, levels, hopeless, self._asked.arguments.seed):
+                facts = match.entry.facts
+                yield PlanRow(number, lap, levels, words, facts.place, facts.map_id, site, seed, state)
+                number += 1
+
+    async def _make_waiting(self, spots: Mapping[str, Spot]) -> None:
+        """Make all rows that wait; one that cannot be made is noted with its refusal."""
+        taken: deque[PlanRow] = deque()
+        begun: set[int] = set()
+
+        def next_row() -> PlanRow | None:
+            if self._has_enough(len(begun)):
+                return None
+            if not taken:
+                taken.extend(row for row in self._rows.waiting(_TAKEN + len(begun)) if row.number not in begun)
+            return taken.popleft() if taken else None
+
+        async def work() -> None:
+            while (row := next_row()) is not None:
+                begun.add(row.number)
+                state, reused = await self._make(row, spots[row.spot].match(row.map_id))
+                begun.discard(row.number)
+                self._tally = self._tally.after(state, reused=reused)
+                self._tell()
+
+        async with anyio.create_task_group() as tasks:
+            for _ in range(self._call.services.workers.capacity + 1):  # one stores while the others compute
+                tasks.start_soon(work)
+
+    async def _make(self, row: PlanRow, match: MapMatch) -> tuple[RowState, bool]:
+        """Make a row's scenario and note what became of it; that, and whether it was made before."""
+        arguments = self._asked.row_arguments(dict(enumerate(row.levels))).model_copy(update={"seed": row.seed})
+        request = request_for(arguments, AssignedSite(match, row.site_index), 0)
+        if row.lap:  # all is covered: a row that fails, or that could be better, costs more than another one
+            request = request.model_copy(update={"most_sites": 1, "most_rounds": _ROUNDS_BEYOND})
+        try:
+            made = await make_scenario(self._call, request, (0.0, 1.0))
+        except NotPossible as refusal:
+            self._rows.end(row, "refused", reason=one_line(refusal.message, _LONGEST_REASON))
+            return "refused", False
+        except (InvalidRequest, ResourceFailure):
+            raise
+        except PlannerForgeError as failure:
+            logger.warning("row %s of %s failed: %s", row.number, self._asked.plan_id, failure.text)
+            self._rows.end(row, "failed", reason=one_line(failure.message, _LONGEST_REASON))
+            return "failed", False
+        self._rows.end(row, "made", scenario_id=made.scenario_id, reused=made.reused)
+        return "made", made.reused
+
+    def _tell(self) -> None:
+        tally, wanted = self._tally, self._asked.wanted
+        lost = tally.refused + tally.failed
+        share = tally.made / wanted if wanted else (tally.made + lost) / max(tally.made + lost + tally.waiting, 1)
+        message = f"{tally.made:,}{f' of {wanted:,}' if wanted else ''} made, {lost:,} refused"
+        self._progress.report(min(share, 1.0), message)
+
+
+def _is_exhausted(rows: PlanRows) -> bool:
+    """Whether all is covered, and of the rows beyond that the last ones were all refused."""
+    return rows.refused_in_a_row() >= _GIVEN_UP_AFTER and rows.counts().waiting == 0
+
+
+def coverage_request(record: PlanRecord, rows: PlanRows, *, lap: int, most: int) -> CoverageRequest:
+    """How far a plan has come, by what its rows became."""
+    covered = {key for levels in rows.made() for key in combinations_in(levels, record.strength)}
+    refused: Counter[Combination] = Counter()
+    for levels, times, _ in rows.refused():
+        refused.update({key: times for key in combinations_in(levels, record.strength) if key not in covered})
+    return CoverageRequest(
+        factors=record.factors,
+        strength=record.strength,
+        barred=tuple(key for key, _ in record.barred),
+        covered=tuple(sorted(covered)),
+        refused=tuple(sorted(refused.items())),
+        lap=lap,
+        most=most,
+    )
+
+
+async def _answer(
+    asked: AskedPlan, context: WorkflowContext, rows: PlanRows, job: Job | None, notes: Sequence[str]
+) -> GenerateScenariosResult:
+    """How far the plan is, by its rows; they are the same for every server."""
+    state: JobState = "done" if job is None else job.state
+    stored = context.workspace.find("plan", asked.plan_id)
+    told = [*notes, *([job.error] if job is not None and job.error else []), context.services.workers.notice]
+    told = [note for note in told if note]
+    if stored is None:
+        if job is not None and job.state == "failed":
+            raise NotPossible(job.error, next_step="correct what is named and call again")
+        told.append("the sites of the maps are being counted; nothing was made yet")
+        return GenerateScenariosResult(
+            scenarios=[], notes=told, attribution=[], plan=None, job_id=job.job_id if job else "", state=state
+        )
+    record = stored.read(PlanRecord)
+    summary = await _summary(asked, context, record, rows)
+    if state == "done" and asked.wanted is not None and summary.made < asked.wanted:
+        told.append(
+            f"no more can be made: the last {_GIVEN_UP_AFTER} rows were all refused"
+            if _is_exhausted(rows)
+            else "the job that ran was asked for fewer: the same call goes on"
+        )
+    ids = {map_id for held in record.spots.values() for map_id, _ in held}
+    shown = (match.entry.facts for match in asked.matches({}))
+    sources = sorted({facts.attribution for facts in shown if facts.map_id in ids})
+    return GenerateScenariosResult(
+        scenarios=[], notes=told, attribution=sources, plan=summary, job_id=job.job_id if job else "", state=state
+    )
+
+
+async def _summary(asked: AskedPlan, context: WorkflowContext, record: PlanRecord, rows: PlanRows) -> PlanSummary:
+    report = await context.run(PLAN_COVERAGE, coverage_request(record, rows, lap=0, most=0))
+    counts = rows.counts()
+    cannot = [*record.barred, *zip(report.cannot, _reasons(report, record, rows), strict=True)]
+    return PlanSummary(
+        plan_id=record.plan_id,
+        strength=record.strength,
+        asked=asked.wanted,
+        made=counts.made,
+        reused=counts.reused,
+        refused=counts.refused,
+        failed=counts.failed,
+        waiting=counts.waiting,
+        allowed=report.allowed,
+        covered=report.covered,
+        left_total=len(report.left),
+        left=tuple(asked.words(dict(key)) for key in report.left[:_LISTED]),
+        cannot_total=len(cannot),
+        cannot=tuple(CannotBe(combination=asked.words(dict(key)), reason=why) for key, why in cannot[:_LISTED]),
+        places=dict(list(rows.places().items())[:_LISTED]),
+    )
+
+
+def _reasons(report: CoverageReport, record: PlanRecord, rows: PlanRows) -> list[str]:
+    """Why each combination cannot be: a refusal of a row with it; without any, it needs another one that cannot be."""
+    reasons: dict[Combination, str] = {}
+    tries: Counter[Combination] = Counter()
+    for levels, times, reason in rows.refused():
+        for key in combinations_in(levels, record.strength):
+            reasons.setdefault(key, reason)
+            tries[key] += times
+    return [
+        f"{reasons[key]}; {tries[key]} tries" if tries[key] >= TRIES else "only together with what cannot be"
+        for key in report.cannot
+    ]

@@ -1,0 +1,120 @@
+"""Making scenarios from maps: the maps, a site for each scenario, each scenario in a worker."""
+
+from ...engine.catalog import open_catalogue
+from ...engine.maps import MapMatch
+from ...schemas.errors import InvalidRequest, NotPossible, ServiceFailure, UnknownName, WorkerFailure
+from ...schemas.generation import GenerateScenariosArguments, GenerateScenariosResult, ScenarioSummary
+from ..context import WorkflowContext
+from ..maps import map_of_scenario, maps_at_hand
+from .conditions import read_conditions, with_tables_read
+from .coverage import cover_combinations
+from .cuts import with_cuts
+from .making import make_scenario, with_trial_run
+from .online import maps_for
+from .requests import AssignedSite, SiteAssignment, assign_sites, request_for
+
+MOST_SINGLY = 50
+"""Scenarios of a call without a coverage plan: it waits for all of them."""
+
+
+async def generate_scenarios(
+    arguments: GenerateScenariosArguments, context: WorkflowContext
+) -> GenerateScenariosResult:
+    """Find the maps, make each scenario in a worker, store it, and say what was asked beside what came out.
+
+    What could not be made is a note beside what was made.
+
+    Raises:
+        InvalidRequest: nothing could be made; the reason of the first scenario.
+    """
+    open_catalogue(
+        context.workspace, with_starter=context.services.with_starter
+    )  # first, or a starter would be the latest
+    if arguments.place and (filled := await map_of_scenario(context, arguments.place)) is not None:
+        arguments = arguments.model_copy(update={"place": filled})
+    arguments = with_tables_read(arguments, context)
+    at_hand = await maps_at_hand(context)
+    choice = await with_cuts(arguments, context, at_hand.entries)
+    arguments, told = choice.arguments, (*choice.notes, *at_hand.notes)
+    if arguments.cover:
+        return await cover_combinations(arguments, context, choice.entries, told)
+    if arguments.count > MOST_SINGLY:
+        raise InvalidRequest(
+            f"count {arguments.count:,} is more than one call makes without a plan",
+            valid=[f"1 to {MOST_SINGLY}; to 5,000 with cover"],
+            next_step="say by cover what is to be varied, such as ['density=low|high', 'turn=left|right|straight']",
+        )
+    conditions = read_conditions(arguments)
+    try:
+        plan = await maps_for(arguments, context, choice.entries)
+    except (UnknownName, NotPossible, ServiceFailure) as refusal:
+        raise choice.with_failures(refusal) from refusal
+    sites = await assign_sites(arguments, context, plan.matches)
+    made, failures = await _make_all(arguments, context, sites)
+    context.made("scenario", *(summary.scenario_id for summary in made))
+    notes = [*conditions.notes, *plan.notes, *told, *failures]
+    if len(sites.planned) < arguments.count:
+        notes.append(f"only {len(sites.planned)} different site(s) fit; {arguments.count} were asked for")
+    if notice := context.services.workers.notice:
+        notes.append(notice)
+    used = {summary.map_id for summary in made}
+    attributions = sorted({m.entry.facts.attribution for m in plan.matches if m.entry.facts.map_id in used})
+    return GenerateScenariosResult(scenarios=made, notes=notes, attribution=attributions)
+
+
+async def _make_all(
+    arguments: GenerateScenariosArguments, context: WorkflowContext, sites: SiteAssignment
+) -> tuple[list[ScenarioSummary], list[str]]:
+    """The scenarios that could be made, and notes on those that could not.
+
+    Raises:
+        PlannerForgeError: nothing could be made.
+    """
+    made: list[ScenarioSummary] = []
+    notes: list[str] = []
+    refusals: list[NotPossible] = []
+    spare = list(sites.spare)
+    for index, site in enumerate(sites.planned):
+        share = (index / len(sites.planned), (index + 1) / len(sites.planned))
+        try:
+            summary, given_up = await _make_somewhere(arguments, context, site, spare, index, share)
+            made.append(await with_trial_run(context, summary) if arguments.trial_run else summary)
+            notes += [f"another map was taken: {refusal.message}" for refusal in given_up]
+        except NotPossible as refusal:
+            refusals.append(refusal)
+            notes.append(f"scenario {index + 1} was not made: {refusal.message}")
+        except (UnknownName, WorkerFailure) as failure:
+            if not made:
+                raise
+            notes.append(f"scenario {index + 1} and those after it were not made: {failure.message}")
+            break
+    if not made:
+        raise refusals[0]
+    return made, notes
+
+
+async def _make_somewhere(
+    arguments: GenerateScenariosArguments,
+    context: WorkflowContext,
+    site: AssignedSite,
+    spare: list[MapMatch],
+    index: int,
+    share: tuple[float, float],
+) -> tuple[ScenarioSummary, list[NotPossible]]:
+    """A scenario at its site, otherwise on the first spare map where it can be made; and the refusals on the way.
+
+    Spare maps that were tried are taken off the list.
+
+    Raises:
+        NotPossible: it can be made on none; the reason of the assigned site.
+    """
+    refusals: list[NotPossible] = []
+    while True:
+        try:
+            request = request_for(arguments, site, index)
+            return await make_scenario(context, request, share), refusals
+        except NotPossible as refusal:
+            refusals.append(refusal)
+        if not spare or arguments.goal.startswith("lanelet:"):  # an id means another lanelet elsewhere
+            raise refusals[0]
+        site = AssignedSite(spare.pop(0))

@@ -1,0 +1,256 @@
+"""The maps that a call may use: those of the package, of the user's map folders, and the imported ones."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import anyio
+
+from ..engine.execution import Job
+from ..engine.maps import (
+    MapEntry,
+    SeenFile,
+    SeenFiles,
+    built_in_maps,
+    country_code,
+    foreign_format,
+    is_binary,
+    is_large,
+    is_map,
+    is_net,
+    named_by_content,
+    stored_name,
+    unpacked,
+)
+from ..engine.workspace import Artifact, Recipe
+from ..schemas.artifacts import ImportedItem
+from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnsafeInput, WorkerFailure
+from ..schemas.generation import MAP_FACTS_VERSION, ConvertMapRequest, MapFacts, ReadMapRequest
+from ..schemas.text import cited, counted, is_utf8, one_line, shown_name
+from .context import WorkflowContext
+from .extracts import KnownAs, extract_index, map_recipe, start_indexing, told_of
+from .operations import CONVERT_MAP, CONVERT_ROADS, READ_MAP
+
+_MOST_FILES, _MOST_MAPS = 200, 1000
+"""Files that are read of one map folder, and imported maps that are known; chosen."""
+_SHOWN_NOTES = 3
+"""Notes on files that were left out; chosen to keep answers short."""
+
+
+@dataclass(frozen=True)
+class MapInventory:
+    """Maps with what they show, and notes on what in the map folders cannot be used, a sentence each."""
+
+    entries: tuple[MapEntry, ...]
+    notes: tuple[str, ...]
+
+
+async def maps_at_hand(context: WorkflowContext) -> MapInventory:
+    """All maps; files in the map folders that are new or changed are read and kept first.
+
+    A file that cannot be used is left out and named in a note. Imported maps come first, newest first; then the
+    package's own.
+    """
+    seen = SeenFiles(context.workspace.database)
+    notes = [note for folder in context.services.map_folders for note in await _taken_in(context, seen, folder)]
+    await _amend_old(context)
+    return _together(context, notes)
+
+
+async def _amend_old(context: WorkflowContext) -> None:
+    """Read anew what an older program kept of maps: it knew fewer names, and not where the parts of a place lie."""
+    for artifact in context.workspace.newest(kind="map", limit=_MOST_MAPS):
+        facts = artifact.read(MapFacts)
+        if facts.facts_version >= MAP_FACTS_VERSION or facts.extract is not None:
+            continue
+        request = ReadMapRequest(path=str(map_entry(context, artifact).path), map_id=facts.map_id)
+        read = await context.run(READ_MAP, request)
+        names = {
+            "places": tuple(dict.fromkeys((*facts.places[:1], *read.places))),
+            "road_names": read.road_names,
+            "areas": read.areas,
+            "facts_version": read.facts_version,
+        }
+        context.workspace.amend("map", artifact.artifact_id, facts.model_copy(update=names))
+
+
+def maps_seen(context: WorkflowContext) -> MapInventory:
+    """All maps that are known already, without reading a file; a note counts those that are not."""
+    seen = SeenFiles(context.workspace.database)
+    notes: list[str] = []
+    unread = 0
+    for folder in context.services.map_folders:
+        paths, complaints = _files(folder)
+        known = [(path, seen.find(path)) for path in paths]
+        unread += sum(file is None for _, file in known)
+        notes += complaints + [_left_out(path, file) for path, file in known if file and file.refusal]
+    if unread:
+        notes.insert(0, f"{unread} more map files will be read by the next generate_scenarios")
+    return _together(context, notes)
+
+
+def _together(context: WorkflowContext, notes: list[str]) -> MapInventory:
+    imported = [map_entry(context, artifact) for artifact in context.workspace.newest(kind="map", limit=_MOST_MAPS)]
+    imported = [entry for entry in imported if not entry.facts.cut_of]
+    more = len(notes) - _SHOWN_NOTES
+    shown = notes if more <= 0 else [*notes[:_SHOWN_NOTES], f"{more} more map files were left out"]
+    return MapInventory((*imported, *built_in_maps()), tuple(shown))
+
+
+def map_entry(context: WorkflowContext, artifact: Artifact) -> MapEntry:
+    """A stored map with its file; of an extract of a country, the index of its tiles."""
+    facts = artifact.read(MapFacts)
+    if facts.extract is not None:
+        return MapEntry(facts, extract_index(context, facts.map_id))
+    return MapEntry(facts, context.workspace.file("map", artifact.artifact_id, stored_name(Path(facts.file_name))))
+
+
+def _files(folder: Path) -> tuple[list[Path], list[str]]:
+    """The map files of a folder, and notes on what is wrong with the folder."""
+    try:
+        found = sorted(entry for entry in folder.iterdir() if is_map(entry) and entry.is_file())
+    except OSError as error:
+        return [], [f"the map folder {shown_name(folder.name)} cannot be read: {error.strerror}"]
+    paths = [path for path in found if is_utf8(str(path))]
+    notes = []
+    if len(paths) < len(found):
+        unnamed = counted(len(found) - len(paths), "file")
+        notes.append(f"{unnamed} of the map folder {shown_name(folder.name)} left out: the names are not UTF-8")
+    if len(paths) > _MOST_FILES:
+        surplus = counted(len(paths) - _MOST_FILES, "file")
+        notes.append(f"{surplus} of the map folder {shown_name(folder.name)} left out: {_MOST_FILES} are read")
+    return paths[:_MOST_FILES], notes
+
+
+def _left_out(path: Path, file: SeenFile) -> str:
+    return f"the map {shown_name(path.name)} was left out: {file.refusal}"
+
+
+async def _taken_in(context: WorkflowContext, seen: SeenFiles, folder: Path) -> list[str]:
+    """Take the maps of a folder in; returns notes on what was left out, or is not there yet."""
+    paths, notes = _files(folder)
+    for path in paths:
+        try:
+            file = seen.find(path) or await _read(context, seen, path)
+        except OSError as error:
+            file = SeenFile("", error.strerror or str(error))
+        if isinstance(file, Job):
+            notes.append(
+                f"the map {shown_name(path.name)} is still read into tiles: {file.job_id}, {file.share:.0%} done"
+            )
+        elif file.refusal:
+            notes.append(_left_out(path, file))
+    return notes
+
+
+async def _read(context: WorkflowContext, seen: SeenFiles, path: Path) -> SeenFile | Job:
+    """What becomes of a file, or the job that reads it."""
+    try:
+        imported = await import_map(context, path, None)
+        if isinstance(imported, Job) and not imported.ended:
+            return imported
+        refusal = imported.error if isinstance(imported, Job) else ""
+        file = SeenFile("" if isinstance(imported, Job) else imported.artifact_id, refusal)
+    except (UnsafeInput, InvalidRequest, WorkerFailure, UnexpectedFailure) as error:
+        file = SeenFile("", error.message)
+    seen.keep(path, file)
+    return file
+
+
+async def import_map(
+    context: WorkflowContext, path: Path, name: str | None, country: str | None = None, *, wait_s: float = 0.0
+) -> ImportedItem | Job:
+    """Store a map, unpacked, with what it shows; name and country (ISO alpha-3) win over what the file says.
+
+    A binary extract that is too large to be read at once is read into tiles by a job, which is waited for; where it
+    has not come to its end by then, or failed, it is what comes back.
+    """
+    known = KnownAs(name, country)
+    if is_large(path):
+        return await _as_extract(context, path, known, wait_s)
+    with context.workspace.scratch() as folder:
+        plain, lost = await _plain(context, path, folder)
+        if plain is None:
+            return await _as_extract(context, path, known, wait_s)
+        recipe = map_recipe(plain, known)
+        before = context.workspace.find_by_recipe("map", recipe)
+        artifact = before or await _store_map(context, plain, recipe, name, country)
+    return _item(path, artifact, lost, reused=before is not None)
+
+
+async def _as_extract(context: WorkflowContext, path: Path, known: KnownAs, wait_s: float) -> ImportedItem | Job:
+    newest = {artifact.artifact_id for artifact in context.workspace.newest(kind="map", limit=_MOST_MAPS)}
+    job = await context.wait_for(start_indexing(context, path, known).job_id, wait_s)
+    if job.state != "done":
+        return job
+    artifact = context.workspace.get(job.results[0], "map")
+    return _item(path, artifact, reused=artifact.artifact_id in newest)
+
+
+def _item(path: Path, artifact: Artifact, lost: tuple[str, ...] = (), *, reused: bool) -> ImportedItem:
+    facts = artifact.read(MapFacts)
+    sites = (
+        ", ".join(
+            counted(count, f"{kind.replace('_', ' ')} site") for kind, count in sorted(facts.sites.items()) if count
+        )
+        or "no sites"
+    )
+    size = f"; {told_of(facts)}" if facts.extract is not None else ""
+    left_out = f"; lost on the way: {'; '.join(lost)}" if lost else ""
+    where = f"{cited(facts.place)} ({facts.country or 'country unknown'})"
+    return ImportedItem(
+        file=one_line(path.name),
+        kind="map",
+        artifact_id=artifact.artifact_id,
+        summary=f"{where}: {facts.road_km:.1f} km of roads, {sites}{size}{left_out}",
+        reused=reused,
+    )
+
+
+async def map_of_scenario(context: WorkflowContext, word: str) -> str | None:
+    """The id of the map that a scenario's road network is, kept when it is first asked for; None for other words.
+
+    Raises:
+        UnsafeInput: no vehicle can drive on the lanelets of the scenario.
+    """
+    if context.workspace.find("scenario", word) is None:
+        return None
+    roads = await import_map(context, context.workspace.file("scenario", word, "scenario.xml"), None)
+    return None if isinstance(roads, Job) else roads.artifact_id
+
+
+def known_country(text: str | None) -> str | None:
+    """The ISO alpha-3 code of a country's code or name.
+
+    Raises:
+        InvalidRequest: there is no such country.
+    """
+    code = None if text is None else country_code(text)
+    if code is None and text is not None:
+        raise InvalidRequest(f"there is no country {text!r}", valid=["DEU", "Germany", "de"])
+    return code
+
+
+async def _plain(context: WorkflowContext, path: Path, folder: Path) -> tuple[Path | None, tuple[str, ...]]:
+    """The map itself, unpacked or converted into the folder, and what is lost of it, in words.
+
+    None where it is more than is read at once.
+    """
+    if is_binary(path):
+        converted = await context.run(CONVERT_MAP, ConvertMapRequest(path=str(path), folder=str(folder)))
+        return None if converted.too_large else Path(converted.path), converted.lost
+    packed = await anyio.to_thread.run_sync(unpacked, path, folder)
+    plain = await anyio.to_thread.run_sync(named_by_content, packed, folder)
+    if not is_net(plain) and await anyio.to_thread.run_sync(foreign_format, plain) is None:
+        return plain, ()
+    converted = await context.run(CONVERT_ROADS, ConvertMapRequest(path=str(plain), folder=str(folder)))
+    return Path(converted.path), converted.lost
+
+
+async def _store_map(
+    context: WorkflowContext, path: Path, recipe: Recipe, name: str | None, country: str | None
+) -> Artifact:
+    request = ReadMapRequest(path=str(path), map_id=f"map_{recipe.digest}", place=name, country=country)
+    facts = await context.run(READ_MAP, request)
+    return context.workspace.put(
+        "map", facts.map_id, recipe=recipe, record=facts, files={stored_name(path): path}, name=facts.place
+    )

@@ -1,0 +1,222 @@
+"""Editing a scenario."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import anyio
+from pydantic import ValidationError
+
+from ..engine.catalog import open_catalogue
+from ..engine.commonroad import derived_benchmark_id
+from ..engine.workspace import Artifact, Recipe, versions_of
+from ..schemas.errors import Change, InvalidRequest, NotPossible, PlannerForgeError, Remedy, UnexpectedFailure, followed
+from ..schemas.grammar import parse_selector
+from ..schemas.modification import (
+    AMBIGUOUS_VEHICLE,
+    Edit,
+    ModificationRequest,
+    ModifyScenarioArguments,
+    ModifyScenarioResult,
+    TrafficAfterEdits,
+)
+from ..schemas.scenarios import ScenarioRecord
+from .context import Question, WorkflowContext
+from .operations import APPLY_EDITS
+from .scenario_storage import store_scenario
+from .scenarios import one_scenario
+
+logger = logging.getLogger(__name__)
+_TOOL = "modify_scenario"
+_MOST_TRIED = 4
+"""Proposals of a refusal that are tried; chosen."""
+TRYING_S = 10.0
+"""Time for all of them together, after which the refusal is told without; chosen to be less than clients wait."""
+_MOST_QUESTIONS = 5
+"""Questions of one call; chosen: whoever names more vehicles by unclear words better looks at the scenario first."""
+
+
+async def modify_scenario(arguments: ModifyScenarioArguments, context: WorkflowContext) -> ModifyScenarioResult:
+    """Edit a scenario; where words fit several vehicles, the person at the client may say which one is meant."""
+    given = arguments
+    try:
+        for _ in range(_MOST_QUESTIONS):
+            try:
+                return await modified_once(arguments, context)
+            except NotPossible as refusal:
+                meant = await with_vehicle_meant(refusal, arguments, context)
+                if meant is None:
+                    raise
+                arguments = meant
+        return await modified_once(arguments, context)
+    except InvalidRequest as refusal:
+        if arguments is not given:
+            refusal.remedies = tuple(_with_edits(arguments, remedy) for remedy in refusal.remedies)
+        looks = tuple(remedy for remedy in refusal.remedies if remedy.tool)
+        proposed, refusal.remedies = refusal.remedies, looks
+        with anyio.move_on_after(TRYING_S):
+            refusal.remedies = (*await _that_help(proposed, given, context), *looks)
+        raise
+
+
+def _with_edits(arguments: ModifyScenarioArguments, remedy: Remedy) -> Remedy:
+    """The remedy for the call as it was sent, in which the person's choice of vehicles does not stand yet."""
+    if remedy.tool:
+        return remedy
+    chosen = Change(values={"edits": arguments.model_dump(mode="json", exclude_unset=True)["edits"]})
+    return replace(remedy, changes=(chosen, *remedy.changes))
+
+
+async def _that_help(
+    proposed: Sequence[Remedy], given: ModifyScenarioArguments, context: WorkflowContext
+) -> list[Remedy]:
+    """Try the proposals without storing; keep the first that works."""
+    sent = given.model_dump(mode="json", exclude_unset=True)
+    for remedy in [remedy for remedy in proposed if not remedy.tool][:_MOST_TRIED]:
+        following = followed(remedy, _TOOL, sent)
+        if following is None:
+            continue
+        try:
+            tried = ModifyScenarioArguments.model_validate(following.arguments)
+            await modified_once(tried.model_copy(update={"dry_run": True}), context)
+        except UnexpectedFailure as defect:
+            logger.error("incident %s:\n%s", defect.incident, defect.details)  # noqa: TRY400 - it holds the traceback
+        except (PlannerForgeError, ValidationError):
+            continue
+        else:
+            return [remedy]
+    return []
+
+
+async def with_vehicle_meant(
+    refusal: NotPossible, arguments: ModifyScenarioArguments, context: WorkflowContext
+) -> ModifyScenarioArguments | None:
+    """The arguments with the id of the vehicle that the person chooses; None where nothing was chosen or asked."""
+    kind, _, selector = refusal.reason.partition(" ")
+    fitting = [edit for edit in arguments.edits if any(_reads_as(text, selector) for text in edit.vehicles)]
+    if kind != AMBIGUOUS_VEHICLE or not fitting:
+        return None
+    choices = refusal.valid[: refusal.shown_values]
+    chosen = await context.ask(Question(f"Which vehicle does '{selector}' mean in {arguments.scenario_id}?", choices))
+    if chosen is None:
+        return None
+    vehicle_id = chosen.partition(" ")[0]
+    edits = [
+        edit.model_copy(
+            update={"vehicles": [vehicle_id if _reads_as(text, selector) else text for text in edit.vehicles]}
+        )
+        for edit in arguments.edits
+    ]
+    context.remarks.append(f"'{selector}' was taken as vehicle {vehicle_id}, as chosen.")
+    return arguments.model_copy(update={"edits": edits})
+
+
+def _reads_as(text: str, selector: str) -> bool:
+    """Whether a text is written differently at most."""
+    try:
+        return str(parse_selector(text)) == selector
+    except InvalidRequest:
+        return False
+
+
+async def modified_once(arguments: ModifyScenarioArguments, context: WorkflowContext) -> ModifyScenarioResult:
+    """The edited scenario; one that was edited before is made anew from its base with all edits, old and new."""
+    open_catalogue(context.workspace, with_starter=context.services.with_starter)
+    given, named_problem = one_scenario(arguments.scenario_id, context)
+    base_id, earlier = _base_and_edits(given)
+    problem_id = _problem(given, named_problem)
+    edits = (*earlier, *(edit.numbered_after(len(earlier)) for edit in arguments.edits))
+    seed = arguments.seed if "seed" in arguments.model_fields_set or not earlier else given.recipe.seed
+    traffic = _traffic(arguments, given)
+    recipe = Recipe(
+        tool=_TOOL,
+        arguments={"base": base_id, "edits": [edit.model_dump(mode="json", exclude_defaults=True) for edit in edits]}
+        | ({} if traffic == "recorded" else {"traffic": traffic})
+        | ({} if problem_id is None else {"problem": problem_id}),
+        parents=(base_id,),
+        seed=seed,
+        versions=versions_of("libsumo"),
+    )
+    new_id = derived_benchmark_id(base_id, recipe.digest)
+    reused = context.workspace.find("scenario", new_id) is not None
+    with context.workspace.scratch() as folder:
+        request = ModificationRequest(
+            xml=context.workspace.file("scenario", base_id, "scenario.xml"),
+            edits=edits,
+            benchmark_id=new_id,
+            output=folder,
+            problem_id=problem_id,
+            earlier=len(earlier),
+            on_conflict=arguments.on_conflict,
+            traffic=traffic,
+            detail=arguments.detail,
+            dry_run=arguments.dry_run,
+            seed=seed,
+        )
+        outcome = await context.run(APPLY_EDITS, request, share=(0.0, 0.8))
+        if outcome.xml is not None:
+            await store_scenario(
+                context,
+                xml=Path(outcome.xml),
+                net=outcome.net,
+                recipe=recipe,
+                origin="modified",
+                circumstances=given.read(ScenarioRecord).facts.circumstances,
+            )
+            context.made("scenario", new_id)
+    return ModifyScenarioResult(
+        scenario_id=None if arguments.dry_run else new_id,
+        base_id=base_id,
+        reused=reused and not arguments.dry_run,
+        edits=outcome.edits,
+        traffic=traffic,
+        detail=arguments.detail,
+        touched=outcome.touched,
+        removed=outcome.removed,
+        handed_over=outcome.handed_over,
+        collisions=outcome.collisions,
+        ego_before=outcome.ego_before,
+        ego_after=outcome.ego_after,
+        checked_by=outcome.checked_by,
+        checkers_agree=outcome.checkers_agree,
+        untouched=outcome.untouched,
+        planners_refuse=outcome.planners_refuse,
+        warnings=outcome.warnings,
+    )
+
+
+def _traffic(arguments: ModifyScenarioArguments, given: Artifact) -> TrafficAfterEdits:
+    """The traffic that was asked for, or that the scenario was edited with before."""
+    if "traffic" in arguments.model_fields_set or given.recipe.tool != _TOOL:
+        return arguments.traffic
+    return "reactive" if given.recipe.arguments.get("traffic") == "reactive" else "recorded"
+
+
+def _problem(given: Artifact, named: int | None) -> int | None:
+    """The planning problem that the edits are about: all edits since the base are made anew around one ego.
+
+    Raises:
+        NotPossible: the scenario was edited around another ego before.
+    """
+    egos = given.read(ScenarioRecord).facts.egos
+    first = egos[0].problem_id if egos else None
+    wanted = None if named == first else named
+    if given.recipe.tool != _TOOL:
+        return wanted
+    before = given.recipe.arguments.get("problem")
+    if named is not None and wanted != before:
+        earlier = first if before is None else before
+        raise NotPossible(
+            f"{given.artifact_id} was edited around planning problem {earlier}, not {named}",
+            valid=[f"{given.artifact_id}#{earlier}", f"{given.recipe.arguments['base']}#{named}"],
+        )
+    return before
+
+
+def _base_and_edits(artifact: Artifact) -> tuple[str, tuple[Edit, ...]]:
+    """The scenario that all edits start from, and the edits until now."""
+    if artifact.recipe.tool != _TOOL:
+        return artifact.artifact_id, ()
+    edits = artifact.recipe.arguments["edits"]
+    return str(artifact.recipe.arguments["base"]), tuple(Edit.model_validate(edit) for edit in edits)

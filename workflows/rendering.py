@@ -1,0 +1,321 @@
+"""Pictures, and views in motion; what was made of the same artifacts before is not made again."""
+
+import hashlib
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from ..engine.planners import planner_version
+from ..engine.rendering import filled_page
+from ..engine.workspace import VIEWED_KINDS, Artifact, versions_of, write_whole
+from ..schemas.analysis.optimization import StudyRecord
+from ..schemas.errors import Faults, InvalidRequest, PlannerForgeError, UnknownName
+from ..schemas.planning import PlannerConfiguration, Replayed, ReplayRequest, RunRequest
+from ..schemas.rendering import (
+    PICTURE_FORMAT,
+    VIEW_FORMAT,
+    PictureKind,
+    RenderArguments,
+    Rendered,
+    RenderedImage,
+    RenderRequest,
+    ViewKind,
+    ViewPane,
+    ViewRequest,
+)
+from ..schemas.runs import BatchRecord, RunRecord, configuration_id
+from .configurations import resolve_configuration, store_configuration
+from .context import WorkflowContext
+from .operations import RENDER, REPLAY_PLANS, WRITE_VIEW
+from .results import (
+    WORDS,
+    choose_results,
+    chosen_runs,
+    config_weights,
+    lineages,
+    result_named,
+    run_sources,
+    scenario_sources,
+    version_key,
+)
+
+FOLDER = "pictures"
+"""The folder of the drawn pictures in the workspace."""
+VIEWS = "views"
+"""The folder of the data of views in the workspace."""
+MOST_PANES = 2
+"""Scenarios or runs side by side in a player (chosen)."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Pictures that were made, and the ids that a view shows together; no ids if no view shows them."""
+
+    made: Rendered
+    viewed: tuple[str, ...] = ()
+
+
+async def render(arguments: RenderArguments, context: WorkflowContext) -> Drawing:
+    """Draw scenarios, runs, batches or a study.
+
+    Raises:
+        UnknownName: nothing has one of these ids.
+        InvalidRequest: an artifact that cannot be drawn.
+        NotPossible: the kind of picture needs what these artifacts do not have.
+    """
+    study = _study(arguments.ids, context)
+    scenario_ids, run_ids, viewed = ([], [], ()) if study is not None else _meant(arguments.ids, context)
+    made = await draw(
+        context,
+        arguments.kind,
+        scenario_ids=scenario_ids,
+        run_ids=run_ids,
+        time_s=arguments.time_s,
+        focus=arguments.focus,
+        study=study,
+    )
+    return Drawing(made, viewed)
+
+
+def _study(words: list[str], context: WorkflowContext) -> StudyRecord | None:
+    """The study that is drawn; None where the words mean something else."""
+    word = words[0].strip()
+    if len(words) > 1 or not word.startswith("study_"):
+        return None
+    return context.workspace.get(word, "study").read(StudyRecord)
+
+
+def _meant(words: list[str], context: WorkflowContext) -> tuple[list[str], list[str], tuple[str, ...]]:
+    """Return scenario ids, run ids, and the ids that a view shows together."""
+    scenarios, runs, named, faults = list[str](), list[str](), list[Artifact](), Faults()
+    for word in words:
+        with faults.collecting():
+            artifact = named_artifact(word, context)
+            named.append(artifact)
+            if artifact.kind == "scenario":
+                scenarios.append(artifact.artifact_id)
+            elif artifact.kind in ("run", "batch"):
+                results = choose_results([artifact.artifact_id], context)
+                runs += [run_id for result in results for run_id in result.run_ids]
+            else:
+                raise InvalidRequest(
+                    f"'{artifact.artifact_id}' is a {artifact.kind}, which cannot be drawn",
+                    valid=["scenario", "run", "batch"],
+                )
+    faults.raise_all()
+    viewed = named if _view_kind(named) is not None else []
+    return scenarios, runs, tuple(artifact.artifact_id for artifact in viewed)
+
+
+def named_artifact(word: str, context: WorkflowContext) -> Artifact:
+    """The artifact with this id, or of a word for what the client made last (docs/answers.md).
+
+    ``latest`` is the last scenario, run or batch; ``current`` the configuration in force.
+
+    Raises:
+        UnknownName: nothing of that name, or nothing was made yet.
+    """
+    if word == "latest":
+        newest = context.newest("scenario", "run", "batch")
+        if newest:
+            return newest[0]
+        raise UnknownName("nothing was made yet", next_step="call find_scenarios or generate_scenarios")
+    if word in WORDS:
+        return result_named(word, context)
+    if word == "latest_scenario":
+        return context.artifact("latest", "scenario")
+    if word == "current":
+        return store_configuration(context, resolve_configuration(word, context))
+    return context.workspace.get(word, context.workspace.kind_of(word))
+
+
+async def draw(
+    context: WorkflowContext,
+    kind: PictureKind,
+    *,
+    scenario_ids: Sequence[str] = (),
+    run_ids: Sequence[str] = (),
+    time_s: float | None = None,
+    focus: int | None = None,
+    study: StudyRecord | None = None,
+) -> Rendered:
+    """Draw scenarios and runs, or a study; the images lie in the workspace's pictures, named after what they show.
+
+    Raises:
+        NotPossible: the kind needs what is not there.
+        ResourceFailure: the pictures cannot be written.
+    """
+    runs = run_sources(run_ids, context)
+    drawn_on = [*scenario_ids, *(run.record.scenario_id for run in runs)]
+    request = RenderRequest(
+        kind=kind,
+        scenarios=scenario_sources(drawn_on, context),
+        runs=runs,
+        configs=config_weights(runs, context),
+        lineage=lineages(drawn_on, context),
+        time_s=time_s,
+        focus=focus,
+        study=study,
+        folder="",
+    )
+    note = context.workspace.root / FOLDER / f"{_digest(request)}.json"
+    if note.is_file():
+        return Rendered.model_validate_json(note.read_text(encoding="utf-8"))
+    with context.workspace.scratch() as folder:
+        made = await context.run(RENDER, request.model_copy(update={"folder": str(folder)}))
+        return _kept(made, note)
+
+
+def _digest(request: RenderRequest) -> str:
+    content = request.model_dump_json() + repr((PICTURE_FORMAT, versions_of("matplotlib", "pillow")))
+    return hashlib.sha256(content.encode()).hexdigest()[:12]
+
+
+def _kept(made: Rendered, note: Path) -> Rendered:
+    """Move the images into the workspace, whole; the note that says so comes last."""
+    images: list[RenderedImage] = []
+    for image in made.images:
+        source = Path(image.path)
+        target = note.with_name(f"{source.stem}_{note.stem}{source.suffix}")
+        write_whole(target, partial(shutil.copyfile, source))
+        images.append(image.model_copy(update={"path": str(target)}))
+    kept = made.model_copy(update={"images": tuple(images)})
+    write_whole(note, lambda path: path.write_text(kept.model_dump_json(), encoding="utf-8"))
+    return kept
+
+
+@dataclass(frozen=True)
+class MadeView:
+    """A view of artifacts by their ids: what kind it is, and its data as JSON."""
+
+    ids: tuple[str, ...]
+    kind: ViewKind
+    data: str
+
+    def page(self) -> str:
+        """The page that shows it in a browser, the data inside."""
+        return filled_page(self.kind, " | ".join(self.ids), self.data)
+
+
+async def make_view(words: Sequence[str], context: WorkflowContext, *, whole: bool = True) -> MadeView:
+    """The view of some artifacts: a player of a scenario or run, or of two side by side; a board of batches or runs.
+
+    Args:
+        whole: a board holds what its player shows; without it whoever shows it asks for each run.
+
+    Raises:
+        InvalidRequest: artifacts that no view shows, or not together.
+        UnknownName: nothing of that name.
+        NotPossible: the view would be too large, or there is no run in it.
+    """
+    faults, artifacts = Faults(), list[Artifact]()
+    for word in words:
+        with faults.collecting():
+            artifacts.append(named_artifact(word, context))
+    faults.raise_all()
+    request = _view_request(artifacts, context, whole=whole)
+    kept = context.workspace.root / VIEWS / f"{_view_digest(request)}.json"
+    data = kept.read_text(encoding="utf-8") if kept.is_file() else await _view_data(request, kept, context)
+    return MadeView(tuple(artifact.artifact_id for artifact in artifacts), request.kind, data)
+
+
+async def _view_data(request: ViewRequest, kept: Path, context: WorkflowContext) -> str:
+    """Make the data of a view, and keep them, unless something is missing that may be there the next time."""
+    with context.workspace.scratch() as folder:
+        path = folder / "view.json"
+        panes = [await _with_plans(pane, folder / f"plans{i}.json", context) for i, pane in enumerate(request.panes)]
+        await context.run(WRITE_VIEW, request.model_copy(update={"path": str(path), "panes": tuple(panes)}))
+        if not any(pane.note for pane in panes):
+            write_whole(kept, partial(shutil.copyfile, path))
+        return path.read_text(encoding="utf-8")
+
+
+def _view_request(artifacts: Sequence[Artifact], context: WorkflowContext, *, whole: bool) -> ViewRequest:
+    title = " | ".join(artifact.artifact_id for artifact in artifacts)
+    unseen = [artifact for artifact in artifacts if artifact.kind not in VIEWED_KINDS]
+    if unseen:
+        raise InvalidRequest(
+            f"'{unseen[0].artifact_id}' is a {unseen[0].kind}, which no view shows", valid=VIEWED_KINDS
+        )
+    kind = _view_kind(artifacts)
+    if kind == "player":
+        panes = tuple(_pane(artifact, context) for artifact in artifacts)
+        return ViewRequest(kind="player", title=title, panes=panes, path="")
+    if kind is None:
+        raise InvalidRequest(
+            f"{title or 'nothing'} is no view",
+            valid=["one scenario or run", "two of them, side by side", "batches and runs, as a board"],
+        )
+    _, runs = chosen_runs([artifact.artifact_id for artifact in artifacts], context)
+    return ViewRequest(
+        kind="board",
+        title=title,
+        batches=tuple(artifact.read(BatchRecord) for artifact in artifacts if artifact.kind == "batch"),
+        runs=runs,
+        scenarios=scenario_sources([run.record.scenario_id for run in runs], context),
+        lineage=lineages([run.record.scenario_id for run in runs], context),
+        whole=whole,
+        path="",
+    )
+
+
+def _view_kind(artifacts: Sequence[Artifact]) -> ViewKind | None:
+    """The view that shows some artifacts together; None where none does."""
+    kinds = {artifact.kind for artifact in artifacts}
+    if kinds <= {"scenario", "run"} and 1 <= len(artifacts) <= MOST_PANES:
+        return "player"
+    return "board" if artifacts and kinds <= {"run", "batch"} else None
+
+
+def _pane(artifact: Artifact, context: WorkflowContext) -> ViewPane:
+    if artifact.kind == "scenario":
+        return ViewPane(scenario=scenario_sources([artifact.artifact_id], context)[0])
+    record = artifact.read(RunRecord)
+    (run,) = run_sources([artifact.artifact_id], context)
+    return ViewPane(scenario=scenario_sources([record.scenario_id], context)[0], run=run)
+
+
+async def _with_plans(pane: ViewPane, path: Path, context: WorkflowContext) -> ViewPane:
+    """A pane with what the planner of its run had in mind; a note in it where that cannot be had."""
+    if pane.run is None or pane.run.steps_path is None:
+        return pane
+    record = pane.run.record
+    try:
+        found = await _replayed(record, pane.scenario.path, pane.run.steps_path, path, context)
+    except PlannerForgeError as error:
+        found = Replayed(note=f"its plans are not shown: {error.message}")
+    note = f"{record.run_id}: {found.note}" if found.note else ""
+    return pane.model_copy(update={"plans_path": found.path, "note": note})
+
+
+async def _replayed(
+    record: RunRecord, scenario_path: str, steps_path: str, path: Path, context: WorkflowContext
+) -> Replayed:
+    """Have a run driven once more, and its plans written to ``path``.
+
+    Raises:
+        PlannerForgeError: its planner or configuration is gone, or a worker failed.
+    """
+    driven_by = context.workspace.get(record.run_id, "run").recipe.versions.get(version_key(record.planner), "")
+    if planner_version(record.planner) != driven_by:
+        return Replayed(note=f"{record.planner} was edited since this run, so its plans are not shown")
+    run = RunRequest(
+        run_id=record.run_id,
+        scenario_path=scenario_path,
+        scenario_id=record.scenario_id,
+        problem_id=record.problem_id,
+        configuration=context.workspace.get(configuration_id(record.config_id), "config").read(PlannerConfiguration),
+        prediction=record.prediction,
+        traffic=record.traffic,
+        seed=record.seed,
+        planner_version=driven_by,
+    )
+    return await context.run(REPLAY_PLANS, ReplayRequest(run=run, steps_path=steps_path, path=str(path)))
+
+
+def _view_digest(request: ViewRequest) -> str:
+    """Names the data of a view after what they show; another format of the data has another name."""
+    content = request.model_dump_json() + repr((VIEW_FORMAT, versions_of("shapely")))
+    return hashlib.sha256(content.encode()).hexdigest()[:12]

@@ -1,0 +1,458 @@
+"""Runs of a grid: each cell is one scenario's problem under one configuration, run in a worker and stored.
+
+A grid is a job: it goes on when the call has answered, and ends in a batch artifact. A cell's recipe is claimed while
+it is run, so that batches and servers that overlap make no run twice.
+"""
+
+import logging
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import anyio
+
+from ..engine.execution import JobProgress
+from ..engine.planners import PLANNERS, planner_version
+from ..engine.vehicles import MODEL_WORDS, ego_class
+from ..engine.workspace import Recipe, versions_of, write_text
+from ..schemas.errors import NotPossible, PlannerForgeError, UnexpectedFailure
+from ..schemas.jobs import JobState
+from ..schemas.planning import (
+    LISTED_FAILURES,
+    LISTED_RUNS,
+    ConfigurationSummary,
+    PlannerConfiguration,
+    RunLine,
+    RunPlannerResult,
+    RunRequest,
+)
+from ..schemas.runs import (
+    BatchRecord,
+    LostCell,
+    Prediction,
+    ReviewRequest,
+    RunRecord,
+    RunReview,
+    Traffic,
+    excesses_in_words,
+)
+from ..schemas.text import counted, shown_name
+from .context import Question, WorkflowContext
+from .operations import REVIEW_RUNS, RUN_PLANNER
+from .results import run_sources, scenario_sources, version_key
+
+_SHOWN_BEYOND = 3
+"""Runs that a note names (chosen)."""
+_CLAIM_POLL_S = 0.1
+"""How often a run that another call or server makes is looked at; chosen."""
+MANY_RUNS = 200
+"""More runs than these are asked about first; chosen: at some seconds a run on two workers, a quarter of an hour."""
+GO_ON, DO_NOT = "go on", "do not"
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One run to make: ``problem_id`` None is the first planning problem."""
+
+    scenario_id: str
+    problem_id: int | None
+    configuration: PlannerConfiguration
+    prediction: Prediction = "constant_velocity"
+    traffic: Traffic = "recorded"
+    seed: int = 0
+
+    @property
+    def scenario(self) -> str:
+        """The scenario as it is written in a call."""
+        return self.scenario_id if self.problem_id is None else f"{self.scenario_id}#{self.problem_id}"
+
+    def recipe(self) -> Recipe:
+        """The recipe of the run; its digest names it."""
+        own = planner_version(self.configuration.planner)
+        simulator = ["libsumo"] if self.traffic == "reactive" else []
+        return Recipe(
+            tool="run_planner",
+            arguments={
+                "scenario": self.scenario_id,
+                "problem": self.problem_id,
+                "config": self.configuration.config_id,
+                "prediction": self.prediction,
+                "traffic": self.traffic,
+            },
+            parents=(self.scenario_id, self.configuration.config_id),
+            seed=self.seed,
+            versions=versions_of("frenetix", "commonroad-io", "commonroad-drivability-checker", *simulator)
+            | ({self.own_planner: own} if own else {}),
+        )
+
+    @property
+    def own_planner(self) -> str:
+        """What a recipe calls a planner of others."""
+        return version_key(self.configuration.planner)
+
+
+@dataclass(frozen=True)
+class CellResult:
+    """A finished cell: its run, or what went wrong; ``reused`` where the run was stored before."""
+
+    record: RunRecord | None
+    lost: LostCell | None = None
+    reused: bool = False
+
+
+async def run_cell(context: WorkflowContext, cell: Cell, *, tell_client: bool = False) -> CellResult:
+    """The run of a cell: the stored one if its recipe was made before, or made by another call or server just now.
+
+    Raises:
+        PlannerForgeError: the scenario cannot be read, or the worker died or ran past its limit.
+    """
+    while True:
+        result = await _attempt(context, cell, tell_client=tell_client)
+        if result is not None:
+            return result
+        await anyio.sleep(_CLAIM_POLL_S)
+
+
+async def run_grid(
+    context: WorkflowContext, cells: Sequence[Cell], on_done: Callable[[CellResult], None]
+) -> list[CellResult]:
+    """All cells, as many at once as there are workers, in the order of the cells.
+
+    A cell that fails (a broken file, a dead or late worker, a full disk) is lost; the others go on. One that another
+    batch or server makes just now is looked at again later.
+    """
+    results: list[CellResult | None] = [None] * len(cells)
+    waiting = deque(enumerate(cells))
+
+    async def work() -> None:
+        while waiting:
+            index, cell = waiting.popleft()
+            result = await _isolated(context, cell)
+            if result is None:
+                waiting.append((index, cell))
+                await anyio.sleep(_CLAIM_POLL_S)
+                continue
+            results[index] = result
+            on_done(result)
+
+    async with anyio.create_task_group() as tasks:
+        for _ in range(min(context.services.workers.capacity, len(cells))):
+            tasks.start_soon(work)
+    return [result for result in results if result is not None]
+
+
+async def _isolated(context: WorkflowContext, cell: Cell) -> CellResult | None:
+    try:
+        return await _attempt(context, cell, tell_client=False)
+    except PlannerForgeError as error:
+        if isinstance(error, UnexpectedFailure):
+            logger.error("incident %s in the run of %s:\n%s", error.incident, cell.scenario, error.details)  # noqa: TRY400
+        lost = LostCell(scenario_id=cell.scenario, config_id=cell.configuration.config_id, error=error.text)
+        return CellResult(None, lost)
+
+
+async def _attempt(context: WorkflowContext, cell: Cell, *, tell_client: bool) -> CellResult | None:
+    """The cell's run; None where another call or server makes it just now."""
+    recipe = cell.recipe()
+    stored = context.workspace.find_by_recipe("run", recipe)
+    if stored is not None:
+        return CellResult(stored.read(RunRecord), reused=True)
+    with context.services.claims.claimed(recipe.digest) as is_ours:
+        if not is_ours:
+            return None
+        stored = context.workspace.find_by_recipe("run", recipe)  # it may have been stored before the claim
+        if stored is not None:
+            return CellResult(stored.read(RunRecord), reused=True)
+        return await _made(context, cell, recipe, tell_client=tell_client)
+
+
+async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, tell_client: bool) -> CellResult:
+    request = RunRequest(
+        run_id=f"run_{recipe.digest}",
+        scenario_path=str(context.workspace.file("scenario", cell.scenario_id, "scenario.xml")),
+        scenario_id=cell.scenario_id,
+        problem_id=cell.problem_id,
+        configuration=cell.configuration,
+        prediction=cell.prediction,
+        traffic=cell.traffic,
+        seed=cell.seed,
+        planner_version=recipe.versions.get(cell.own_planner, ""),
+    )
+    run = context.run if tell_client else context.services.workers.run
+    response = await run(RUN_PLANNER, request)
+    with context.workspace.scratch() as folder:
+        files = {"steps.json": response.steps.model_dump_json(), "timing.json": response.timing.model_dump_json()}
+        if response.series is not None:
+            files["series.json"] = response.series.model_dump_json()
+        if response.planner_log:
+            files["planner.log"] = response.planner_log
+        for name, content in files.items():
+            write_text(folder / name, content, f"the run of {cell.scenario}")
+        stored = context.workspace.put(
+            "run",
+            request.run_id,
+            recipe=recipe,
+            record=response.record,
+            files={name: folder / name for name in files},
+            name=f"{cell.scenario} {cell.configuration.name}",
+        )
+    return CellResult(stored.read(RunRecord))
+
+
+async def run_many(
+    context: WorkflowContext, cells: Sequence[Cell], wait_s: float, notes: Sequence[str]
+) -> RunPlannerResult:
+    """Start the grid, or find what was made of it, and answer with what is finished after ``wait_s``."""
+    recipe = _batch_recipe(cells)
+    stored = context.workspace.find_by_recipe("batch", recipe)
+    if stored is not None:
+        batch = stored.read(BatchRecord)
+        _take_note(context, batch)
+        results = [_stored(context, run_id) for run_id in batch.runs]
+        return await answer_of(context, cells, results, batch_id=batch.batch_id, notes=notes)
+
+    finished: list[CellResult] = []
+    known = sum(context.workspace.find_by_recipe("run", cell.recipe()) is not None for cell in cells)
+
+    if context.jobs.store.running(recipe) is None:
+        await _confirm(context, len(cells) - known)
+
+    async def work(progress: JobProgress) -> None:
+        def on_done(result: CellResult) -> None:
+            finished.append(result)
+            if result.record is not None:
+                progress.add_result(result.record.run_id)
+            progress.report(own_share(finished, known, len(cells)), f"{len(finished)} of {len(cells)} runs")
+
+        results = await run_grid(context, cells, on_done)
+        batch = store_batch(context, cells, results)
+        _take_note(context, batch)
+        progress.add_result(batch.batch_id)
+
+    job = context.start_job("batch", recipe, work)
+    context.made("job", job.job_id)
+    job = await context.wait_for(job.job_id, wait_s)
+    batch_id = next((key for key in job.results if key.startswith("batch_")), None)
+    if batch_id is not None:
+        record = context.workspace.get(batch_id, "batch").read(BatchRecord)
+        _take_note(context, record)
+        lost = [CellResult(None, cell) for cell in record.lost]
+        reused = {r.record.run_id for r in finished if r.record is not None and r.reused}
+        results = [_stored(context, run_id, reused=run_id in reused) for run_id in record.runs] + lost
+        return await answer_of(context, cells, results, batch_id=batch_id, notes=notes)
+    results = [_stored(context, key, reused=False) for key in job.results if key.startswith("run_")]
+    problem = [job.error] if job.error else []
+    return answer(cells, results, job_id=job.job_id, state=job.state, notes=[*notes, *problem])
+
+
+async def _confirm(context: WorkflowContext, runs: int) -> None:
+    """Ask before very many runs; they are made where nobody can be asked, or nobody answers.
+
+    Raises:
+        NotPossible: the person at the client does not want them.
+    """
+    if runs <= MANY_RUNS:
+        return
+    question = f"{runs:,} runs are to be made, which may take long. Go on?"
+    if await context.ask(Question(question, (GO_ON, DO_NOT))) == DO_NOT:
+        raise NotPossible(
+            f"{runs:,} runs were not wanted by the person at the client",
+            next_step="name fewer scenarios or configurations, for instance scenarios ['preset:10']",
+        )
+
+
+def own_share(finished: Sequence[CellResult], known: int, total: int) -> float:
+    """The share done of what was not known before: runs that are only looked up say nothing about the time left."""
+    reused = sum(result.reused for result in finished)
+    return (len(finished) - min(reused, known)) / max(total - known, 1)
+
+
+def _batch_recipe(cells: Sequence[Cell], lost: Sequence[str] = ()) -> Recipe:
+    """The recipe of a grid; one with lost cells has another, so that asking again tries them again."""
+    scenarios = list(dict.fromkeys(cell.scenario for cell in cells))
+    configs = list(dict.fromkeys(cell.configuration.config_id for cell in cells))
+    arguments = {
+        "scenarios": scenarios,
+        "configs": configs,
+        "prediction": cells[0].prediction,
+        "traffic": cells[0].traffic,
+    }
+    return Recipe(
+        tool="run_planner",
+        arguments=arguments | ({"lost": list(lost)} if lost else {}),
+        parents=tuple(dict.fromkeys([*(cell.scenario_id for cell in cells), *configs])),
+        seed=cells[0].seed,
+        versions=_versions(cells),
+    )
+
+
+def _versions(cells: Sequence[Cell]) -> dict[str, str]:
+    """Return the versions that the runs of a grid depend on, those of all its planners."""
+    first = {cell.configuration.planner: cell for cell in reversed(cells)}
+    return {name: version for cell in first.values() for name, version in cell.recipe().versions.items()}
+
+
+def own_versions(planners: Iterable[str]) -> dict[str, str]:
+    """Return the source digests of the planners that are not built in, as recipes hold them."""
+    known = {version_key(name): planner_version(name) for name in planners}
+    return {name: version for name, version in known.items() if version}
+
+
+def _take_note(context: WorkflowContext, batch: BatchRecord) -> None:
+    """Make a batch and its runs the client's last ones."""
+    context.made("run", *batch.runs)
+    context.made("batch", batch.batch_id)
+
+
+def store_batch(context: WorkflowContext, cells: Sequence[Cell], results: Sequence[CellResult]) -> BatchRecord:
+    """Store the finished grid as a batch, its lost cells with it."""
+    lost = tuple(result.lost for result in results if result.lost is not None)
+    recipe = _batch_recipe(cells, [f"{cell.scenario_id} {cell.config_id}" for cell in lost])
+    record = BatchRecord(
+        batch_id=f"batch_{recipe.digest}",
+        scenarios=tuple(recipe.arguments["scenarios"]),
+        configs=tuple(recipe.arguments["configs"]),
+        prediction=cells[0].prediction,
+        traffic=cells[0].traffic,
+        runs=tuple(result.record.run_id for result in results if result.record is not None),
+        lost=lost,
+    )
+    return context.workspace.put("batch", record.batch_id, recipe=recipe, record=record).read(BatchRecord)
+
+
+def _stored(context: WorkflowContext, run_id: str, *, reused: bool = True) -> CellResult:
+    return CellResult(context.workspace.get(run_id, "run").read(RunRecord), reused=reused)
+
+
+async def answer_of(
+    context: WorkflowContext,
+    cells: Sequence[Cell],
+    results: Sequence[CellResult],
+    *,
+    batch_id: str | None,
+    notes: Sequence[str],
+) -> RunPlannerResult:
+    """The answer for a finished grid, with the moments of a single run, or of the failures that are listed."""
+    records = [result.record for result in results if result.record is not None]
+    looked_at = records if len(cells) == 1 else _failures(records)[:LISTED_FAILURES]
+    reviews: dict[str, RunReview] = {}
+    if looked_at:
+        request = ReviewRequest(
+            runs=run_sources((record.run_id for record in looked_at), context),
+            scenarios=scenario_sources((record.scenario_id for record in looked_at), context),
+        )
+        response = await context.services.workers.run(REVIEW_RUNS, request)
+        reviews = {review.run_id: review for review in response.reviews}
+    notice = "" if all(result.reused for result in results) else context.services.workers.notice
+    return answer(cells, results, batch_id=batch_id, notes=notes, reviews=reviews, notice=notice)
+
+
+def _failures(records: Sequence[RunRecord]) -> list[RunRecord]:
+    return [record for record in records if record.outcome not in ("goal_reached", "invalid")]
+
+
+def answer(
+    cells: Sequence[Cell],
+    results: Sequence[CellResult],
+    *,
+    batch_id: str | None = None,
+    job_id: str | None = None,
+    state: JobState = "done",
+    notes: Sequence[str] = (),
+    reviews: Mapping[str, RunReview] = MappingProxyType({}),
+    notice: str = "",
+) -> RunPlannerResult:
+    """The answer for a grid of which ``results`` are finished."""
+    records = [result.record for result in results if result.record is not None]
+    lost = [result.lost for result in results if result.lost is not None]
+    return RunPlannerResult(
+        state=state,
+        total=len(cells),
+        finished=len(records),
+        reused=sum(result.reused for result in results),
+        prediction=cells[0].prediction,
+        traffic=cells[0].traffic,
+        batch_id=batch_id,
+        job_id=job_id,
+        summary=_summary(records),
+        runs=tuple(_line(record, reviews) for record in records[:LISTED_RUNS]),
+        failures=tuple(_line(record, reviews) for record in _failures(records)[:LISTED_FAILURES]),
+        lost=tuple(lost[:10]),
+        notes=(*notes, *_notes(records), *([notice] if notice else [])),
+        next_step=_next_step(records, batch_id, job_id, state),
+    )
+
+
+def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
+    """What could not be done as asked: predictions, reacting traffic, starts without a way along the lane's centre."""
+    if off_the_lanes := [len(record.off_the_lanes) for record in records if record.off_the_lanes]:
+        counts = f"{counted(sum(off_the_lanes), 'obstacle')} in {counted(len(off_the_lanes), 'run')}"
+        yield f"lane prediction: {counts} off the lanes: constant velocity there"
+    if on_recording := [len(record.on_recording) for record in records if record.on_recording]:
+        shown = f"{sum(on_recording)} (in {len(on_recording)} of {len(records)} runs)"
+        yield f"reactive traffic: moving obstacles that followed their recording all the same: {shown}"
+    if lengths_m := sorted(record.eased_over_m for record in records if record.eased_over_m is not None):
+        span = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
+        where = counted(len(lengths_m), "run")
+        yield f"the ego's start allows no way along the lane's centre in {where}: joined within {span}"
+    for name in sorted({record.ego_class for record in records} - {"car"}):
+        count = sum(record.ego_class == name for record in records)
+        known, where = ego_class(name), "" if count == len(records) else f" in {counted(count, 'run')}"
+        sizes = {(record.ego_length_m, record.ego_width_m) for record in records if record.ego_class == name}
+        if sizes == {known.vehicle.size_m}:
+            model = MODEL_WORDS[known.motion_model]
+            yield f"the ego is a {known.in_words}{where} ({model} model); limits: {known.source}"
+        else:
+            yield f"the ego is a {name}{where}, with size or limits that the configuration states"
+    versions = {record.planner: record.planner_version for record in records if record.planner not in PLANNERS}
+    for planner, version in versions.items():
+        yield f"{planner} drove in version {version}"
+    beyond = [(record.run_id, record.beyond_vehicle) for record in records if record.beyond_vehicle]
+    if len(records) == 1 and beyond:
+        yield excesses_in_words(beyond[0][1])
+    elif beyond:
+        shown = ", ".join(run_id for run_id, _ in beyond[:_SHOWN_BEYOND])
+        yield f"{len(beyond)} of {len(records)} driven motions are beyond the vehicle's limits: {shown}"
+
+
+def _summary(records: Sequence[RunRecord]) -> tuple[ConfigurationSummary, ...]:
+    names = {record.config_id: shown_name(record.config_name) for record in records}
+    counts = {key: Counter(record.outcome for record in records if record.config_id == key) for key in names}
+    return tuple(
+        ConfigurationSummary(config_id=key, config_name=name, outcomes=dict(counts[key].most_common()))
+        for key, name in names.items()
+    )
+
+
+def _line(record: RunRecord, reviews: Mapping[str, RunReview]) -> RunLine:
+    return RunLine(
+        run_id=record.run_id,
+        scenario_id=record.scenario_id,
+        problem_id=record.problem_id,
+        config_id=record.config_id,
+        outcome=record.outcome,
+        reason=record.reason,
+        duration_s=None if record.metrics is None else record.metrics.duration_s,
+        minimum_distance_m=None if record.metrics is None else record.metrics.minimum_distance_m,
+        config_name=shown_name(record.config_name),
+        review=reviews.get(record.run_id),
+    )
+
+
+def _next_step(records: Sequence[RunRecord], batch_id: str | None, job_id: str | None, state: JobState) -> str:
+    if state == "running":
+        return f"get_job with job_id '{job_id}'"
+    if state != "done":
+        return "call run_planner again: finished runs are reused"
+    if batch_id:
+        return f"analyze_results or compare_results with results ['{batch_id}']"
+    if not records:
+        return "mend what the error names, then call run_planner again"
+    run = records[0]
+    if run.outcome == "invalid":
+        return f"describe_scenario of {run.scenario_id} with detail checks, then modify_scenario"
+    if run.outcome == "goal_reached":
+        return f"analyze_results with results ['{run.run_id}'], or render it"
+    return f"analyze_results with results ['{run.run_id}'], detail timeline, or render it as animation"

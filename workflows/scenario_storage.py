@@ -1,0 +1,123 @@
+"""Scenarios on their way into the workspace: workers read the facts, the catalogue's intake stores.
+
+A scenario that a tool made is stored by itself. Files of the user's are read by all workers at once and stored in
+batches, in the order of their names.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import anyio
+from anyio.streams.memory import MemoryObjectReceiveStream, MemoryObjectSendStream
+
+from ..engine.catalog import ReadFile, ScenarioIntake, net_beside, put_scenario
+from ..engine.workspace import Artifact, Recipe, content_digest
+from ..schemas.artifacts import ImportedItem
+from ..schemas.errors import PlannerForgeError, WorkerFailure, WorkerTimeout, as_told
+from ..schemas.scenarios import Origin, ReadFactsRequest, ScenarioFacts
+from ..schemas.vocabulary import CIRCUMSTANCES
+from .context import WorkflowContext
+from .operations import READ_FACTS
+
+_GATHER_S = 0.2
+"""How long the store waits for more files (chosen): a transaction each would keep the disk busier than the readers."""
+_OnDone = Callable[[Path, ImportedItem | PlannerForgeError], None]
+_Outcome = tuple[int, ReadFile | PlannerForgeError]
+
+
+async def store_scenario(
+    context: WorkflowContext,
+    *,
+    xml: Path,
+    net: Path | None,
+    recipe: Recipe,
+    origin: Origin,
+    beside: Mapping[str, Path] | None = None,
+    circumstances: Iterable[str] = (),
+) -> Artifact:
+    """Store a CommonRoad file, with the SUMO network that it came from where there is one.
+
+    Args:
+        beside: further files of the artifact by name, such as the report of how it was made.
+        circumstances: weather and time of day that the file does not state.
+
+    Raises:
+        UnsafeInput: the file is broken or hostile.
+        NotPossible: another scenario has this id already.
+    """
+    facts = await context.run(READ_FACTS, ReadFactsRequest(path=xml))
+    held = {*facts.circumstances, *circumstances}
+    facts = facts.model_copy(update={"circumstances": tuple(word for word in CIRCUMSTANCES if word in held)})
+    return put_scenario(context.workspace, facts, xml=xml, net=net, recipe=recipe, origin=origin, beside=beside)
+
+
+async def import_scenarios(context: WorkflowContext, paths: Sequence[Path], on_done: _OnDone) -> None:
+    """Import the files; calls ``on_done`` for each, in their order, with what it became or why it was refused."""
+    intake = ScenarioIntake(context.workspace)
+    send, receive = anyio.create_memory_object_stream[_Outcome](len(paths))
+    waiting = iter(enumerate(paths))
+    async with anyio.create_task_group() as tasks, receive:
+        async with send:
+            for _ in range(context.services.workers.capacity + 1):
+                tasks.start_soon(_read_files, context, intake, waiting, send.clone())
+        await _store_in_order(intake, paths, receive, on_done)
+
+
+async def _read_files(
+    context: WorkflowContext,
+    intake: ScenarioIntake,
+    waiting: Iterator[tuple[int, Path]],
+    send: MemoryObjectSendStream[_Outcome],
+) -> None:
+    async with send:
+        for index, path in waiting:
+            await send.send((index, await _read(context, intake, path)))
+
+
+async def _read(context: WorkflowContext, intake: ScenarioIntake, path: Path) -> ReadFile | PlannerForgeError:
+    try:
+        checked = context.allowed_path(str(path))
+        context.limits.check_size(checked)
+        content = await anyio.to_thread.run_sync(content_digest, checked)
+        if intake.knows(content):
+            return ReadFile(path, content, None)
+        net = net_beside(path)
+        return ReadFile(path, content, await _facts(context, checked, context.allowed_path(str(net)) if net else None))
+    except Exception as raised:  # noqa: BLE001 - the boundary of a file: it becomes the refusal of this one
+        return as_told(raised, f"import of scenario {path.name}")
+
+
+async def _facts(context: WorkflowContext, path: Path, net: Path | None) -> ScenarioFacts:
+    """The facts of a file; a worker that died is no fault of the file's, so a second one tries again."""
+    request = ReadFactsRequest(path=path, net=net, file_bytes=context.limits.file_bytes, keep=False)
+    try:
+        return await context.services.workers.run(READ_FACTS, request)
+    except WorkerTimeout:
+        raise
+    except WorkerFailure:
+        return await context.services.workers.run(READ_FACTS, request)
+
+
+async def _store_in_order(
+    intake: ScenarioIntake, paths: Sequence[Path], receive: MemoryObjectReceiveStream[_Outcome], on_done: _OnDone
+) -> None:
+    waiting: dict[int, ReadFile | PlannerForgeError] = {}
+    read = stored = 0
+    async for index, outcome in receive:
+        waiting[index], read = outcome, read + 1
+        if read < len(paths):
+            await anyio.sleep(_GATHER_S)
+        for index, outcome in _received(receive):
+            waiting[index], read = outcome, read + 1
+        batch: list[ReadFile | PlannerForgeError] = []
+        while stored + len(batch) in waiting:
+            batch.append(waiting.pop(stored + len(batch)))
+        for path, item in zip(paths[stored:], await intake.store(batch), strict=False):
+            on_done(path, item)
+        stored += len(batch)
+
+
+def _received(receive: MemoryObjectReceiveStream[_Outcome]) -> Iterator[_Outcome]:
+    """What has arrived, without waiting for more."""
+    while receive.statistics().current_buffer_used:
+        yield receive.receive_nowait()

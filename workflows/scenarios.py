@@ -1,0 +1,250 @@
+"""The description of one scenario, and which scenarios the words of a request mean.
+
+A word is an id, ``ID#problem``, a search, a stage of one (``SEARCH:STAGE``), a coverage plan, or ``preset:N``. A stored
+search keeps the counts of its stages only; the scenarios of a stage are looked up again.
+"""
+
+import hashlib
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from ..engine.catalog import MOST_ENTRIES, Postings, Search, entries_of, open_catalogue
+from ..engine.generation import PlanRows
+from ..engine.workspace import Artifact
+from ..schemas.catalog import FindScenariosArguments, SearchRecord
+from ..schemas.errors import Faults, InvalidRequest, NotPossible, UnknownName, instead
+from ..schemas.scenarios import (
+    DescribeRequest,
+    DescribeScenarioArguments,
+    DescribeScenarioResult,
+    ScenarioFacts,
+    ScenarioRecord,
+)
+from ..schemas.text import shown_name
+from .context import WorkflowContext
+from .generation.record import described_generation, kept_report, with_classes
+from .operations import DESCRIBE_SCENARIO
+
+_LARGEST_PRESET = 500
+_PRESET_SIZES = (10, 50, 100, 200, 300, 400, 500)
+"""The largest size and those that a refusal proposes; chosen."""
+
+
+@dataclass(frozen=True)
+class ChosenScenario:
+    """A scenario and one of its planning problems (None: the first)."""
+
+    scenario_id: str
+    problem_id: int | None = None
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """The scenarios in order, each once, and notes."""
+
+    scenarios: tuple[ChosenScenario, ...]
+    notes: tuple[str, ...]
+
+
+async def describe_scenario(arguments: DescribeScenarioArguments, context: WorkflowContext) -> DescribeScenarioResult:
+    """A scenario in words and ids."""
+    open_catalogue(context.workspace, with_starter=context.services.with_starter)
+    artifact, problem_id = one_scenario(arguments.scenario_id, context)
+    record = artifact.read(ScenarioRecord)
+    description = await context.run(
+        DESCRIBE_SCENARIO,
+        DescribeRequest(
+            path=context.workspace.file("scenario", artifact.artifact_id, "scenario.xml"),
+            problem_id=problem_id,
+            detail=arguments.detail,
+            focus=arguments.focus,
+            radius_m=arguments.radius_m,
+            time_s=arguments.time_s,
+        ),
+    )
+    facts = record.facts if problem_id is None else record.facts.seen_by(problem_id)
+    limits = [f"limit {limit:g} km/h" for limit in facts.roads.limits_ego_kmh]
+    light = ["traffic_light"] if facts.roads.traffic_light_ego else []
+    report = kept_report(artifact, context)
+    if report is not None:
+        vehicles = with_classes(description.vehicles, report)
+        description = description.model_copy(update={"vehicles": vehicles})
+    return DescribeScenarioResult(
+        scenario_id=facts.scenario_id,
+        origin=record.origin,
+        detail=arguments.detail,
+        place=f"{shown_name(facts.location.place)}, {facts.location.country}",
+        tags=facts.tags,
+        features=facts.features,
+        step_s=facts.step_s,
+        duration_s=round(facts.horizon_steps * facts.step_s, 3),
+        counts=facts.participants.counts,
+        signs=(*(sign for sign in facts.roads.signs_ego if sign != "speed_limit"), *limits, *light),
+        description=description,
+        other_problems=_other_problems(record.facts, problem_id),
+        generation=described_generation(report, artifact, arguments.detail) if report is not None else None,
+        recipe=artifact.recipe.model_dump(mode="json") if arguments.detail == "recipe" else None,
+    )
+
+
+def _other_problems(facts: ScenarioFacts, problem_id: int | None) -> tuple[int, ...]:
+    """The planning problems of a file beside the one that is described; None: the first."""
+    known = [ego.problem_id for ego in facts.egos]
+    shown = known[0] if problem_id is None and known else problem_id
+    return tuple(key for key in known if key != shown)
+
+
+def one_scenario(word: str, context: WorkflowContext) -> tuple[Artifact, int | None]:
+    """The scenario that an id or ``ID#problem`` names, and the planning problem; None where none is named.
+
+    Raises:
+        UnknownName: there is no such scenario or planning problem.
+    """
+    scenario, mark, problem = word.partition("#")
+    artifact = context.artifact(scenario, "scenario")
+    if not mark:
+        return artifact, None
+    known = [ego.problem_id for ego in artifact.read(ScenarioRecord).facts.egos]
+    if not re.fullmatch(r"\d+", problem) or int(problem) not in known:
+        raise UnknownName(
+            f"{artifact.artifact_id} has no planning problem '{problem}'",
+            valid=known,
+            remedies=[instead(word, scenario)],
+        )
+    return artifact, int(problem)
+
+
+def choose_scenarios(words: Sequence[str], context: WorkflowContext) -> _Choice:
+    """Resolve the words of a call; ``latest`` and ``search:latest`` become concrete ids.
+
+    Raises:
+        UnknownName: scenarios, planning problems, searches or stages of them that do not exist; all of them at once.
+        InvalidRequest: ``preset:`` without a number from 1 to 500.
+        NotPossible: a search without hits, or no scenario that could be run.
+    """
+    open_catalogue(context.workspace, with_starter=context.services.with_starter)
+    chosen: dict[ChosenScenario, None] = {}
+    notes: list[str] = []
+    faults = Faults()
+    for word in words:
+        with faults.collecting():
+            scenarios, remarks = _meant(word.strip(), context)
+            chosen.update(dict.fromkeys(scenarios))
+            notes += remarks
+    faults.raise_all()
+    if not chosen:
+        raise NotPossible("no scenario is left to run", next_step="name scenario ids, a search id or preset:10")
+    return _Choice(tuple(chosen), tuple(notes))
+
+
+def _meant(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], list[str]]:
+    if word.startswith("preset:"):
+        return _preset(word, context)
+    if word.startswith(("search:", "search_")):
+        return _hits(word.removeprefix("search:"), context)
+    if word.startswith("plan_"):
+        return [ChosenScenario(key) for key in planned_scenarios(word, context)], []
+    artifact, problem_id = one_scenario(word, context)
+    return [ChosenScenario(artifact.artifact_id, problem_id)], []
+
+
+def planned_scenarios(word: str, context: WorkflowContext) -> tuple[str, ...]:
+    """What a coverage plan has made until now, in its order; ``plan_latest`` is the client's last one.
+
+    Raises:
+        UnknownName: there is no such plan.
+        NotPossible: it has made nothing yet.
+    """
+    plan = context.artifact("latest" if word == "plan_latest" else word, "plan")
+    ids = PlanRows(context.workspace.database, plan.artifact_id).scenario_ids()
+    if not ids:
+        raise NotPossible(f"{plan.artifact_id} has made no scenario yet", next_step="wait for its job with get_job")
+    return ids
+
+
+def _preset(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], list[str]]:
+    """The first N scenarios with a planning problem, in an order that looks random but is always the same."""
+    number = word.removeprefix("preset:")
+    if not re.fullmatch(r"\d+", number) or not 1 <= int(number) <= _LARGEST_PRESET:
+        raise InvalidRequest(f"'{word}' names no size", valid=[f"preset:{size}" for size in _PRESET_SIZES], given=word)
+    stored = context.workspace.newest(kind="scenario", limit=100_000)
+    runnable = [artifact.artifact_id for artifact in stored if artifact.read(ScenarioRecord).facts.egos]
+    ordered = sorted(runnable, key=lambda key: hashlib.sha256(key.encode()).hexdigest())
+    chosen = [ChosenScenario(key) for key in ordered[: int(number)]]
+    notes = [f"{word}: only {len(chosen)} scenarios with a planning problem are here"]
+    return chosen, notes if len(chosen) < int(number) else []
+
+
+def _hits(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], list[str]]:
+    """The hits of a search, or with ``:STAGE`` behind its id what one of its stages left."""
+    name, mark, stage = word.partition(":")
+    search = context.artifact(name, "search")
+    ids, notes = _stage_hits(search, stage, context) if mark else (_all_hits(search, context), [])
+    if not ids:
+        left = [f"{name}:{count.stage}" for count in search.read(SearchRecord).stages if count.left]
+        raise NotPossible(f"{word} has no hits", valid=left, next_step="relax the search with find_scenarios")
+    return [_entry(key) for key in ids], notes
+
+
+def _entry(scenario_id: str) -> ChosenScenario:
+    scenario, _, problem = scenario_id.partition("#")
+    return ChosenScenario(scenario, int(problem) if problem else None)
+
+
+def _stage_hits(search: Artifact, stage: str, context: WorkflowContext) -> tuple[tuple[str, ...], list[str]]:
+    """Ids of what the stage left, alphabetically, and a remark where versions have changed since the search.
+
+    What was added to the catalogue after the search is not among them.
+
+    Raises:
+        UnknownName: the search has no conditions for this stage, or an earlier stage left nothing.
+    """
+    record = search.read(SearchRecord)
+    counts = {count.stage: count.left for count in record.stages}
+    if stage not in counts:
+        valid = [f"{search.artifact_id}:{name}" for name in counts]
+        raise UnknownName(f"{search.artifact_id} has no stage '{stage}'", valid=valid)
+    again = opened_search(record.arguments, context)
+    numbers = next((left.numbers for left in again.funnel.stages if left.stage == stage), ())
+    known = _known_then(search, numbers)
+    changed = len(known) != counts[stage]
+    note = f"{search.artifact_id}:{stage} left {counts[stage]}; {len(known)} of them are in the catalogue as they were"
+    entries = entries_of(context.workspace.database.connection(), known)
+    return tuple(entry.scenario_id for entry in entries), [note] if changed else []
+
+
+def _known_then(search: Artifact, numbers: Iterable[int]) -> list[int]:
+    """Those of some entries that were in the catalogue when a search was stored."""
+    return [number for number in numbers if number < search.sequence * MOST_ENTRIES]
+
+
+def _all_hits(search: Artifact, context: WorkflowContext) -> tuple[str, ...]:
+    """The ids of all hits; where only the first are kept, the others follow alphabetically as the conditions find them.
+
+    What was added to the catalogue after the search is not among them.
+    """
+    record = search.read(SearchRecord)
+    if record.total is None:
+        return record.scenario_ids
+    matches = opened_search(record.arguments, context).funnel.matches
+    entries = entries_of(context.workspace.database.connection(), _known_then(search, matches))
+    return tuple(dict.fromkeys((*record.scenario_ids, *(entry.scenario_id for entry in entries))))
+
+
+def searched_within(search_id: str | None, context: WorkflowContext) -> tuple[str, ...] | None:
+    """The hits of the search that another one refines, or what a plan made; None: the whole catalogue is searched."""
+    if search_id is not None and search_id.startswith("plan_"):
+        return planned_scenarios(search_id, context)
+    return None if search_id is None else _all_hits(context.artifact(search_id, "search"), context)
+
+
+def opened_search(arguments: FindScenariosArguments, context: WorkflowContext) -> Search:
+    """A search of the workspace's catalogue, with what is kept of it in memory.
+
+    Raises:
+        UnknownName: a word outside the vocabularies.
+        InvalidRequest: a malformed condition.
+    """
+    database = context.workspace.database
+    return Search(database.connection(), arguments, searched_within(arguments.within, context), database.kept(Postings))
