@@ -18,7 +18,7 @@ from ..engine.workspace import ARTIFACT_KINDS, Artifact, ArtifactKind, Workspace
 from ..schemas.artifacts import RESOURCE_SCHEME
 from ..schemas.errors import NotPossible, UnknownName
 from ..schemas.modification import EDITS
-from ..schemas.text import quoted, shown_name
+from ..schemas.text import printable_parts, quoted, shown_name
 from ..schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ORIGINS, ROAD_NET_KEYS, SIGNS, TAGS
 
 SCHEME = RESOURCE_SCHEME
@@ -231,7 +231,7 @@ def _behaviours() -> dict[str, str]:
 
 
 def _record(artifact: Artifact) -> str:
-    return artifact.model_dump_json(indent=1)
+    return _as_json(printable_parts(artifact.model_dump(mode="json")))
 
 
 def _as_json(value: Any) -> str:

@@ -49,8 +49,9 @@ def one_line(text: str, longest: int = LONGEST_TEXT) -> str:
     if len(line) <= longest and read == text:
         return line
     kept = line[: longest - 1].rstrip()
-    if kept.count(OPENING) > kept.count(CLOSING):  # the cut is inside a mark, which is closed
-        return line[: longest - 2].rstrip() + "…" + CLOSING
+    if _is_open(kept):  # the cut is inside a mark, which is closed
+        kept = line[: longest - 2].rstrip()
+        return kept + "…" + CLOSING * _is_open(kept)
     return kept + "…"
 
 
@@ -79,13 +80,35 @@ def shown_name(name: object, longest: int = LONGEST_TEXT) -> str:
 def cited_parts(value: Any) -> Any:
     """Return a JSON value for a text: those of its texts that are more than one printable word are cited."""
     if isinstance(value, dict):
-        return {key: cited_parts(part) for key, part in value.items()}
+        return {cited_parts(key): cited_parts(part) for key, part in value.items()}
     if isinstance(value, list | tuple):
         return [cited_parts(part) for part in value]
     if not isinstance(value, str):
         return value
     is_word = len(value) <= LONGEST_TEXT and value.isprintable() and not re.search(f"[ {OPENING}{CLOSING}]", value)
     return value if is_word else cited(value)
+
+
+def printable_parts(value: Any) -> Any:
+    """Return a JSON value whose texts are printable, but for their line breaks and tabs."""
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, list):
+        return [printable_parts(part) for part in value]
+    if isinstance(value, dict):
+        return {printable(key): printable_parts(part) for key, part in value.items()}
+    return value
+
+
+def in_one_line(value: Any) -> Any:
+    """Return a JSON value with each of its texts on one line, without control and direction characters."""
+    if isinstance(value, str):
+        return value if value.isprintable() else " ".join(printable(" ".join(value.split()), kept="").split())
+    if isinstance(value, dict):
+        return {in_one_line(key): in_one_line(part) for key, part in value.items()}
+    if isinstance(value, list):
+        return [in_one_line(part) for part in value]
+    return value
 
 
 def uncited(text: str) -> str:
@@ -165,6 +188,11 @@ def in_any_case(value: Any, words: Iterable[str]) -> Any:
     if not isinstance(value, str):
         return value
     return next((word for word in words if word.lower() == value.strip().lower()), value)
+
+
+def _is_open(text: str) -> bool:
+    """Return whether a mark of cited words begins in a text and does not end in it."""
+    return text.count(OPENING) > text.count(CLOSING)
 
 
 def _is_shown(character: str) -> bool:

@@ -14,7 +14,7 @@ from ..resources.apps import VIEW_KEY, view_uri
 from ..resources.templates import artifact_link, job_link
 from ..schemas.base import Result
 from ..schemas.errors import NextCall, NotPossible, PlannerForgeError, UnexpectedFailure, as_told
-from ..schemas.text import printable
+from ..schemas.text import printable, printable_parts
 from ..tools.call import ImageAnswer, ToolCall
 from ..tools.registry import ToolSpec
 from ..workflows.context import Question
@@ -116,7 +116,7 @@ def _shaped(result: Result | ImageAnswer, call: ToolCall) -> CallToolResult:
     text = _bounded(printable("\n".join([said, *remarks])))
     structured, written = result.model_dump(mode="json"), _bounded(result.model_dump_json())
     if _ESCAPE.search(written) or not written.isprintable():  # one look at the whole spares one at each of its texts
-        structured = _printable_parts(structured)
+        structured = printable_parts(structured)
     if _DENORMAL.search(written):
         structured = _without_denormals(structured)
     return CallToolResult(
@@ -194,13 +194,3 @@ def refusal(error: PlannerForgeError, following: NextCall | None = None) -> Call
     if following is not None:
         meta = {NEXT_CALL_KEY: {"tool": following.tool, "arguments": dict(following.arguments)}}
     return CallToolResult(content=[TextContent(type="text", text=text)], is_error=True, _meta=meta)
-
-
-def _printable_parts(value: Any) -> Any:
-    if isinstance(value, str):
-        return printable(value)
-    if isinstance(value, list):
-        return [_printable_parts(part) for part in value]
-    if isinstance(value, dict):
-        return {printable(key): _printable_parts(part) for key, part in value.items()}
-    return value

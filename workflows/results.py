@@ -254,7 +254,7 @@ def config_weights(runs: Iterable[RunSource], context: WorkflowContext) -> tuple
             weights.append(
                 ConfigWeights(
                     config_id=config_id,
-                    name=config.name,
+                    name=shown_name(config.name),
                     planner=config.planner,
                     weights=config.weights | config.external_weights,
                     settings=config.settings.model_dump(exclude_defaults=True),

@@ -444,7 +444,7 @@ def _rejecting_constraint(evidence: Evidence) -> Iterator[Finding]:
     yield Finding(
         name="rejecting_constraint",
         statement=(
-            f"In {count} of {len(stuck)} infeasible runs {name} rejected most candidates, "
+            f"In {count} of {len(stuck)} infeasible runs the constraint {name} rejected most candidates, "
             f"{100 * median(shares):.0f} % of the rejected ones in the median run."
         ),
         run_ids=run_ids,

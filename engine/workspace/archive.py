@@ -26,12 +26,12 @@ from pydantic import Field, RootModel, ValidationError
 from ... import __version__
 from ...schemas.base import Model, problems_of
 from ...schemas.errors import InvalidRequest, NotPossible, ResourceFailure, UnsafeInput
-from ...schemas.text import cited, one_line, shown_name
+from ...schemas.text import cited, in_one_line, one_line, shown_name
 from .artifacts import ARTIFACT_KINDS, ORDINARY_ID, ArtifactKind, NewArtifact, Workspace, disk_failure, stored_recipe
 from .database import SCHEMA_VERSION, make_private, stored_json
 from .export import write_whole
 from .recipe import Recipe, content_digest
-from .record_checks import in_one_line, record_fault
+from .record_checks import record_fault, text_fault
 from .upkeep import MAIN_FILES
 
 _HEAD, _RECORDS, _SUMS = "workspace.json", "records.jsonl", "SHA256SUMS"
@@ -412,7 +412,9 @@ def _sorted_out(workspace: Workspace, folder: Path, head: _Head, sums: Mapping[s
             raise _damaged(f"it has two records of {record.kind} {record.artifact_id}")
         if _is_lost(record):
             raise _damaged(f"{record.kind} {record.artifact_id} has no {MAIN_FILES[record.kind]}")
-        if fault := record_fault(record.kind, record.artifact_id, record.recipe, record.record, folder / record.place):
+        fault = record_fault(record.kind, record.artifact_id, record.recipe, record.record, folder / record.place)
+        fault = fault or text_fault(record.kind, one_line(record.name), in_one_line(record.record))
+        if fault:
             raise UnsafeInput(
                 f"{record.kind} {record.artifact_id} in the archive is not what it says: {fault}",
                 next_step="ask who made the archive for one that `workspace export` wrote and nobody changed",

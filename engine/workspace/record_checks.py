@@ -142,14 +142,3 @@ def _own_id(kind: ArtifactKind, record: Model) -> str | None:
         return record.content_id
     stated = getattr(record, f"{kind}_id", None)
     return None if stated is None else str(stated)
-
-
-def in_one_line(value: Any) -> Any:
-    """Return a record with each of its texts on one line, without control and direction characters."""
-    if isinstance(value, str):
-        return value if value.isprintable() else " ".join(printable(" ".join(value.split()), kept="").split())
-    if isinstance(value, dict):
-        return {in_one_line(key): in_one_line(part) for key, part in value.items()}
-    if isinstance(value, list):
-        return [in_one_line(part) for part in value]
-    return value

@@ -634,7 +634,10 @@ class Judge:
                 lambda match: self._near(match[3]),
             ),
             (
-                rf"In {N} of {N} infeasible runs '(\w+)' rejected most candidates, {N} % of the rejected ones",
+                (
+                    rf"In {N} of {N} infeasible runs the constraint (\w+) rejected most candidates, "
+                    rf"{N} % of the rejected ones"
+                ),
                 lambda match: self._rejecting(match[3]),
             ),
             (

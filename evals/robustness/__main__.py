@@ -11,7 +11,6 @@ same call's on the idle server; the time in which the machine gave the server no
 ``oversized_answers`` (more than 20,000 characters), ``unadvised_refusals`` (without a next step), ``outside_reads``,
 ``journal_faults`` (texts of callers in the journal longer than 200 characters or with control characters, or a journal
 that others may read), ``minutes``; and those of :mod:`citations`.
-that others may read), ``minutes``.
 
 ``stranger``, ``archives``, ``answers``, ``secrets``, ``kills``: modules of :mod:`.street`, which explain their keys.
 What counts: ``honest_answered`` (goal: 1.0), ``honest_p95_ratio`` (at most 2), ``memory_over_bound_mb`` (0),

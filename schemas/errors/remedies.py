@@ -171,7 +171,8 @@ def _texts(value: Any) -> Iterator[str]:
 def _where_new(value: Any, cited: Any, new: set[str]) -> Any:
     """Return a JSON value with those of its texts cited that are new."""
     if isinstance(value, Mapping):
-        return {name: _where_new(part, cited[name], new) for name, part in value.items()}
+        pairs = zip(value.items(), cited.values(), strict=True)
+        return {name: _where_new(part, other, new) for (name, part), other in pairs}
     if isinstance(value, list | tuple):
         return [_where_new(part, other, new) for part, other in zip(value, cited, strict=True)]
     return cited if value in new else value

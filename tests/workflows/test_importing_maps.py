@@ -20,7 +20,7 @@ async def test_packed_maps_of_a_folder_go_in_and_a_broken_one_is_named(connect: 
         answer = await client.call_tool("import_files", {"path": str(folder)})
         text = str(answer.content)
         assert not answer.is_error, text
-        assert "Fahrhausen (ZAM)" in text
+        assert "“Fahrhausen” (ZAM)" in text
         assert "broken.osm.gz" in text
         assert "cannot be unpacked" in text
 

@@ -50,7 +50,7 @@ async def test_a_town_of_a_country_is_cut_out_and_told(connect: Connect, country
         answer = await structured(client, "generate_scenarios", **WISH)
         (scenario,) = answer["scenarios"]
         assert scenario["place"] == SECOND_TOWN
-        assert f"town {SECOND_TOWN} was cut out of Country.osm.pbf ({map_id})" in answer["notes"]
+        assert f"“town {SECOND_TOWN}” was cut out of Country.osm.pbf ({map_id})" in answer["notes"]
         listed = str((await client.call_tool("describe_catalog", {"facet": "maps"})).content)
         assert map_id in listed
         assert scenario["map_id"] not in listed

@@ -40,9 +40,7 @@ async def test_a_broken_map_does_not_stop_the_others_and_is_told_of(connect: Con
         assert not answer.is_error, answer.content
         assert answer.structured_content is not None
         notes = answer.structured_content["notes"]
-        assert any(
-            note.startswith("the map half.osm was left out: 'half.osm' is not well-formed XML") for note in notes
-        )
+        assert any(note.startswith("the map half.osm was left out: half.osm is not well-formed XML") for note in notes)
         assert any("nowhere cannot be read" in note for note in notes)
         facets = str((await client.call_tool("describe_catalog", {"facet": "maps"})).content)
         assert "half.osm was left out" in facets

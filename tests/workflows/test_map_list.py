@@ -72,15 +72,15 @@ async def test_maps_are_listed_by_country_with_their_sites(call: WorkflowContext
     found = await asked(call)
     assert [land.country for land in found.maps] == ["DEU", "ESP", "ZAM", "?"]
     text = found.to_text()
-    assert "DEU: 1 map, 7 sites\n- Munich (map_munich): roundabout 2, urban 5" in text
-    assert "- Vigo (map_vigo): no sites" in text
+    assert "DEU: 1 map, 7 sites\n- “Munich” (map_munich): roundabout 2, urban 5" in text
+    assert "- “Vigo” (map_vigo): no sites" in text
     assert found.maps_rest == ""
 
 
 @pytest.mark.parametrize("within", ["DEU", "Germany", "Munich", "München"])
 async def test_only_the_maps_of_a_country_or_place_are_listed(call: WorkflowContext, within: str) -> None:
     assert [land.listed for land in (await asked(call, within=within)).maps] == [
-        ("Munich (map_munich): roundabout 2, urban 5",)
+        ("“Munich” (map_munich): roundabout 2, urban 5",)
     ]
 
 
@@ -113,4 +113,4 @@ async def test_a_cut_list_says_the_count_and_the_call_for_the_rest(call: Workflo
 async def test_a_place_without_scenarios_and_maps_is_refused(call: WorkflowContext) -> None:
     with pytest.raises(UnknownName, match="no scenario and no map lies in 'Vigoo'") as refused:
         await asked(call, within="Vigoo")
-    assert "Vigo" in refused.value.valid
+    assert "“Vigo”" in refused.value.valid

@@ -129,6 +129,23 @@ async def test_the_setting_says_whether_the_net_is_asked(
     assert servers.requests == []
 
 
+async def test_the_services_learn_the_place_and_the_roads_and_nothing_of_the_traffic(
+    connect: Connect, online: Settings, servers: MapServers
+) -> None:
+    async with connect(online) as client:
+        given = {"vehicles": ["truck=3"], "density": "medium", "duration_s": 7, "ego": "type:truck", "seed": 4711}
+        _, made = await generate(client, place="Ringstadt", scenario_type="urban", **given)
+        assert len(made) == 1
+    asked = [request for request in servers.requests if not request.path.endswith("/status")]
+    keys = {request.service: set(request.parameters) for request in asked}
+    assert "Ringstadt" in asked[0].parameters["q"]
+    assert {service: names for service, names in keys.items() if service != "nominatim"} == {
+        service: {"data"} for service in keys if service != "nominatim"
+    }
+    sent = " ".join(f"{request.path} {dict(request.parameters)} {request.user_agent}" for request in asked)
+    assert not [word for word in ("truck", "medium", "4711", "idm", str(online.workspace)) if word in sent]
+
+
 async def test_what_can_never_be_met_is_refused_before_a_service_is_asked(
     connect: Connect, online: Settings, servers: MapServers
 ) -> None:
@@ -173,7 +190,7 @@ async def test_an_invented_place_is_no_failure_of_the_service(
         real, _ = await generate(client, place="Ouagadougou")
         assert real.startswith("[service_failure]")
         misspelled, _ = await generate(client, place="Kraiselheim")
-        assert "place='Kreiselheim'" in misspelled
+        assert "place=“Kreiselheim”" in misspelled
 
 
 async def test_which_of_two_towns_is_asked_where_the_client_can_ask(
@@ -189,7 +206,7 @@ async def test_which_of_two_towns_is_asked_where_the_client_can_ask(
     async with Client(server, mode=era, elicitation_callback=choose) as client:  # type: ignore[arg-type]
         text, made = await generate(client, place="Springfield", scenario_type="signalised_intersection")
     assert len(made) == 1, text
-    assert "roads of Springfield, Missouri" in text
+    assert "roads of “Springfield, Missouri" in text
     (question,) = asked
     assert question.message == "Which Springfield is meant?"
 
@@ -206,7 +223,7 @@ async def test_which_of_two_towns_is_told_where_no_choice_is_made(
             text, _ = await generate(client, place="Springfield")
         assert text.startswith("[invalid_request] several places are called 'Springfield'")
         assert "Springfield, Illinois, United States of America" in text
-        assert "place='Springfield, Illinois, United States of America'" in text
+        assert "place=“Springfield, Illinois, United States of America”" in text
     assert stored(online, "map") == []
 
 

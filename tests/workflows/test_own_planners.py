@@ -28,7 +28,7 @@ MISBEHAVING = {
     "writes_five_gb": "writes more than 2 MB",
     "exits_three": "ended with exit status 3",
     "not_a_number": "answers a number that is not finite",
-    "other_scenario": "answers for 'DEU_Other-1_1_T-1'",
+    "other_scenario": "answers for DEU_Other-1_1_T-1",
 }
 PROGRAM = own_planner_program.__file__
 

@@ -79,7 +79,8 @@ def test_the_rejecting_constraint_is_that_of_most_runs_and_no_run_decides_alone(
     ]
     said = found(many, *few)["rejecting_constraint"].statement
     assert said == (
-        "In 2 of 3 infeasible runs 'collision' rejected most candidates, 67 % of the rejected ones in the median run."
+        "In 2 of 3 infeasible runs the constraint collision rejected most candidates, 67 % of the rejected ones in the "
+        "median run."
     )
     assert "rejecting_constraint" not in found(many, few[0])
 

@@ -90,10 +90,10 @@ def test_errors_come_before_warnings(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("<osm/>", "'osm'"),
+        ("<osm/>", "“osm”"),
         ("<commonRoad>", "well-formed"),
         ("<!DOCTYPE a><commonRoad/>", "document type"),
-        ("<commonRoad><lanelet id='one'/></commonRoad>", "id of <lanelet> of <lanelet> is 'one'"),
+        ("<commonRoad><lanelet id='one'/></commonRoad>", "id of <lanelet> of <lanelet> is “one”"),
         ("<commonRoad><lanelet id='1'><successor/></lanelet></commonRoad>", "ref=''"),
     ],
 )
