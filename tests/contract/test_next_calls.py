@@ -11,6 +11,7 @@ from mcp import Client
 from support.builders import town_road
 
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnexpectedFailure, with_values
+from plannerforge.schemas.modification import ModifyScenarioResult
 from plannerforge.server.arguments import proposals
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
@@ -155,7 +156,7 @@ async def test_a_chosen_vehicle_stands_in_the_call_that_is_proposed(
     async def edit(arguments: Any, _call: Any) -> Any:
         if arguments.dry_run:
             assert arguments.edits[0].vehicles == ["32"]
-            return None
+            return ModifyScenarioResult.model_construct(scenario_id=None, base_id=SCENARIO)
         raise NotPossible("too fast", remedies=[with_values(speed="4m/s").at(("edits", 0))])
 
     monkeypatch.setattr(modification, "modified_once", edit)
