@@ -6,6 +6,7 @@ import re
 import uuid
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import ExitStack
+from itertools import count
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol, TypeVar
@@ -176,7 +177,7 @@ class Workspace:
             RunPlannerArguments,
             {
                 "scenarios": [str(one) for one in _several(scenarios)],
-                "configs": [self._named(one) for one in _several(planners)],
+                "configs": self._all_named(_several(planners)),
                 **arguments,
             },
         )
@@ -252,13 +253,22 @@ class Workspace:
             raise NotPossible(f"{job.job_id} {job.state}: {job.error or job.message}", next_step=job.next_step)
         return answer
 
-    def _named(self, planner: AnyPlanner) -> str:
+    def _all_named(self, planners: "Sequence[AnyPlanner]") -> list[str]:
+        """Return the words that name planners; several of one class get names of their own."""
+        named: list[str] = []
+        for planner in planners:
+            named.append(self._named(planner, taken=named))
+        return named
+
+    def _named(self, planner: AnyPlanner, taken: Sequence[str] = ()) -> str:
         """Return the words that name a planner in a request; an object of one's own becomes known by a name first."""
         if isinstance(planner, str):
             return planner
         known = next((name for one, name in self._known if one is planner), None)
         if known is None:
-            known, here = _own(planner)
+            name, here = _own(planner)
+            free = (name if number == 1 else f"{name}_{number}" for number in count(1))
+            known = next(one for one in free if f"{one}:Default" not in taken)
             self._planners.enter_context(planners_here({known: here}))
             self._known = [(one, name) for one, name in self._known if name != known] + [(planner, known)]
         return f"{known}:Default"

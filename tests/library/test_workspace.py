@@ -99,6 +99,21 @@ def test_several_runs_are_a_batch_that_can_be_analysed_and_compared(workspace: W
     assert len(workspace.compare(runs).sides) == 2
 
 
+def test_two_objects_of_one_class_are_two_planners_of_a_batch(workspace: Workspace) -> None:
+    one, two = Straight(0.1), Straight(0.2)
+    runs = workspace.run(scenario_of(workspace), [one, two])
+    assert [run.record.planner for run in runs] == ["straight", "straight_2"]
+    assert one.threads == two.threads == {threading.get_ident()}
+
+
+def test_a_workspace_that_is_closed_leaves_the_planners_of_another(workspace: Workspace, tmp_path: Path) -> None:
+    planner = Straight(0.9)
+    workspace.run(scenario_of(workspace), planner)
+    with Workspace(tmp_path / "other", workers=1, starter=False, warm_up=False) as other:
+        assert "straight" in [one.name for one in other.planners().planners]
+    assert workspace.run(scenario_of(workspace), planner)[0].record.planner == "straight"
+
+
 def test_what_is_no_planner_and_what_is_unknown_is_refused(workspace: Workspace) -> None:
     with pytest.raises(InvalidRequest):
         workspace.run(scenario_of(workspace), 3)  # type: ignore[arg-type]

@@ -175,14 +175,14 @@ def programs_named(commands: Mapping[str, CommandPlanner]) -> Iterator[None]:
 def planners_here(planners: Mapping[str, PlannerHere]) -> Iterator[None]:
     """While the block runs, these objects are planners in this process; other processes do not know them."""
     known = _of_this_process()
-    before = dict(known)
-    known.update(
-        {_folded(name): Found(_folded(name), "object of this process", here=one) for name, one in planners.items()}
-    )
+    named = {_folded(name): Found(_folded(name), "object of this process", here=one) for name, one in planners.items()}
+    before = {name: known[name] for name in named if name in known}
+    known.update(named)
     try:
         yield
     finally:
-        known.clear()
+        for name in named:
+            known.pop(name, None)
         known.update(before)
 
 
