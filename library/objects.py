@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 
 from ..engine.workspace import Workspace
 from ..schemas.base import Result
-from ..schemas.planning import RunPlannerResult
+from ..schemas.planning import RunPlannerResult, RunResponse
 from ..schemas.runs import RunRecord, RunSeries, RunSteps, configuration_id
 
 if TYPE_CHECKING:
@@ -25,6 +25,9 @@ class Home(Protocol):
 
     def render(self, *things: Any, **arguments: Any) -> tuple["Picture", ...]:
         """Draw things."""
+
+    def resume(self, run_id: str, time_s: float, planner: Any) -> RunResponse:
+        """Drive on from a moment of a run."""
 
 
 @dataclass(frozen=True)
@@ -115,21 +118,13 @@ class Run:
         path = self._file("series.json")
         return RunSeries.model_validate_json(path.read_bytes()) if path.is_file() else RunSeries()
 
+    def at(self, time_s: float) -> "Moment":
+        """Return the moment of the run so many seconds after its beginning, to drive on from there."""
+        return Moment(self, time_s)
+
     def to_pandas(self) -> "pandas.DataFrame":
         """Return a table with a row for each driven state: position, motion, offset from the reference path."""
-        import pandas
-
-        steps, series = self.steps, self.series
-        columns: dict[str, Sequence[float]] = {
-            name: getattr(steps, name) for name in ("x_m", "y_m", "heading_rad", "speed_mps", "acceleration_mps2")
-        }
-        columns |= {
-            name: values
-            for name in ("lateral_offset_m", "heading_error_rad", "steering_rad")
-            if len(values := getattr(series, name)) == len(steps.x_m)
-        }
-        index = pandas.RangeIndex(steps.first_step, steps.first_step + len(steps.x_m), name="step")
-        return pandas.DataFrame({name: list(values) for name, values in columns.items()}, index=index)
+        return _states(self.steps, self.series)
 
     def plot(self, **arguments: Any) -> Picture:
         """Draw the run, as ``render`` does."""
@@ -142,6 +137,54 @@ class Run:
         record = self.record
         told = html.escape(f"{self.run_id}: {record.outcome}, {record.reason}")
         return f"<p>{told}</p>{self.plot()._repr_html_()}"
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A moment of a run, ``time_s`` seconds after its beginning."""
+
+    run: Run
+    time_s: float
+
+    def resume(self, planner: Any = "current") -> "Drive":
+        """Drive on from here with a planner, named or one's own; the others follow their recordings.
+
+        Raises:
+            InvalidRequest: the run has no state at this time.
+            NotPossible: the run was driven in reactive traffic.
+        """
+        return Drive(self.run.workspace.resume(self.run.run_id, self.time_s, planner))
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A motion that was driven on from a moment of a run; it is not stored."""
+
+    response: RunResponse
+
+    @property
+    def record(self) -> RunRecord:
+        """How it ended, and its metrics."""
+        return self.response.record
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """Return a table with a row for each driven state, as :meth:`Run.to_pandas` does."""
+        return _states(self.response.steps, self.response.series or RunSeries())
+
+
+def _states(steps: RunSteps, series: RunSeries) -> "pandas.DataFrame":
+    import pandas
+
+    columns: dict[str, Sequence[float]] = {
+        name: getattr(steps, name) for name in ("x_m", "y_m", "heading_rad", "speed_mps", "acceleration_mps2")
+    }
+    columns |= {
+        name: values
+        for name in ("lateral_offset_m", "heading_error_rad", "steering_rad")
+        if len(values := getattr(series, name)) == len(steps.x_m)
+    }
+    index = pandas.RangeIndex(steps.first_step, steps.first_step + len(steps.x_m), name="step")
+    return pandas.DataFrame({name: list(values) for name, values in columns.items()}, index=index)
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,7 @@ from ..schemas.planning import (
     ListPlannersResult,
     PlannerDeclaration,
     RunPlannerArguments,
+    RunResponse,
 )
 from ..schemas.rendering import RenderArguments
 from ..schemas.results import AnalyzeResultsArguments, AnalyzeResultsResult
@@ -50,6 +51,7 @@ from ..workflows import scenarios as scenario_work
 from ..workflows.analysis import comparison, figures, optimization
 from ..workflows.context import WorkflowContext
 from ..workflows.generation import generate
+from ..workflows.runs import resume_run
 from ..workflows.scenarios import ChosenScenario, choose_scenarios
 from .calling import Caller
 from .objects import Picture, Run, Runs, Scenario, Scenarios
@@ -186,6 +188,10 @@ class Workspace:
         if made.batch_id is not None:
             ids = list(self.stored.get(made.batch_id, "batch").read(BatchRecord).runs)
         return Runs(self, made, [Run(self, key) for key in ids])
+
+    def resume(self, run_id: str, time_s: float, planner: AnyPlanner) -> RunResponse:
+        """Drive on from a moment of a stored run; ``run.at(time_s).resume(planner)`` is the same."""
+        return self._caller.call(resume_run, run_id, time_s, self._named(planner))
 
     def analyse(
         self, results: "Sequence[str | Runs | Run] | str | Runs | Run", **arguments: Any

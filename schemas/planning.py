@@ -111,6 +111,18 @@ def configuration_id_of(
     return f"cfg_{hashlib.sha256(json.dumps(parts, separators=(',', ':')).encode()).hexdigest()[:12]}"
 
 
+class RunMoment(Model):
+    """The ego at a step of a run: its centre in m, heading in rad, speed, acceleration and yaw rate."""
+
+    step: int
+    x_m: float
+    y_m: float
+    heading_rad: float
+    speed_mps: float
+    acceleration_mps2: float = 0.0
+    yaw_rate_radps: float = 0.0
+
+
 class RunRequest(Model):
     """One planner run, as a worker receives it."""
 
@@ -123,6 +135,7 @@ class RunRequest(Model):
     traffic: Traffic = "recorded"
     seed: int = 0
     planner_version: str = Field("", description="of a planner that is not ours: the one that the run is stored under")
+    begins_at: RunMoment | None = Field(None, description="where the ego begins; None: as the planning problem says")
 
 
 class RunResponse(Model):

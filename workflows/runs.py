@@ -5,6 +5,7 @@ it is run, so that batches and servers that overlap make no run twice.
 """
 
 import logging
+import math
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from ..engine.execution import JobProgress
 from ..engine.planners import PLANNERS, planner_version
 from ..engine.vehicles import MODEL_WORDS, ego_class
 from ..engine.workspace import Recipe, versions_of, write_text
-from ..schemas.errors import NotPossible, PlannerForgeError, UnexpectedFailure
+from ..schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnexpectedFailure
 from ..schemas.jobs import JobState
 from ..schemas.planning import (
     LISTED_FAILURES,
@@ -24,8 +25,10 @@ from ..schemas.planning import (
     ConfigurationSummary,
     PlannerConfiguration,
     RunLine,
+    RunMoment,
     RunPlannerResult,
     RunRequest,
+    RunResponse,
 )
 from ..schemas.runs import (
     BatchRecord,
@@ -34,10 +37,13 @@ from ..schemas.runs import (
     ReviewRequest,
     RunRecord,
     RunReview,
+    RunSteps,
     Traffic,
     excesses_in_words,
 )
+from ..schemas.scenarios import ScenarioRecord
 from ..schemas.text import counted, shown_name
+from .configurations import resolve_configuration
 from .context import Question, WorkflowContext
 from .operations import REVIEW_RUNS, RUN_PLANNER
 from .results import run_sources, scenario_sources, version_key
@@ -199,6 +205,57 @@ async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, tell_cl
             name=f"{cell.scenario} {cell.configuration.name}",
         )
     return CellResult(stored.read(RunRecord))
+
+
+async def resume_run(run_id: str, time_s: float, planner: str, context: WorkflowContext) -> RunResponse:
+    """Drive on from a moment of a stored run, under another configuration; nothing is stored.
+
+    The ego begins as it was driven then; the others follow their recordings.
+
+    Args:
+        run_id: the stored run.
+        time_s: seconds since its beginning.
+        planner: a configuration by id or name.
+        context: what the run is made with.
+
+    Raises:
+        UnknownName: there is no such run or configuration.
+        InvalidRequest: the run has no state at this time.
+        NotPossible: its traffic was reactive, so where the others were then is not on their recordings.
+    """
+    record = context.workspace.get(run_id, "run").read(RunRecord)
+    if record.traffic == "reactive":
+        raise NotPossible(
+            f"{run_id} was driven in reactive traffic, which cannot begin in the middle of a run",
+            next_step="resume a run with traffic recorded",
+        )
+    steps = RunSteps.model_validate_json(context.workspace.file("run", run_id, "steps.json").read_bytes())
+    step_s = context.workspace.get(record.scenario_id, "scenario").read(ScenarioRecord).facts.step_s
+    last, index = len(steps.x_m) - 1, round(time_s / step_s)
+    if not 0 <= index < last:
+        raise InvalidRequest(
+            f"{run_id} cannot be resumed at {time_s:g} s", valid=[f"0 to {step_s * (last - 1):g} s, before its end"]
+        )
+    turn_rad = math.remainder(steps.heading_rad[index] - steps.heading_rad[max(index - 1, 0)], math.tau)
+    request = RunRequest(
+        run_id=f"{run_id}_{steps.first_step + index}",
+        scenario_path=str(context.workspace.file("scenario", record.scenario_id, "scenario.xml")),
+        scenario_id=record.scenario_id,
+        problem_id=record.problem_id,
+        configuration=resolve_configuration(planner, context),
+        prediction=record.prediction,
+        seed=record.seed,
+        begins_at=RunMoment(
+            step=steps.first_step + index,
+            x_m=steps.x_m[index],
+            y_m=steps.y_m[index],
+            heading_rad=steps.heading_rad[index],
+            speed_mps=steps.speed_mps[index],
+            acceleration_mps2=steps.acceleration_mps2[index],
+            yaw_rate_radps=turn_rad / step_s,
+        ),
+    )
+    return await context.run(RUN_PLANNER, request)
 
 
 async def run_many(

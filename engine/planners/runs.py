@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...schemas.errors import PlannerFailure
-from ...schemas.planning import Replayed, ReplayRequest, RunPlans, RunRequest, RunResponse, ShownPlan
+from ...schemas.planning import Replayed, ReplayRequest, RunMoment, RunPlans, RunRequest, RunResponse, ShownPlan
 from ...schemas.runs import DrivenObstacle, Outcome, Refusal, RunMetrics, RunRecord, RunSteps, RunTiming
 from ..commonroad import Track, kept_recording
 from ..criticality import drive_criticality
@@ -132,6 +132,8 @@ class _Start:
         """The scenario in memory, its planning problem, and the ego's vehicle."""
         loaded = kept_recording(Path(request.scenario_path)).loaded
         problem = loaded.problem(request.problem_id)
+        if request.begins_at is not None:
+            problem = _begun_at(problem, request.begins_at)
         vehicle = vehicle_of(request.configuration.settings, loaded.ego_class(int(problem.planning_problem_id)))
         return cls(request, loaded, problem, vehicle)
 
@@ -142,6 +144,23 @@ class _Start:
             return simulate(
                 scenario, self.problem, asked.configuration, planner, asked.prediction, report, traffic, self.vehicle
             )
+
+
+def _begun_at(problem: "PlanningProblem", moment: RunMoment) -> "PlanningProblem":
+    """Return the planning problem with another initial state, the time of the goal unchanged."""
+    from commonroad.planning.planning_problem import PlanningProblem
+    from commonroad.scenario.state import InitialState
+
+    state = InitialState(
+        time_step=moment.step,
+        position=np.array([moment.x_m, moment.y_m]),
+        orientation=moment.heading_rad,
+        velocity=moment.speed_mps,
+        acceleration=moment.acceleration_mps2,
+        yaw_rate=moment.yaw_rate_radps,
+        slip_angle=0.0,
+    )
+    return PlanningProblem(problem.planning_problem_id, state, problem.goal)
 
 
 @dataclass(frozen=True)

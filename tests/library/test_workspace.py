@@ -114,6 +114,19 @@ def test_a_workspace_that_is_closed_leaves_the_planners_of_another(workspace: Wo
     assert workspace.run(scenario_of(workspace), planner)[0].record.planner == "straight"
 
 
+def test_a_run_is_driven_on_from_a_moment_by_another_planner(workspace: Workspace) -> None:
+    run = workspace.run(scenario_of(workspace), Straight())[0]
+    before = run.to_pandas()
+    other = Straight(0.3)
+    drive = run.at(0.5).resume(other)
+    assert other.threads == {threading.get_ident()}
+    assert drive.to_pandas().index[0] == before.index[5]
+    assert drive.to_pandas().iloc[0]["x_m"] == before.iloc[5]["x_m"]
+    assert run.at(0.5).resume("idm:Default").record.planner == "idm"
+    with pytest.raises(InvalidRequest):
+        run.at(1e6).resume(other)
+
+
 def test_what_is_no_planner_and_what_is_unknown_is_refused(workspace: Workspace) -> None:
     with pytest.raises(InvalidRequest):
         workspace.run(scenario_of(workspace), 3)  # type: ignore[arg-type]
