@@ -15,6 +15,7 @@ from ..engine.planners import OwnPlanner, Planner, PlannerHere, planners_here
 from ..engine.workspace import Workspace as StoredWorkspace
 from ..schemas.analysis.comparison import CompareResultsArguments, CompareResultsResult
 from ..schemas.analysis.optimization import OptimizePlannerArguments, OptimizePlannerResult
+from ..schemas.analysis.suite import Suite, SuiteReport
 from ..schemas.artifacts import (
     ExportArtifactsArguments,
     ExportArtifactsResult,
@@ -43,12 +44,14 @@ from ..schemas.results import AnalyzeResultsArguments, AnalyzeResultsResult
 from ..schemas.runs import BatchRecord
 from ..schemas.scenarios import DescribeScenarioArguments, DescribeScenarioResult
 from ..server.arguments.checking import read_arguments
+from ..server.commands.suite import read_suite
 from ..server.settings import Settings
 from ..workflows import artifacts as artifact_work
 from ..workflows import catalog, exporting, importing, modification, rendering
 from ..workflows import planners as planning
 from ..workflows import scenarios as scenario_work
 from ..workflows.analysis import comparison, figures, optimization
+from ..workflows.analysis.suite import carry_out
 from ..workflows.context import WorkflowContext
 from ..workflows.generation import generate
 from ..workflows.runs import resume_run
@@ -189,6 +192,19 @@ class Workspace:
             ids = list(self.stored.get(made.batch_id, "batch").read(BatchRecord).runs)
         return Runs(self, made, [Run(self, key) for key in ids])
 
+    def add_planner(self, planner: AnyPlanner) -> str:
+        """Make a planner of one's own known, and return the words that name it, such as ``my_planner:Default``."""
+        return self._named(planner)
+
+    def suite(self, path: str | Path) -> SuiteReport:
+        """Run the suite of a file and judge its limits, as ``plannerforge test`` does.
+
+        Raises:
+            PlannerForgeError: the file is no suite, or names something that does not exist.
+        """
+        file = Path(path)
+        return self._caller.call(_carried_out, read_suite(file), file.resolve().parent)
+
     def resume(self, run_id: str, time_s: float, planner: AnyPlanner) -> RunResponse:
         """Drive on from a moment of a stored run; ``run.at(time_s).resume(planner)`` is the same."""
         return self._caller.call(resume_run, run_id, time_s, self._named(planner))
@@ -278,6 +294,10 @@ class Workspace:
             self._planners.enter_context(planners_here({known: here}))
             self._known = [(one, name) for one, name in self._known if name != known] + [(planner, known)]
         return f"{known}:Default"
+
+
+async def _carried_out(suite: Suite, folder: Path, context: WorkflowContext) -> SuiteReport:
+    return await carry_out(suite, folder, context, lambda *_: None)
 
 
 async def _meant(word: str, context: WorkflowContext) -> tuple[ChosenScenario, ...]:

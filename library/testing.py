@@ -1,0 +1,44 @@
+"""A plugin of pytest: a workspace as a fixture, and planner suites whose limits a test asserts.
+
+Nothing heavy is imported before a test asks for one of the fixtures.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from ..schemas.analysis.suite import SuiteReport
+    from .workspace import Workspace
+
+_MARKER = "planner_suite"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make the marker known to pytest."""
+    config.addinivalue_line(
+        "markers", f"{_MARKER}(path, planners=()): run this suite for the fixture {_MARKER}, with these planners"
+    )
+
+
+@pytest.fixture(scope="session")
+def planner_workspace(tmp_path_factory: pytest.TempPathFactory, pytestconfig: pytest.Config) -> "Iterator[Workspace]":
+    """A workspace for the whole session; files below pytest's root folder may be read."""
+    from .workspace import Workspace
+
+    folder = tmp_path_factory.mktemp("planner_workspace")
+    with Workspace(folder, roots=(pytestconfig.rootpath, tmp_path_factory.getbasetemp()), warm_up=False) as workspace:
+        yield workspace
+
+
+@pytest.fixture
+def planner_suite(request: pytest.FixtureRequest, planner_workspace: "Workspace") -> "SuiteReport":
+    """The report on the suite that the test's marker names; its path is relative to the file of the test."""
+    marker = request.node.get_closest_marker(_MARKER)
+    if marker is None or not marker.args:
+        pytest.fail(f"a test with the fixture {_MARKER} needs the marker @pytest.mark.{_MARKER}('suite.yaml')")
+    for planner in marker.kwargs.get("planners", ()):
+        planner_workspace.add_planner(planner)
+    return planner_workspace.suite(Path(request.path).parent / marker.args[0])
