@@ -253,8 +253,8 @@ def _meant(found: Sequence[NamedPlace], words: str) -> list[NamedPlace]:
             next_step="name the town beside it, or give its bbox",
             reason=NOT_SHOWN,
         )
-    different: list[NamedPlace] = []
-    for place in of_first_kind:
+    different = of_first_kind[:1]  # whatever its name and importance say, it is what the service puts first
+    for place in of_first_kind[1:]:
         known = of_first_kind[0].importance - place.importance <= LESS_KNOWN
         same_name = {fold(name) for name in place.names} & {fold(name) for name in of_first_kind[0].names}
         if known and same_name and all(_apart_m(place, other) > SAME_PLACE_M for other in different):

@@ -96,3 +96,10 @@ def test_a_bar_is_not_what_a_bare_name_means(tmp_path: Path) -> None:
         with pytest.raises(UnknownName, match="only a bar of that name"):
             located(servers, tmp_path, "Atlantis")
         assert found(servers, tmp_path, "Atlantis, Ringstadt").kind == "bar"
+
+
+def test_a_finding_without_a_name_of_its_own_is_a_place_all_the_same(tmp_path: Path) -> None:
+    box = (48.0, 11.0, 48.2, 11.2)
+    nameless = Place({"operator": "Nirgendwo"}, "boundary", "city", 48.1, 11.1, box, "DEU", importance=0.6)
+    with MapServers((), [nameless]).running() as servers:
+        assert found(servers, tmp_path, "Nirgendwo").names == ()
