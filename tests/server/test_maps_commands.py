@@ -26,7 +26,7 @@ def test_a_map_is_added_once_packed_or_plain_and_listed(tmp_path: Path) -> None:
     packed.write_bytes(gzip.compress((LIBRARY / "fahrhausen.osm").read_bytes()))
     added = maps("add", str(packed), "--place", "Harbour", "--country", "Germany")
     assert added.exit_code == 0, added.output
-    assert "Harbour (DEU): 1.9 km of roads, 4 intersection sites, 4 urban sites" in added.stdout
+    assert "“Harbour” (DEU): 1.9 km of roads, 4 intersection sites, 4 urban sites" in added.stdout
     plain = tmp_path / "other.osm"
     plain.write_bytes(gzip.decompress(packed.read_bytes()))
     again = maps("add", str(plain), "--place", "Harbour", "--country", "de")
@@ -44,7 +44,7 @@ def test_of_several_files_the_good_ones_go_in_and_the_refused_are_named(tmp_path
     result = maps("add", str(broken), str(LIBRARY / "neuland.osm"))
     assert result.exit_code == 1
     assert "broken.osm: [unsafe_input]" in result.stderr
-    assert "Neuland (ZAM)" in result.stdout
+    assert "“Neuland” (ZAM)" in result.stdout
 
 
 def test_an_unknown_country_is_refused_before_anything_is_read() -> None:
@@ -69,7 +69,7 @@ def test_a_map_is_fetched_to_have_it_beside_one(monkeypatch: pytest.MonkeyPatch)
         assert fetched.exit_code == 0, fetched.output
         assert "Ringstadt (DEU): 2.3 km of roads" in fetched.stdout
         assert "1 roundabout site" in fetched.stdout
-        assert f"roads of Ringstadt, Germany downloaded from 127.0.0.1:{servers.port}" in fetched.stdout
+        assert f"roads of “Ringstadt, Germany” downloaded from 127.0.0.1:{servers.port}" in fetched.stdout
         assert "© OpenStreetMap contributors, ODbL" in fetched.stdout
         assert f"Asks 127.0.0.1:{servers.port}" in fetched.stderr
         assert "Ringstadt" in maps("list").stdout

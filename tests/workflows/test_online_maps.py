@@ -190,7 +190,7 @@ async def test_an_invented_place_is_no_failure_of_the_service(
         real, _ = await generate(client, place="Ouagadougou")
         assert real.startswith("[service_failure]")
         misspelled, _ = await generate(client, place="Kraiselheim")
-        assert "place=“Kreiselheim”" in misspelled
+        assert "“Kreiselheim”" in misspelled
 
 
 async def test_which_of_two_towns_is_asked_where_the_client_can_ask(
