@@ -8,17 +8,20 @@ thread carries out what only this process can do: runs of planners that are obje
 import asyncio
 import queue
 import threading
-from collections.abc import Awaitable, Callable
+import weakref
+from collections.abc import Awaitable, Callable, Iterator
 from concurrent.futures import Future
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, TypeVar, cast
 
-from anyio.from_thread import BlockingPortal, start_blocking_portal
+import anyio
+from anyio.from_thread import BlockingPortal
 
 from ..engine.execution import CallThreads, Executor, OnProgress, Operation, Request, Response, no_progress, silent
 from ..engine.planners import is_here
+from ..schemas.errors import NotPossible, PlannerFailure, PlannerForgeError
 from ..schemas.planning import ReplayRequest, RunRequest
 from ..workflows.context import Services, WorkflowContext
 from ..workflows.services import ServiceOptions, open_services
@@ -34,12 +37,14 @@ class _Errand:
     done: "Future[Any]" = field(default_factory=Future)
 
     def carry_out(self) -> None:
+        if not self.done.set_running_or_notify_cancel():
+            return
         try:
             self.done.set_result(self.work())
         except Exception as error:  # noqa: BLE001 - it is raised where the result is waited for
             self.done.set_exception(error)
-        except BaseException as error:
-            self.done.set_exception(error)
+        except BaseException as stopped:  # it ends the caller's wait; an event loop must not see it
+            self.done.set_exception(PlannerFailure(f"the run was ended by {type(stopped).__name__}", reason="died"))
             raise
 
 
@@ -75,12 +80,34 @@ class _CallersExecutor:
         return cast("Response", await asyncio.wrap_future(errand.done))
 
 
+@contextmanager
+def _portal() -> Iterator[BlockingPortal]:
+    """Yield the way into an event loop; its thread does not keep the program from ending."""
+    opened: Future[BlockingPortal] = Future()
+
+    async def serve() -> None:
+        async with BlockingPortal() as portal:
+            opened.set_result(portal)
+            await portal.sleep_until_stopped()
+
+    thread = threading.Thread(target=anyio.run, args=(serve,), name="plannerforge", daemon=True)
+    thread.start()
+    portal = opened.result()
+    try:
+        yield portal
+    finally:
+        portal.call(portal.stop)
+        thread.join()
+
+
 class Caller:
     """Opens the services when they are first needed, and lets workflows use them until it is closed."""
 
     def __init__(self, options: ServiceOptions) -> None:
         self._options = options
         self._stack = ExitStack()
+        self._is_closed = False
+        weakref.finalize(self, self._stack.close)  # of a workspace that nobody closes: when the program ends
         self._lock = threading.RLock()
         self._errands: queue.SimpleQueue[_Errand | None] = queue.SimpleQueue()
         self._portal: BlockingPortal | None = None
@@ -104,6 +131,10 @@ class Caller:
                         errand.carry_out()
             except BaseException:
                 waiting.cancel()
+                for kind, key in list(context.made_here):
+                    if kind == "job":
+                        with suppress(PlannerForgeError):
+                            portal.call(services.jobs.cancel, key)
                 raise
             return waiting.result()
 
@@ -116,14 +147,17 @@ class Caller:
     def close(self) -> None:
         """End workers and jobs; what is stored stays."""
         with self._lock:
+            self._is_closed = True
             self._portal = self._services = None
             self._stack.close()
 
     def _opened(self) -> tuple[BlockingPortal, Services]:
+        if self._is_closed:
+            raise NotPossible("this workspace is closed", next_step="open it again with plannerforge.Workspace(folder)")
         if self._portal is None or self._services is None:
             threads = CallThreads()
             self._stack.callback(threads.close)
-            self._portal = self._stack.enter_context(start_blocking_portal())
+            self._portal = self._stack.enter_context(_portal())
             opened = self._portal.wrap_async_context_manager(open_services(self._options, threads))
             services, _ = self._stack.enter_context(opened)
             self._services = replace(services, workers=_CallersExecutor(services.workers, self._errands))

@@ -3,12 +3,13 @@
 import inspect
 import pickle
 import re
+import sysconfig
 import uuid
+from collections import Counter
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from contextlib import ExitStack
-from itertools import count
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from types import TracebackType
+from types import ModuleType, TracebackType
 from typing import Any, Protocol, TypeVar
 
 from ..engine.planners import OwnPlanner, Planner, PlannerHere, planners_here
@@ -144,14 +145,23 @@ class Workspace:
         """Return a stored scenario by its id, ``ID#problem`` for another planning problem than the first."""
         return Scenario(self, scenario_id)
 
-    def describe(self, scenario: "str | Scenario", **arguments: Any) -> DescribeScenarioResult:
+    def describe(self, scenario: "str | Scenario | Scenarios", **arguments: Any) -> DescribeScenarioResult:
         """Describe a scenario in words and ids (``describe_scenario``)."""
-        asked = read_arguments(DescribeScenarioArguments, {"scenario_id": str(scenario), **arguments})
+        asked = read_arguments(DescribeScenarioArguments, {"scenario_id": _one_id(scenario), **arguments})
         return self._caller.call(scenario_work.describe_scenario, asked)
 
-    def edit(self, scenario: "str | Scenario", edits: Sequence[Mapping[str, Any] | str], **arguments: Any) -> Scenarios:
+    def edit(
+        self,
+        scenario: "str | Scenario | Scenarios",
+        edits: "Mapping[str, Any] | Sequence[Mapping[str, Any]]",
+        **arguments: Any,
+    ) -> Scenarios:
         """Store a scenario with edits (``modify_scenario``); the result has no scenario after a ``dry_run``."""
-        asked = {"scenario_id": str(scenario), "edits": list(edits), **arguments}
+        asked = {
+            "scenario_id": _one_id(scenario),
+            "edits": [edits] if isinstance(edits, Mapping) else list(edits),
+            **arguments,
+        }
         made = self._caller.call(modification.modify_scenario, read_arguments(ModifyScenarioArguments, asked))
         return Scenarios(made, [] if made.scenario_id is None else [self.scenario(made.scenario_id)])
 
@@ -167,24 +177,21 @@ class Workspace:
     def run(
         self,
         scenarios: "Sequence[str | Scenario] | str | Scenario",
-        planners: "Sequence[AnyPlanner] | AnyPlanner" = "current",
+        planners: "Mapping[str, AnyPlanner] | Sequence[AnyPlanner] | AnyPlanner" = "current",
         **arguments: Any,
     ) -> Runs:
         """Run planners on scenarios (``run_planner``), and wait until all runs are made.
 
         A planner may be an object of one's own: its ``plan()`` is then called in this thread, so that breakpoints and
-        debuggers work. Planners that are named drive in worker processes.
+        debuggers work. Planners that are named drive in worker processes. Several objects of one class are passed by
+        names of one's own: ``{"gentle": Brakes(1.0), "hard": Brakes(6.0)}``.
 
         Raises:
             PlannerForgeError: a scenario or planner that does not exist.
         """
         asked = read_arguments(
             RunPlannerArguments,
-            {
-                "scenarios": [str(one) for one in _several(scenarios)],
-                "configs": self._all_named(_several(planners)),
-                **arguments,
-            },
+            {"scenarios": [str(one) for one in _several(scenarios)], "configs": self._all_named(planners), **arguments},
         )
         made = self._ended(planning.run_planner, asked)
         ids = [line.run_id for line in made.runs]
@@ -275,24 +282,35 @@ class Workspace:
             raise NotPossible(f"{job.job_id} {job.state}: {job.error or job.message}", next_step=job.next_step)
         return answer
 
-    def _all_named(self, planners: "Sequence[AnyPlanner]") -> list[str]:
-        """Return the words that name planners; several of one class get names of their own."""
-        named: list[str] = []
-        for planner in planners:
-            named.append(self._named(planner, taken=named))
-        return named
+    def _all_named(self, planners: "Mapping[str, AnyPlanner] | Sequence[AnyPlanner] | AnyPlanner") -> list[str]:
+        """Return the words that name planners.
 
-    def _named(self, planner: AnyPlanner, taken: Sequence[str] = ()) -> str:
+        Raises:
+            InvalidRequest: two of them would have the same name.
+        """
+        if isinstance(planners, Mapping):
+            return [self._named(planner, name) for name, planner in planners.items()]
+        several = _several(planners)
+        own = Counter(_own(one)[0] for one in {id(one): one for one in several if not isinstance(one, str)}.values())
+        twice = [name for name, times in own.items() if times > 1]
+        if twice:
+            raise InvalidRequest(
+                f"two planners are called {twice[0]}",
+                valid=[f"{{'first': {twice[0]}_1, 'second': {twice[0]}_2}}"],
+                next_step="pass them by names of your own, as a mapping",
+            )
+        return [self._named(planner) for planner in several]
+
+    def _named(self, planner: AnyPlanner, name: str = "") -> str:
         """Return the words that name a planner in a request; an object of one's own becomes known by a name first."""
         if isinstance(planner, str):
             return planner
-        known = next((name for one, name in self._known if one is planner), None)
+        known = next((known for one, known in self._known if one is planner and name in ("", known)), None)
         if known is None:
-            name, here = _own(planner)
-            free = (name if number == 1 else f"{name}_{number}" for number in count(1))
-            known = next(one for one in free if f"{one}:Default" not in taken)
+            usual, here = _own(planner)
+            known = name or usual
             self._planners.enter_context(planners_here({known: here}))
-            self._known = [(one, name) for one, name in self._known if name != known] + [(planner, known)]
+            self._known = [(one, other) for one, other in self._known if other != known] + [(planner, known)]
         return f"{known}:Default"
 
 
@@ -316,8 +334,24 @@ def _ids_of(thing: "str | Scenario | Scenarios | Run | Runs") -> list[str]:
 
 
 def _result_ids(results: Any) -> list[str]:
-    several = [results] if isinstance(results, Runs) else _several(results)
-    return [key for one in several for key in _ids_of(one)]
+    if isinstance(results, str | Run | Runs):
+        return _ids_of(results)
+    return [key for one in results for key in _result_ids(one)]
+
+
+def _one_id(scenario: "str | Scenario | Scenarios") -> str:
+    """Return the id of one scenario.
+
+    Raises:
+        InvalidRequest: several are given, or none.
+    """
+    if isinstance(scenario, Scenarios):
+        if len(scenario) != 1:
+            raise InvalidRequest(
+                f"{len(scenario)} scenarios are given where one is meant", valid=list(map(str, scenario))
+            )
+        return scenario[0].scenario_id
+    return str(scenario)
 
 
 def _own(planner: OwnPlanner | Planner | type[Planner]) -> tuple[str, PlannerHere]:
@@ -350,21 +384,49 @@ def _folded(maker: object) -> str:
 
 
 def _source(maker: Any, state: str) -> str:
-    """Return the text that tells versions of a planner apart: the code of its file, and the state of the object.
+    """Return the text that tells versions of a planner apart: the code that it is made of, and the state of the object.
 
-    If the code is unknown, no two calls have the same version: no stored run is then taken for one of this planner.
+    The code is that of the files of its class, of the classes that it is derived from, and of what these files import,
+    installed packages and the standard library left out. If it is unknown, no two calls have the same version: no
+    stored run is then taken for one of this planner.
     """
-    places: list[Any] = [inspect.getmodule(maker), maker]
-    for place in places:  # the second: of a class in a cell of a notebook
+    classes = inspect.getmro(maker) if isinstance(maker, type) else (maker,)
+    texts = []
+    for module in _own_modules([module for one in classes if (module := inspect.getmodule(one)) is not None]):
+        with suppress(OSError, TypeError):
+            texts.append(inspect.getsource(module))
+    if not texts:
         try:
-            return inspect.getsource(place) + state
+            texts.append(inspect.getsource(maker))  # of a class in a cell of a notebook
         except (OSError, TypeError):
+            return uuid.uuid4().hex
+    return "".join(texts) + state
+
+
+def _own_modules(begin: Sequence[ModuleType]) -> list[ModuleType]:
+    """Return modules and what they import, without the standard library and installed packages, in a stable order."""
+    paths = sysconfig.get_paths()
+    installed = [Path(paths[name]).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")]
+    installed.append(Path(__file__).resolve().parents[1])
+    found: dict[str, ModuleType] = {}
+    waiting = list(begin)
+    while waiting:
+        module = waiting.pop()
+        file = getattr(module, "__file__", None)
+        if module.__name__ in found or file is None:
             continue
-    return uuid.uuid4().hex
+        if any(Path(file).resolve().is_relative_to(folder) for folder in installed):
+            continue
+        found[module.__name__] = module
+        used = [inspect.getmodule(value) for value in list(vars(module).values())]
+        waiting += [one for one in used if one is not None]
+    return [found[name] for name in sorted(found)]
 
 
 def _state(planner: object) -> str:
     """Return the attributes of a planner as text; another one each time if they cannot be written down."""
+    if not vars(planner):
+        return ""
     try:
         return pickle.dumps(vars(planner)).hex()
     except (TypeError, AttributeError, pickle.PicklingError):

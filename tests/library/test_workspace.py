@@ -12,7 +12,7 @@ from support.builders import town_road
 
 from plannerforge.engine.planners import Observation, Plan, PlannedTrajectory, PlanningTask
 from plannerforge.library import Workspace
-from plannerforge.schemas.errors import InvalidRequest, UnknownName
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
 from plannerforge.tools.registry import TOOLS
 
 METHODS = {
@@ -99,11 +99,44 @@ def test_several_runs_are_a_batch_that_can_be_analysed_and_compared(workspace: W
     assert len(workspace.compare(runs).sides) == 2
 
 
-def test_two_objects_of_one_class_are_two_planners_of_a_batch(workspace: Workspace) -> None:
+def test_objects_of_one_class_are_told_apart_by_names_of_the_callers(workspace: Workspace) -> None:
     one, two = Straight(0.1), Straight(0.2)
-    runs = workspace.run(scenario_of(workspace), [one, two])
-    assert [run.record.planner for run in runs] == ["straight", "straight_2"]
+    runs = workspace.run(scenario_of(workspace), {"gentle": one, "brisk": two})
+    assert [run.record.planner for run in runs] == ["gentle", "brisk"]
     assert one.threads == two.threads == {threading.get_ident()}
+    with pytest.raises(InvalidRequest):
+        workspace.run(scenario_of(workspace), [one, two])
+
+
+class Interrupted(Straight):
+    """Is interrupted once, as by Ctrl-C."""
+
+    def plan(self, observation: Observation) -> Plan:
+        if not self.threads:
+            self.threads.add(0)
+            raise KeyboardInterrupt
+        return super().plan(observation)
+
+
+def test_an_interrupted_batch_ends_and_the_same_call_goes_on(workspace: Workspace) -> None:
+    planners = ["idm:Default", Interrupted()]
+    with pytest.raises(KeyboardInterrupt):
+        workspace.run(scenario_of(workspace), planners)
+    runs = workspace.run(scenario_of(workspace), planners)
+    assert [run.record.planner for run in runs] == ["idm", "interrupted"]
+
+
+def test_a_closed_workspace_says_so(tmp_path: Path) -> None:
+    with Workspace(tmp_path / "closed", workers=1, starter=False, warm_up=False) as closed:
+        closed.artifacts()
+    with pytest.raises(NotPossible):
+        closed.artifacts()
+
+
+def test_a_program_that_closes_nothing_ends(tmp_path: Path) -> None:
+    opened = f"pf.Workspace({str(tmp_path / 'open')!r}, workers=1, starter=False)"
+    program = f"import plannerforge as pf; workspace = {opened}; workspace.artifacts()"
+    assert subprocess.run([sys.executable, "-c", program], timeout=60, check=False).returncode == 0
 
 
 def test_a_workspace_that_is_closed_leaves_the_planners_of_another(workspace: Workspace, tmp_path: Path) -> None:
