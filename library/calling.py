@@ -19,7 +19,17 @@ from typing import Any, TypeVar, cast
 import anyio
 from anyio.from_thread import BlockingPortal
 
-from ..engine.execution import CallThreads, Executor, OnProgress, Operation, Request, Response, no_progress, silent
+from ..engine.execution import (
+    CallThreads,
+    Executor,
+    ExecutorAround,
+    OnProgress,
+    Operation,
+    Request,
+    Response,
+    no_progress,
+    silent,
+)
 from ..engine.planners import is_here
 from ..schemas.errors import NotPossible, PlannerFailure, PlannerForgeError
 from ..schemas.planning import ReplayRequest, RunRequest
@@ -48,21 +58,12 @@ class _Errand:
             raise
 
 
-class _CallersExecutor:
+class _CallersExecutor(ExecutorAround):
     """An executor that hands runs of the caller's own planners to the caller's thread, and all else to the workers."""
 
     def __init__(self, workers: Executor, errands: "queue.SimpleQueue[_Errand | None]") -> None:
-        self._workers, self._errands = workers, errands
-
-    @property
-    def capacity(self) -> int:
-        """How many operations the workers carry out at once."""
-        return self._workers.capacity
-
-    @property
-    def notice(self) -> str:
-        """What those who read a result have to be told of how it was made."""
-        return self._workers.notice
+        super().__init__(workers)
+        self._errands = errands
 
     async def run(
         self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress
@@ -74,7 +75,7 @@ class _CallersExecutor:
         """
         run = request.run if isinstance(request, ReplayRequest) else request
         if not (isinstance(run, RunRequest) and is_here(run.configuration.planner)):
-            return await self._workers.run(operation, request, on_progress=on_progress)
+            return await self._inner.run(operation, request, on_progress=on_progress)
         errand = _Errand(lambda: operation.load()(request, silent))
         self._errands.put(errand)
         return cast("Response", await asyncio.wrap_future(errand.done))
@@ -107,7 +108,7 @@ class Caller:
         self._options = options
         self._stack = ExitStack()
         self._is_closed = False
-        weakref.finalize(self, self._stack.close)  # of a workspace that nobody closes: when the program ends
+        weakref.finalize(self, self._stack.close)  # closes a workspace that was left open when the program ends
         self._lock = threading.RLock()
         self._errands: queue.SimpleQueue[_Errand | None] = queue.SimpleQueue()
         self._portal: BlockingPortal | None = None

@@ -1,4 +1,4 @@
-"""A plugin of pytest: a workspace as a fixture, and planner suites whose limits a test asserts.
+"""A plugin of pytest: a workspace as a fixture, and planner suites with limits that a test asserts.
 
 Nothing heavy is imported before a test asks for one of the fixtures.
 """

@@ -60,7 +60,6 @@ from ..workflows.scenarios import ChosenScenario, choose_scenarios
 from .calling import Caller
 from .objects import Picture, Run, Runs, Scenario, Scenarios
 
-_Arguments = TypeVar("_Arguments", bound=Arguments)
 _Long = TypeVar("_Long", bound="_LongAnswer")
 _WAIT_S = 50.0
 """How long one look at a job waits; the longest that its request allows."""
@@ -220,12 +219,12 @@ class Workspace:
         self, results: "Sequence[str | Runs | Run] | str | Runs | Run", **arguments: Any
     ) -> AnalyzeResultsResult:
         """Return rates, metrics, costs and findings of runs (``analyze_results``)."""
-        asked = read_arguments(AnalyzeResultsArguments, {"results": _result_ids(results), **arguments})
+        asked = read_arguments(AnalyzeResultsArguments, {"results": _ids_of(results), **arguments})
         return self._caller.call(figures.analyze_results, asked)
 
     def compare(self, *results: "str | Runs | Run", **arguments: Any) -> CompareResultsResult:
         """Compare results with paired tests, the first as the baseline (``compare_results``)."""
-        asked = read_arguments(CompareResultsArguments, {"results": _result_ids(results), **arguments})
+        asked = read_arguments(CompareResultsArguments, {"results": _ids_of(results), **arguments})
         return self._caller.call(comparison.compare_results, asked)
 
     def optimise(
@@ -238,7 +237,7 @@ class Workspace:
 
     def render(self, *things: "str | Scenario | Run | Runs", **arguments: Any) -> tuple[Picture, ...]:
         """Draw pictures, animations and charts (``render``)."""
-        ids = [key for one in things for key in _ids_of(one)]
+        ids = _ids_of(things)
         drawing = self._caller.call(rendering.render, read_arguments(RenderArguments, {"ids": ids, **arguments}))
         return tuple(Picture(Path(one.path), one.mime_type, one.alt_text) for one in drawing.made.images)
 
@@ -250,7 +249,7 @@ class Workspace:
         self, *things: "str | Scenario | Run | Runs", folder: str | Path, **arguments: Any
     ) -> ExportArtifactsResult:
         """Write artifacts, tables, pictures and reports into a folder (``export_artifacts``)."""
-        ids = [key for one in things for key in _ids_of(one)]
+        ids = _ids_of(things)
         asked = read_arguments(ExportArtifactsArguments, {"ids": ids, "folder": str(folder), **arguments})
         return self._caller.call(exporting.export_artifacts, asked)
 
@@ -291,7 +290,7 @@ class Workspace:
         if isinstance(planners, Mapping):
             return [self._named(planner, name) for name, planner in planners.items()]
         several = _several(planners)
-        own = Counter(_own(one)[0] for one in {id(one): one for one in several if not isinstance(one, str)}.values())
+        own = Counter(_name_of(one) for one in {id(one): one for one in several if not isinstance(one, str)}.values())
         twice = [name for name, times in own.items() if times > 1]
         if twice:
             raise InvalidRequest(
@@ -307,9 +306,8 @@ class Workspace:
             return planner
         known = next((known for one, known in self._known if one is planner and name in ("", known)), None)
         if known is None:
-            usual, here = _own(planner)
-            known = name or usual
-            self._planners.enter_context(planners_here({known: here}))
+            known = name or _name_of(planner)
+            self._planners.enter_context(planners_here({known: _own(planner)}))
             self._known = [(one, other) for one, other in self._known if other != known] + [(planner, known)]
         return f"{known}:Default"
 
@@ -326,17 +324,13 @@ def _several(things: Any) -> list[Any]:
     return list(things) if isinstance(things, Sequence) and not isinstance(things, str) else [things]
 
 
-def _ids_of(thing: "str | Scenario | Scenarios | Run | Runs") -> list[str]:
-    """Return the ids by which requests name something."""
-    if isinstance(thing, Runs):
-        return thing.result_ids
-    return [str(one) for one in thing] if isinstance(thing, Scenarios) else [str(thing)]
-
-
-def _result_ids(results: Any) -> list[str]:
-    if isinstance(results, str | Run | Runs):
-        return _ids_of(results)
-    return [key for one in results for key in _result_ids(one)]
+def _ids_of(things: Any) -> list[str]:
+    """Return the ids by which requests name something, or several things in any nesting."""
+    if isinstance(things, Runs):
+        return things.result_ids
+    if isinstance(things, str | Scenario | Run):
+        return [str(things)]
+    return [key for one in things for key in _ids_of(one)]
 
 
 def _one_id(scenario: "str | Scenario | Scenarios") -> str:
@@ -354,16 +348,16 @@ def _one_id(scenario: "str | Scenario | Scenarios") -> str:
     return str(scenario)
 
 
-def _own(planner: OwnPlanner | Planner | type[Planner]) -> tuple[str, PlannerHere]:
-    """Return the name of a planner of the caller's, and what is known of it.
+def _own(planner: OwnPlanner | Planner | type[Planner]) -> PlannerHere:
+    """Return what is known of a planner of the caller's.
 
     Raises:
         InvalidRequest: it is no planner.
     """
     if isinstance(planner, OwnPlanner):
-        return _folded(planner.make), PlannerHere(planner, _source(planner.make, planner.declaration.model_dump_json()))
+        return PlannerHere(planner, _source(planner.make, planner.declaration.model_dump_json()))
     if isinstance(planner, type):
-        return _folded(planner), PlannerHere(OwnPlanner(planner, _declared(planner)), _source(planner, ""))
+        return PlannerHere(OwnPlanner(planner, _declared(planner)), _source(planner, ""))
     if not (callable(getattr(planner, "reset", None)) and callable(getattr(planner, "plan", None))):
         raise InvalidRequest(
             f"{type(planner).__name__} is no planner",
@@ -371,15 +365,16 @@ def _own(planner: OwnPlanner | Planner | type[Planner]) -> tuple[str, PlannerHer
             next_step="see docs/own_planner.md",
         )
     made = OwnPlanner(lambda: planner, _declared(type(planner)))
-    return _folded(type(planner)), PlannerHere(made, _source(type(planner), _state(planner)))
+    return PlannerHere(made, _source(type(planner), _state(planner)))
 
 
 def _declared(kind: type) -> PlannerDeclaration:
     return PlannerDeclaration(summary=(inspect.getdoc(kind) or kind.__name__).splitlines()[0])
 
 
-def _folded(maker: object) -> str:
-    """Return ``my_planner`` for the class ``MyPlanner``."""
+def _name_of(planner: object) -> str:
+    """Return ``my_planner`` for the class ``MyPlanner``, an object of it, or an ``OwnPlanner`` that makes one."""
+    maker = planner.make if isinstance(planner, OwnPlanner) else planner if isinstance(planner, type) else type(planner)
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", getattr(maker, "__name__", "own_planner")).lower()
 
 

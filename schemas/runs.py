@@ -16,7 +16,7 @@ The magnitude exceeds each limit of a scenario file (docs/limits.md); its third 
 is 1e42. A run of an archive or an answer of a planner program may state any number.
 """
 BoundedCost = Annotated[float, Field(ge=-1e150, le=1e150)]
-"""A cost whose square is a finite number."""
+"""A cost with a finite square."""
 Outcome = Literal[
     "goal_reached",
     "goal_refused",

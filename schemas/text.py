@@ -90,7 +90,7 @@ def cited_parts(value: Any) -> Any:
 
 
 def printable_parts(value: Any) -> Any:
-    """Return a JSON value whose texts are printable, but for their line breaks and tabs."""
+    """Return a JSON value with printable texts, line breaks and tabs kept."""
     if isinstance(value, str):
         return printable(value)
     if isinstance(value, list):

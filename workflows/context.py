@@ -27,7 +27,7 @@ from ..schemas.text import quoted
 
 MadeKind = ArtifactKind | Literal["job"]
 _MOST_RECENT = 1_000
-"""What is remembered of a session (chosen): nobody asks for what was made so long ago without its id."""
+"""What is remembered of a session (chosen): what was made so long ago is asked for by its id."""
 INDEX_FOLDER = "index"
 """The folder of the text index in the workspace."""
 
@@ -41,7 +41,7 @@ class Question:
 
 
 Ask = Callable[[Question], Awaitable[str | None]]
-"""Puts a question to the person; None where the client cannot ask, or nobody chose."""
+"""Puts a question to the person; None if the client cannot ask, or the person chose nothing."""
 
 
 async def ask_nobody(question: Question) -> str | None:
@@ -191,7 +191,7 @@ class WorkflowContext:
         path = self.limits.allowed_path(text)
         if self.workspace.owns(path):
             raise OutsideRoots(
-                f"{quoted(path)} belongs to the workspace, whose files tools alone read and write",
+                f"{quoted(path)} belongs to the workspace, and only tools read and write its files",
                 next_step="name another folder; what is stored already is used by its id",
             )
         return path

@@ -89,7 +89,7 @@ async def describe_scenario(arguments: DescribeScenarioArguments, context: Workf
 
 
 def _other_problems(facts: ScenarioFacts, problem_id: int | None) -> tuple[int, ...]:
-    """The planning problems of a file beside the one that is described; None: the first."""
+    """Return the other planning problems of a file than the one that is described; None stands for the first."""
     known = [ego.problem_id for ego in facts.egos]
     shown = known[0] if problem_id is None and known else problem_id
     return tuple(key for key in known if key != shown)

@@ -12,7 +12,7 @@ CommonRoad's format has no field for the ego's class of vehicle. A processing in
 holds it: ``<?plannerforge ego-class="truck"?>``. XML provides these for data that concerns one program; the schema does
 not see them, and other readers ignore them. Without it, the ego is a car. commonroad-io's writer, which writes a file
 from its objects, drops it. Likewise ``<?plannerforge prescribed="12 34"?>`` at the beginning of a file names the road
-users whose motion an edit prescribes: they keep it in reactive traffic. ``<?plannerforge script='{"id":12, …}'?>``
+users with a motion prescribed by an edit: they keep it in reactive traffic. ``<?plannerforge script='{"id":12, …}'?>``
 holds what one of them does in reactive traffic if that depends on the ego, as JSON.
 """
 

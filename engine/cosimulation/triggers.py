@@ -19,7 +19,7 @@ from ..commonroad import Track
 from ..geometry import Points, project
 
 _REACH_M = 4.0
-"""The ego passes a place on a lanelet if it is no farther beside its middle (chosen): half of a wide lane and more."""
+"""The ego passes a place on a lanelet if it is no farther from its middle line (chosen): over half a wide lane."""
 _DECIMALS = 5
 """Stored states are rounded to a hundredth of a millimetre (chosen)."""
 _MOST_STATES, _MOST_PARTS, _MOST_ACTS = 20_000, 50, 10

@@ -39,7 +39,7 @@
 ``Sketch``: A map being drawn road by road, in metres; written as OpenStreetMap XML.
 ``Gathering``: Positions of which no two lie closer together than a reach.
 ``country_code``: ISO 3166-1 alpha-3 of a code or a name in several languages; None for anything else.
-``countries_spelt_like``: Codes of the countries whose names, in any language, are spelt nearly so.
+``countries_spelt_like``: Codes of the countries with a name, in any language, that is spelt nearly so.
 ``country_name``: The English name of a country by its ISO 3166-1 alpha-3 code.
 ``fold``: A text in lower case, without accents, and only letters and digits.
 ``place_keys``: All keys of a spelling of a place; two spellings mean the same place where they share one.

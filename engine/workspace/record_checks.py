@@ -21,7 +21,7 @@ from .recipe import Recipe, content_digest
 _FROM_RECIPE: tuple[ArtifactKind, ...] = ("run", "batch", "search", "plan", "study", "map")
 """Kinds with ids of the form ``kind_digest``."""
 _TEXTS_ON_ONE_LINE: tuple[ArtifactKind, ...] = ("run", "batch", "map", "scenario", "config")
-"""Kinds with records whose texts come from files and programs, or are sentences of ours, which are all on one line."""
+"""Kinds of records with texts from files and programs, or with sentences of ours, which are all on one line."""
 _AS_GIVEN = ("template",)
 """Fields that hold a file as it was given: the YAML of a configuration."""
 _LONGEST_RECORD_TEXT = LONGEST_PATH

@@ -175,7 +175,7 @@ def _nodes(path: Path) -> frozenset[int]:
 
 
 def _is_there(way: Any, nodes: frozenset[int]) -> bool:
-    """Whether an extract holds at least one stretch of a way; relations name ways whose nodes lie far outside."""
+    """Whether an extract holds at least one stretch of a way; relations name ways with nodes that lie far outside."""
     return any(one.ref in nodes and other.ref in nodes for one, other in pairwise(way.nodes))
 
 

@@ -536,7 +536,7 @@ async def drive_all(folder: Path) -> dict[str, list[str]]:
 
 
 async def driven_citations(folder: Path) -> dict[str, float | int | str]:
-    """Drive all paths through servers of their own in a folder, and count those whose words all were in the mark."""
+    """Drive all paths through servers of their own in a folder, and count those with all words in the mark."""
     folder.mkdir(exist_ok=True)
     faults = await drive_all(folder)
     for name, found in faults.items():

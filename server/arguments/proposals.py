@@ -62,7 +62,7 @@ _LOOKS: Mapping[str, tuple[Remedy, ...]] = {
 }
 """The call, by tool, that lists valid values; used if no better remedy is known."""
 _NEVER_PROPOSED = frozenset({"cancel_job"})
-"""Tools whose calls cannot be taken back: what they are to do is for the caller alone to say."""
+"""Tools with calls that cannot be taken back: only the caller says what they are to do."""
 
 
 async def proposed_call(

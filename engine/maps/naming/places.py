@@ -90,7 +90,7 @@ def country_code(text: str) -> str | None:
 
 
 def countries_spelt_like(text: str) -> list[str]:
-    """ISO 3166-1 alpha-3 codes of the countries whose names, in any language, are spelt nearly so; the nearest first.
+    """ISO 3166-1 alpha-3 codes of countries with a name, in any language, that is spelt nearly so; the nearest first.
 
     Codes are too short to be misspelt: each is one letter away from others.
     """

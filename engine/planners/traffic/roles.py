@@ -38,7 +38,7 @@ class TrafficRoles:
 
     ``driven``: SUMO drives them from their first state, or from the ego's first step if that is later. Road users whose
     motion an edit prescribes are not driven: they do as the edit says, and the driven ones react to them.
-    ``scripts``: of those whose motion is prescribed and depends on the ego, by id. ``shown``: replayed as
+    ``scripts``: of those with a prescribed motion that depends on the ego, by id. ``shown``: replayed as
     recorded, or scripted, and seen by the driven ones. ``replayed``: all that SUMO does not drive, shown or
     not (an obstacle off the lanes is not).
     """

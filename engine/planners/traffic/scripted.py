@@ -1,4 +1,4 @@
-"""Road users whose motion a file prescribes depending on the ego: their triggers hold for the ego as it is driven.
+"""Road users with a motion that a file prescribes depending on the ego: triggers hold for the ego as it is driven.
 
 Each follows its script on a clock of its own. The clock goes as fast as time, except that it waits for a trigger that
 lets the road user set off, and that a road user that dodges slows it down: it brakes along the way that it would take.
@@ -120,7 +120,7 @@ class ScriptedActor:
         return any(part.trigger is not None and not part.acts for part in self._pending)
 
     def _set_off(self, ego: _Ego, place: Points) -> None:
-        """Begin the parts of the script whose time has come or whose trigger holds."""
+        """Begin the parts of the script that are due, by their time or their trigger."""
         now = self._motion.first_step + round(self._clock)
         for part in list(self._pending):
             if part.trigger is None:

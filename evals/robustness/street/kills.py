@@ -80,7 +80,7 @@ def measure(bench: StreetBench) -> Figures:
 
 
 def _pieces(archive: Path) -> Iterator[_Piece]:
-    """Pieces of work without an end, none of which was done before."""
+    """Pieces of work without an end, each new."""
     with zipfile.ZipFile(archive) as packed:
         artifacts = int(json.loads(packed.read("workspace.json"))["artifacts"])
     for number in itertools.count(1):
@@ -182,7 +182,7 @@ def _contents(workspace: Path) -> dict[str, str]:
 
 
 _GROWING = ("plan", "study", "search")
-"""Kinds whose record is written anew while the work goes on; that it is there is looked at, not what it says."""
+"""Kinds with a record that is written anew while the work goes on: it has to be there, whatever it says."""
 
 
 def _digest(content: bytes) -> str:

@@ -159,7 +159,7 @@ KINDS: dict[str, Knock] = {
     "foreign": _foreign,
     "ready": _ready,
 }
-"""What is repeated with a short pause; half and slow heads are held beside it."""
+"""What is repeated with a short pause, while half and slow heads are held open."""
 
 
 def main() -> None:

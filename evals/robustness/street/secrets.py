@@ -4,7 +4,7 @@ Tokens and keys are in variables, in a file of tokens and in the headers for a c
 once, one at each step, one stays. What they read is searched for each secret, as it is and in Base64.
 
 Keys: ``secrets_seen`` (secrets that a program saw, by place), ``places_looked_at`` (environments, command lines and
-descriptors), ``ancestors_seen`` (processes whose environment a program could open), ``secrets_planted``.
+descriptors), ``ancestors_seen`` (processes with an environment that a program could open), ``secrets_planted``.
 """
 
 import base64

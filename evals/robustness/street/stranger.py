@@ -1,10 +1,10 @@
-"""A stranger on loopback without a token beside four honest clients with one.
+"""A stranger on loopback without a token, while four honest clients with a token work.
 
-The honest clients do the same work twice, first alone and then beside the stranger (:mod:`.knocks`, a process of its
+The honest clients do the same work twice, first alone and then with the stranger (:mod:`.knocks`, a process of its
 own): they search, read, edit and run, with a pause after each call as a person makes one.
 
-Keys: ``honest_answered`` (the share of their calls that were answered as they should be, beside the stranger),
-``honest_p95_ratio`` (the 95th percentile of their waits beside the stranger, over the one alone), ``honest_calls``,
+Keys: ``honest_answered`` (the share of their calls that were answered as they should be, with the stranger there),
+``honest_p95_ratio`` (the 95th percentile of their waits with the stranger, over the one alone), ``honest_calls``,
 ``memory_over_bound_mb`` (what the server's process held beyond ``server_memory_mb``), ``descriptors_left`` (that it
 still holds after the stranger has gone, beyond those before it came), ``log_lines_per_s`` (while the stranger was
 there), ``stranger_requests``, ``stranger_let_in`` (requests of the stranger to MCP that were answered with success).
@@ -103,7 +103,7 @@ class _Seen:
 
 
 def measure(bench: StreetBench) -> Figures:
-    """Let honest clients work alone and beside the stranger."""
+    """Let honest clients work alone and with the stranger."""
     folder, seen = bench.folder("stranger"), _Seen()
     tokens = [f"{number:02d}-" + "h" * 32 for number in range(_CLIENTS)]
     settings = {
