@@ -11,6 +11,7 @@ from support.artifacts import run_id_of, store_run
 from support.server import Connect
 from typer.testing import CliRunner
 
+from plannerforge.cli.program import application
 from plannerforge.engine.workspace import (
     Quota,
     Recipe,
@@ -23,7 +24,6 @@ from plannerforge.engine.workspace import (
 )
 from plannerforge.schemas.errors import ResourceFailure
 from plannerforge.schemas.runs import RunRecord, RunSteps
-from plannerforge.server.command_line import application
 from plannerforge.server.settings import Settings
 
 MB = 1024**2
