@@ -377,7 +377,10 @@ class ShownVehicle:
         """After the step: show its speed, and take the entry before out; ``there``: the vehicles on the network."""
         self._sumo.remove(self._entry_before)
         self._entry_before = ""
-        if self._entry in there:
+        left_road = bool(self._over[0]) and self._entry in there and not self._sumo.lane(self._entry)
+        if left_road:
+            self._sumo.remove(self._entry)  # SUMO crashes on what it still knows of a vehicle that left the road
+        if self._entry in there and not left_road:
             self._sumo.show_speed(self._entry, speed_mps)
             self._sumo.hold(self._entry)
             self._compare_lines()
