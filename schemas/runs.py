@@ -8,6 +8,7 @@ from pydantic import Field
 
 from .base import Model
 from .text import measured
+from .vocabulary import LEAST_FRICTION, MOST_FRICTION
 
 Bounded = Annotated[float, Field(ge=-1e12, le=1e12)]
 """A number of a motion, from which no derivative or square overflows.
@@ -273,6 +274,13 @@ class RunRecord(Model):
         "car",
         exclude_if=lambda name: name == "car",
         description="what the ego was: as its scenario says, or of the vehicle that the configuration states",
+    )
+    friction: float | None = Field(
+        None,
+        exclude_if=lambda friction: friction is None,
+        ge=LEAST_FRICTION,
+        le=MOST_FRICTION,
+        description="coefficient of friction of the road, which limits the ego's accelerations; null: not stated",
     )
     uses_prediction: bool | None = Field(
         None, description="whether the planner plans on predictions of others; null: it did not say"

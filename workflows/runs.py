@@ -15,7 +15,7 @@ import anyio
 
 from ..engine.execution import JobProgress
 from ..engine.planners import PLANNERS, planner_version
-from ..engine.vehicles import MODEL_WORDS, ego_class
+from ..engine.vehicles import MODEL_WORDS, ego_class, hardest_braking_mps2
 from ..engine.workspace import Recipe, versions_of, write_text
 from ..schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnexpectedFailure
 from ..schemas.jobs import JobState
@@ -463,6 +463,11 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
             yield f"the ego is a {known.in_words}{where} ({model} model); limits: {known.source}"
         else:
             yield f"the ego is a {name}{where}, with size or limits that the configuration states"
+    for friction in sorted({record.friction for record in records if record.friction is not None}):
+        count = sum(record.friction == friction for record in records)
+        where = "" if count == len(records) else f" in {counted(count, 'run')}"
+        most = hardest_braking_mps2(friction)
+        yield f"friction {friction:g} of the road{where}: tyres hold {most:.2f} m/s² at most"
     versions = {record.planner: record.planner_version for record in records if record.planner not in PLANNERS}
     for planner, version in versions.items():
         yield f"{planner} drove in version {version}"

@@ -103,6 +103,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         planner_version=version.words,
         planner_source=version.source,
         ego_class=vehicle.vehicle_class,
+        friction=vehicle.friction,
         uses_prediction=uses_prediction(request.configuration.planner),
     )
     report(1.0, ending.outcome)
@@ -135,7 +136,7 @@ class _Start:
         if request.begins_at is not None:
             problem = _begun_at(problem, request.begins_at)
         vehicle = vehicle_of(request.configuration.settings, loaded.ego_class(int(problem.planning_problem_id)))
-        return cls(request, loaded, problem, vehicle)
+        return cls(request, loaded, problem, vehicle.on_road(loaded.friction))
 
     def drive(self, planner: Planner, report: ProgressReporter) -> DrivenRun:
         """Let a planner drive in the request's traffic."""

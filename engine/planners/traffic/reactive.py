@@ -21,7 +21,7 @@ from ...cosimulation import Actor, SimulationSetup, next_speed_mps, open_simulat
 from ...geometry import Points, oriented_rectangle, rectangles_overlap, wrap_angle
 from ...network import signals_of, sumo_net
 from ...traffic import NO_LANE, LaneHint, Sumo, sumo_pose
-from ...vehicles import HARDEST_BRAKING_MPS2, VehicleParameters
+from ...vehicles import VehicleParameters
 from ..goal import select_goal_state
 from ..interface import EgoState
 from .recorded import GrowingTrack, Traffic, rectangle
@@ -255,16 +255,22 @@ class _ReactiveTraffic:
 
         SUMO sees the ego by lanes: behind it on one that merges, or askew in a junction, a follower would not.
         """
+        hardest_mps2 = self._ego_vehicle.hardest_braking_mps2
         for actor in self._under_way:
             track = driven[actor.track.obstacle_id]
             room_m = _room_behind_m(track, ego, self._ego_vehicle)
             usual_mps2, speed_mps = self._sumo.decel_mps2(actor.key), float(track.speeds_mps[-1])
             highest_mps = None
             if room_m is not None:
-                own_way_m = ego.speed_mps**2 / (2 * HARDEST_BRAKING_MPS2)
+                own_way_m = ego.speed_mps**2 / (2 * hardest_mps2)
                 room_m += own_way_m
                 highest_mps = next_speed_mps(
-                    speed_mps, usual_mps2, self._sumo.step_s(), room_m - _BEHIND_EGO_M, room_m - _LEAST_BEHIND_EGO_M
+                    speed_mps,
+                    usual_mps2,
+                    self._sumo.step_s(),
+                    room_m - _BEHIND_EGO_M,
+                    room_m - _LEAST_BEHIND_EGO_M,
+                    hardest_mps2=hardest_mps2,
                 )
             if highest_mps is not None:
                 self._sumo.slow_down(actor.key, highest_mps)

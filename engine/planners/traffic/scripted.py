@@ -14,7 +14,7 @@ from ...commonroad import LoadedScenario, Track, script_texts
 from ...cosimulation import Script, ScriptPart, beyond, scripted_track
 from ...geometry import Points, oriented_rectangle, rectangles_overlap
 from ...scene import Scene
-from ...vehicles import COMFORTABLE_MPS2, HARDEST_BRAKING_MPS2, VehicleParameters
+from ...vehicles import VehicleParameters
 from ..interface import EgoState
 from .recorded import GrowingTrack
 
@@ -154,18 +154,15 @@ class ScriptedActor:
 
         If both meet the ego at the same time, it brakes for an ego ahead and not for one that comes from behind.
         """
-        step_s = self._scene.step_s
+        step_s, hardest = self._scene.step_s, self._vehicle.hardest_braking_mps2
         speed = max(float(self._motion.speeds_mps[self.index]), _STANDING_MPS)
-        faster = min(self._pace + COMFORTABLE_MPS2 * step_s / speed, 1.0)
-        going_s, braking_s = (
-            self._meets_after_s(ego, faster),
-            self._meets_after_s(ego, self._pace, HARDEST_BRAKING_MPS2),
-        )
+        faster = min(self._pace + self._vehicle.comfortable_mps2 * step_s / speed, 1.0)
+        going_s, braking_s = (self._meets_after_s(ego, faster), self._meets_after_s(ego, self._pace, hardest))
         place, heading, _ = self._pose(self._clock)
         away = np.asarray(ego.state.position) - place
         is_ahead = float(away[0]) * math.cos(heading) + float(away[1]) * math.sin(heading) > 0.0
         if going_s < braking_s or (going_s == braking_s < math.inf and is_ahead):
-            self._pace = max(self._pace - HARDEST_BRAKING_MPS2 * step_s / speed, 0.0)
+            self._pace = max(self._pace - hardest * step_s / speed, 0.0)
         else:
             self._pace = faster
 
@@ -176,7 +173,7 @@ class ScriptedActor:
         forward = np.array([math.cos(state.heading_rad), math.sin(state.heading_rad)])
         own_size = (motion.length_m + _ROOM_M, motion.width_m + _ROOM_M)
         reach_m = math.hypot(*own_size) / 2 + math.hypot(*ego.track.size_m) / 2
-        for ahead_s in np.arange(_LOOK_EVERY_S, speed / HARDEST_BRAKING_MPS2 + _LOOK_S, _LOOK_EVERY_S):
+        for ahead_s in np.arange(_LOOK_EVERY_S, speed / self._vehicle.hardest_braking_mps2 + _LOOK_S, _LOOK_EVERY_S):
             rolling_s = min(ahead_s, speed / braking_mps2) if braking_mps2 else ahead_s
             rolled_s = rolling_s - braking_mps2 * rolling_s**2 / (2.0 * speed)
             clock = min(self._clock + pace * rolled_s / step_s, len(motion.positions) - 1.0)
