@@ -48,7 +48,7 @@ from .context import Question, WorkflowContext
 from .operations import REVIEW_RUNS, RUN_PLANNER
 from .results import run_sources, scenario_sources, version_key
 
-_SHOWN_BEYOND = 3
+_SHOWN_BEYOND = _SHOWN_TRIGGERS = 3
 """Runs that a note names (chosen)."""
 _CLAIM_POLL_S = 0.1
 """How often a run that another call or server makes is looked at; chosen."""
@@ -450,6 +450,11 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
     if on_recording := [len(record.on_recording) for record in records if record.on_recording]:
         shown = f"{sum(on_recording)} (in {len(on_recording)} of {len(records)} runs)"
         yield f"reactive traffic: moving obstacles that followed their recording all the same: {shown}"
+    if len(records) == 1:
+        yield from (trigger.in_words() for trigger in records[0].triggers[:_SHOWN_TRIGGERS])
+    elif waiting := [record.run_id for record in records if any(one.time_s is None for one in record.triggers)]:
+        shown = ", ".join(waiting[:_SHOWN_BEYOND])
+        yield f"a trigger never held (trigger_not_fired) in {len(waiting)} of {len(records)} runs: {shown}"
     if lengths_m := sorted(record.eased_over_m for record in records if record.eased_over_m is not None):
         span = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
         where = counted(len(lengths_m), "run")

@@ -90,6 +90,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         collision=driven.final.collision,
         off_the_lanes=driven.off_the_lanes,
         on_recording=driven.traffic.on_recording,
+        triggers=driven.traffic.triggers,
         eased_over_m=driven.blended_over_m,
         rejected_candidates=dict(sorted(driven.rejected.items())),
         metrics=_metrics(driven, vehicle, loaded.step_s),

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....schemas.errors import NotPossible
+from ....schemas.runs import TriggerOutcome
 from ...commonroad import LoadedScenario, Track
 from ...cosimulation import Actor, SimulationSetup, next_speed_mps, open_simulation, replayed_actor
 from ...geometry import Points, oriented_rectangle, rectangles_overlap, wrap_angle
@@ -131,6 +132,11 @@ class _ReactiveTraffic:
         """Ids of the dynamic obstacles that followed their recording."""
         replayed = [track.obstacle_id for track in self._roles.replayed.moving]
         return tuple(sorted([*replayed, *(actor.track.obstacle_id for actor in self._lost)]))
+
+    @property
+    def triggers(self) -> tuple[TriggerOutcome, ...]:
+        """Triggers of prescribed motions by the road user's id, and whether they have held up to the present step."""
+        return tuple(outcome for actor in self._scripted.values() for outcome in actor.triggers(self._first_step))
 
     def advance(self, ego: EgoState) -> None:
         """One step of SUMO, to the step of the ego's new state, with the ego there when it ends."""

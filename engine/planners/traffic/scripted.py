@@ -7,11 +7,13 @@ lets the road user set off, and that a road user that dodges slows it down: it b
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
+from ....schemas.runs import TriggerOutcome
 from ...commonroad import LoadedScenario, Track, script_texts
-from ...cosimulation import Script, ScriptPart, beyond, scripted_track
+from ...cosimulation import Script, ScriptPart, SpeedAct, beyond, scripted_track
 from ...geometry import Points, oriented_rectangle, rectangles_overlap
 from ...scene import Scene
 from ...vehicles import VehicleParameters
@@ -66,7 +68,23 @@ class ScriptedActor:
         self._motion = script.base
         self._pending: list[ScriptPart] = list(script.parts)
         self._clock, self._pace = 0.0, 1.0
+        self._begun: list[tuple[ScriptPart, int]] = []
         self._grown: GrowingTrack | None = None
+
+    def triggers(self, first_step: int) -> list[TriggerOutcome]:
+        """Return the triggers of the script and whether they have held; times count from a step on."""
+        step_s, pending = self._scene.step_s, [(part, None) for part in self._pending]
+        return [
+            TriggerOutcome(
+                obstacle_id=self._motion.obstacle_id,
+                code="trigger_not_fired" if step is None else "trigger_fired",
+                begins=_what_begins(part),
+                trigger=part.trigger.in_words(),
+                time_s=None if step is None else round((step - first_step) * step_s, 9),
+            )
+            for part, step in [*self._begun, *pending]
+            if part.trigger is not None
+        ]
 
     @property
     def key(self) -> str:
@@ -130,6 +148,7 @@ class ScriptedActor:
             if not is_due:
                 continue
             self._pending.remove(part)
+            self._begun.append((part, ego.state.step))
             acts = part.acts_from(max(now, part.step) if part.trigger is None else now)
             scene = self._scene
             changed = scripted_track(self._motion, acts, beyond(scene, self._motion), scene.last_step, scene.step_s)
@@ -185,6 +204,15 @@ class ScriptedActor:
             if rectangles_overlap(oriented_rectangle(position, heading, own_size), body):
                 return float(ahead_s)
         return math.inf
+
+
+def _what_begins(part: ScriptPart) -> Literal["speed_change", "lateral_motion", "speed_and_lateral", "setting_off"]:
+    kinds = {type(act) for act in part.acts}
+    if not kinds:
+        return "setting_off"
+    if len(kinds) > 1:
+        return "speed_and_lateral"
+    return "speed_change" if SpeedAct in kinds else "lateral_motion"
 
 
 def actors_of(scripts: Mapping[int, Script], scene: Scene, vehicle: VehicleParameters) -> dict[int, ScriptedActor]:
