@@ -20,6 +20,7 @@
 ``BMW_320I``: CommonRoad's vehicle 2, the ego where nothing states another.
 ``COMFORTABLE_MPS2``: Braking and lateral acceleration of a driver who is in no trouble, in m/s².
 ``EGO_SIZE_M``: Length and width of the ego where no configuration states a vehicle, in m.
+``GRAVITY_MPS2``: The acceleration of free fall, in m/s².
 ``HARDEST_BRAKING_MPS2``: The deceleration that tyres hold on a dry road, in m/s².
 ``HARDEST_LATERAL_MPS2``: The lateral acceleration that tyres hold on a dry road, in m/s².
 ``LARGEST_ACCELERATION_MPS2``: The largest acceleration and braking of vehicle 2, taken as a bound of every car.
@@ -28,7 +29,9 @@
 ``PARAMETER_NAMES``: The names of a vehicle's parameters, in their order.
 ``VEHICLES``: CommonRoad's vehicles by their id.
 ``VehicleParameters``: Size and limits of an ego.
+``comfortable_mps2``: Braking and lateral acceleration of a driver who is in no trouble on a road of some friction.
 ``commonroad_vehicle``: The id of the CommonRoad vehicle of some settings and an ego's class; None for any other.
+``hardest_braking_mps2``: What tyres hold, along and across, on a road of some friction, in m/s².
 ``refused_by_planners``: Why the built-in planners refuse an ego of a class; empty if they drive it.
 ``vehicle_of``: The vehicle of some settings and an ego's class.
 ``Feasibility``: Whether a motion can be driven, the share of its steps that can, and the first that cannot.
@@ -54,6 +57,7 @@ if TYPE_CHECKING:
         BMW_320I,
         COMFORTABLE_MPS2,
         EGO_SIZE_M,
+        GRAVITY_MPS2,
         HARDEST_BRAKING_MPS2,
         HARDEST_LATERAL_MPS2,
         LARGEST_ACCELERATION_MPS2,
@@ -63,11 +67,13 @@ if TYPE_CHECKING:
         VEHICLES,
         EgoClass,
         VehicleParameters,
+        comfortable_mps2,
         commonroad_vehicle,
         ego_class,
         ego_class_of,
         ego_classes,
         fits_together,
+        hardest_braking_mps2,
         parameter_values,
         refused_by_planners,
         vehicle_of,
