@@ -100,14 +100,15 @@ _NO_PLACES = frozenset(
         "oneway",
     ]
 )
-"""Words of file names that say what kind of map it is."""
+"""Words of file names that say what kind of map it is (chosen): nothing prescribes how files are called."""
 _PLACE_WORDS = (
     r"city|town|village|quarter|district|suburb|borough|ward|parish|county|township|municipality|neighbou?rhood|stadt(?:teil)?|viertel|"
     r"gemeinde|bezirk|(?:land)?kreis|ville|commune|quartier|arrondissement|ciudad|municipio|barrio|distrito|"
     r"cidade|bairro|freguesia|concelho|citt[aà]|comune|quartiere|miasto|gmina|powiat|kommune?n?|wijk|gemeente|"
     r"ilçe(?:si)?|mahalle(?:si)?|г\.?|город|район|(?:муниципальный )?округ|м[іi]сто"
 )
-"""What a place is, as people and maps write it before or behind its name."""
+"""What a place is, as people and maps write it before or behind its name: OSM's values of ``place``, and what the
+wiki's table of ``admin_level`` calls municipalities and their parts in these languages."""
 _PLACE_FRAME = re.compile(
     rf"^\d{{4,6}}\s+|\s+\d{{5}}(?:-\d{{4}})?$|^(?:the\s+)?(?:{_PLACE_WORDS})(?:\s+(?:of|de|do|da|di|von))?\s+"
     rf"|\s+(?:{_PLACE_WORDS})$|(?<=[\u4e00-\u9fff])[市区區县縣里]$|(?<=[\uac00-\ud7a3])[시구군동]$",
@@ -117,6 +118,7 @@ _FILE_ENDINGS = re.compile(r"(?:\.(?:osm|pbf|xml|net|xodr|roads|pb|gz|bz2))+$", 
 _HOUSE_NUMBER = re.compile(r"\s+\d+\s?[a-z]?$|^\d+[a-z]?\s+", re.IGNORECASE)
 _DISTRICT_NUMBER = re.compile(r"\s+(?:\d{1,2}(?:e|er|[°º.])?|[ivx]+)$", re.IGNORECASE)
 _PREPOSITIONS = frozenset(("in", "at", "near", "im", "bei", "à", "a", "en", "em", "nel", "в", "i", "w", "of", "auf"))
+"""What stands between a road and its place: those of libpostal's stopwords that say where."""
 _EARTH_RADIUS_M = 6_371_008.8
 _LEAST_LIKENESS, _LEAST_WORD_LIKENESS, _TELLING_LETTERS = 78, 85, 4
 """Of 100: from which a name is worth suggesting, or a name with such words; letters of a word that tells (chosen)."""
@@ -332,11 +334,12 @@ def _with_begun(shown: list[MapMatch], found: list[MapMatch], text: str, level: 
     to a road that is called just so, or to one that the words are short for (``Main St``: ``Main Street``).
     """
     names = {name for match in shown for group in match.streets for name in group}
-    is_named = any(map(distinctive, road_readings(text))) and any(fold(name) == fold(text) for name in names)
-    if is_named or not all(match.streets for match in shown):
+    is_telling = any(map(distinctive, road_readings(text)))  # more than a kind of road
+    if (is_telling and any(fold(name) == fold(text) for name in names)) or not all(match.streets for match in shown):
         return shown
     begun = {map_.entry.facts.map_id: roads for map_ in found if (roads := _roads_begun(text, map_.entry.facts))}
-    if level is Closeness.SAME and not names.isdisjoint(name for roads in begun.values() for name in roads):
+    is_short_for_one = level is Closeness.SAME and not names.isdisjoint(name for one in begun.values() for name in one)
+    if is_telling and is_short_for_one:
         return shown
     kept = {match.entry.facts.map_id for match in shown}
     joined = [_joined(match, begun.get(match.entry.facts.map_id, ()), text) for match in shown]

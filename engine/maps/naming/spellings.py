@@ -17,8 +17,8 @@ from typing import Any
 from .places import fold, latin
 
 _ABBREVIATIONS = Path(__file__).parent / "road_words.json.gz"
-"""What libpostal knows of abbreviations, of the words for numbers and directions, of kinds of roads that end a word, and
-of crossings (``scripts/make_road_words.py``)."""
+"""What libpostal knows of abbreviations, of the words for numbers and directions, of kinds of roads that end a word,
+and of crossings (``scripts/make_road_words.py``)."""
 _SAME_WORDS = """
 street: street st str strasse straat strada stradal rue ulitsa
 street: ulica ul vulitsya vulytsya calle via rruga rr gata gatan
@@ -102,8 +102,8 @@ _KINDS = frozenset(
 _DIRECTIONS = frozenset(
     ["north", "south", "east", "west", "northeast", "northwest", "southeast", "southwest", "middle"]
 )
-# Articles and words for "of", which libpostal has among the stopwords of these languages; its other stopwords tell roads
-# apart (``Am Markt``, ``Unter den Linden``). ``section`` is what Taiwan writes before the number of a stretch.
+# Articles and words for "of", all among libpostal's stopwords and elisions; its other stopwords tell roads apart
+# (``Am Markt``, ``Unter den Linden``). ``section`` is what Taiwan writes before the number of a stretch.
 _PARTICLES = frozenset(
     [
         "the",
@@ -164,7 +164,8 @@ _LETTERED = {
 }
 """The letters of a road number by the words that are said for them."""
 _ELIDED = re.compile(r"\b(?:d|l|s|dell|dall|all|nell|sull)['’](?=\w)", re.IGNORECASE)
-"""Articles and prepositions before a vowel, in Catalan, French and Italian: ``Port d'Envalira``."""
+"""Articles and prepositions before a vowel, in Catalan, French and Italian: ``Port d'Envalira``. They are
+libpostal's elisions without those of pronouns; its ``sant'`` is a part of the name."""
 _CONTRACTED = re.compile(r"\b(\w{1,2}(?=\.)|[^\W\d_](?=-))[.-](\w{2,3})\b(?!\.)")
 """Contractions with a point or a hyphen inside: ``P.za``, ``C.so``, ``V.le``, ``B-dul``, ``пр-т``."""
 _MOST_READINGS = 32
