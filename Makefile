@@ -75,7 +75,7 @@ lint: $(DEV_STAMP)
 
 types: $(DEV_STAMP)
 	@echo "==> Types"
-	@$(VENV)/bin/mypy -p plannerforge
+	@$(VENV)/bin/mypy -p plannerforge -p benchmarks
 
 layers: $(DEV_STAMP)
 	@echo "==> Import directions"
@@ -85,100 +85,100 @@ bench: bench-server bench-planners bench-faults bench-reactive bench-responsibil
 	bench-selection bench-drivable bench-import-crashes bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning bench-serve bench-loop
 
 bench-server: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.serve.workers
+	@$(PYTHON) -m benchmarks.serve.workers
 
 bench-selection: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.selection
+	@$(PYTHON) -m benchmarks.selection
 
 bench-planners: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.planners
+	@$(PYTHON) -m benchmarks.planners
 
 bench-faults: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.faults.planners
+	@$(PYTHON) -m benchmarks.faults.planners
 
 bench-reactive: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.planners.reactive
+	@$(PYTHON) -m benchmarks.planners.reactive
 
 bench-responsibility: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.planners.responsibility
+	@$(PYTHON) -m benchmarks.planners.responsibility
 
 bench-weights: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.planners.weights
+	@$(PYTHON) -m benchmarks.planners.weights
 
 bench-routes: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.planners.routes
+	@$(PYTHON) -m benchmarks.planners.routes
 
 bench-generation: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.generation
+	@$(PYTHON) -m benchmarks.generation
 
 bench-maps: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.maps --workers $(WORKERS)
+	@$(PYTHON) -m benchmarks.maps --workers $(WORKERS)
 
 bench-osm-tags: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.maps --only tags
+	@$(PYTHON) -m benchmarks.maps --only tags
 
 bench-places: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.maps.places "$(FOLDER)" --workers $(WORKERS)
+	@$(PYTHON) -m benchmarks.maps.places "$(FOLDER)" --workers $(WORKERS)
 
 bench-modification: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.modification --workers $(WORKERS)
+	@$(PYTHON) -m benchmarks.modification --workers $(WORKERS)
 
 bench-manoeuvres: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.selection.manoeuvres $(if $(FOLDER),--folder "$(FOLDER)") $(if $(SEED),--seed $(SEED))
+	@$(PYTHON) -m benchmarks.selection.manoeuvres $(if $(FOLDER),--folder "$(FOLDER)") $(if $(SEED),--seed $(SEED))
 
 bench-edits: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.modification.new_edits --advice 240
+	@$(PYTHON) -m benchmarks.modification.new_edits --advice 240
 
 bench-drivable: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.modification.drivable
+	@$(PYTHON) -m benchmarks.modification.drivable
 
 bench-import-crashes: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.faults.imports
+	@$(PYTHON) -m benchmarks.faults.imports
 
 bench-robust: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.robustness.soundness --seeds $(SEEDS)
+	@$(PYTHON) -m benchmarks.robustness.soundness --seeds $(SEEDS)
 
 bench-hostile: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.robustness --keep soundness/findings
+	@$(PYTHON) -m benchmarks.robustness --keep soundness/findings
 
 bench-symmetries: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.symmetries --workers $(WORKERS)
+	@$(PYTHON) -m benchmarks.symmetries --workers $(WORKERS)
 
 bench-kills: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.faults.mixed_load
+	@$(PYTHON) -m benchmarks.faults.mixed_load
 
 bench-mutation: $(DEV_STAMP)
 	@$(PYTHON) scripts/mutation --workers $(WORKERS) --seed $(SEED)
 
 bench-growth: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.growth
+	@$(PYTHON) -m benchmarks.growth
 
 bench-chain: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.chain
+	@$(PYTHON) -m benchmarks.chain
 
 bench-agent: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.agents --workers $(WORKERS)
+	@$(PYTHON) -m plannerforge.evals --workers $(WORKERS)
 
 bench-answers: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.answers
+	@$(PYTHON) -m benchmarks.answers
 
 bench-analysis: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.analysis
+	@$(PYTHON) -m benchmarks.analysis
 
 bench-tuning: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.tuning $(addprefix --reference ,$(REFERENCE)) $(addprefix --reference-python ,$(REFERENCE_PYTHON))
+	@$(PYTHON) -m benchmarks.tuning $(addprefix --reference ,$(REFERENCE)) $(addprefix --reference-python ,$(REFERENCE_PYTHON))
 
 bench-serve: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.serve
+	@$(PYTHON) -m benchmarks.serve
 
 bench-loop: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.loop
+	@$(PYTHON) -m benchmarks.loop
 
 bench-database: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.loop.database $(addprefix --folder ,$(FOLDER)) --workers $(WORKERS)
+	@$(PYTHON) -m benchmarks.loop.database $(addprefix --folder ,$(FOLDER)) --workers $(WORKERS)
 
 bench-peers: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.maps.peers.bench $(addprefix --folder ,$(FOLDER)) $(addprefix --part ,$(PART)) $(addprefix --asam ,$(ASAM))
+	@$(PYTHON) -m benchmarks.maps.peers.bench $(addprefix --folder ,$(FOLDER)) $(addprefix --part ,$(PART)) $(addprefix --asam ,$(ASAM))
 
 dist: $(DEV_STAMP)
 	@echo "==> Building sdist and wheel"
@@ -197,11 +197,11 @@ bundle: dist
 	@$(PYTHON) scripts/bundle.py
 
 train-rbfn: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.planners.rbfn_training
+	@$(PYTHON) -m benchmarks.planners.rbfn_training
 
 bench-same-bytes: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.symmetries.same_bytes record $(RECORD)
-	@if [ -n "$(BEFORE)" ]; then $(PYTHON) -m plannerforge.evals.symmetries.same_bytes compare $(BEFORE) $(RECORD); fi
+	@$(PYTHON) -m benchmarks.symmetries.same_bytes record $(RECORD)
+	@if [ -n "$(BEFORE)" ]; then $(PYTHON) -m benchmarks.symmetries.same_bytes compare $(BEFORE) $(RECORD); fi
 
 starter: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.engine.maps.drawn_library

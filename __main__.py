@@ -1,6 +1,6 @@
 """``python -m plannerforge``: the command ``plannerforge`` where no script was installed."""
 
-from .evals.command_line import main
+from .cli.main import main
 
 if __name__ == "__main__":
     main()

@@ -86,7 +86,7 @@ class ToolSource(Protocol):
 
 def own_server(*, workspace: str = "", tools: ToolSet = "all") -> StdioServerParameters:
     """This package's server as a child process, with the settings of this process's environment."""
-    arguments = ["-P", "-m", "plannerforge.server", "serve", "--tools", tools]
+    arguments = ["-P", "-m", "plannerforge", "serve", "--tools", tools]
     arguments += ["--workspace", workspace] if workspace else []
     handed_on = ("PLANNERFORGE_", "PYTHON")
     environment = {name: value for name, value in os.environ.items() if name.startswith(handed_on)}

@@ -129,7 +129,7 @@ async def _demo(scenario: Path | None, map_file: Path | None, folder: Path, cons
     started = time.perf_counter()
     workspace = folder / "workspace"
     roots = [folder.parent, *(path.resolve().parent for path in (scenario, map_file) if path)]
-    arguments = ["-P", "-m", "plannerforge.server", "serve", "--workspace", str(workspace)]
+    arguments = ["-P", "-m", "plannerforge", "serve", "--workspace", str(workspace)]
     arguments += [part for root in dict.fromkeys(roots) for part in ("--roots", str(root))]
     async with Client(StdioServerParameters(command=sys.executable, args=arguments)) as client:
         tools = (await client.list_tools()).tools

@@ -1,1 +1,1 @@
-"""Measurements: each prints a table for people and, as its last line, one JSON object for comparison."""
+"""Evaluation of agents: a corpus of requests, an agent that carries them out with the server's tools, and its score."""

@@ -45,8 +45,8 @@ from ..schemas.results import AnalyzeResultsArguments, AnalyzeResultsResult
 from ..schemas.runs import BatchRecord
 from ..schemas.scenarios import DescribeScenarioArguments, DescribeScenarioResult
 from ..server.arguments.checking import read_arguments
-from ..server.commands.suite import read_suite
 from ..server.settings import Settings
+from ..server.suites import read_suite
 from ..workflows import artifacts as artifact_work
 from ..workflows import catalog, exporting, importing, modification, rendering
 from ..workflows import planners as planning

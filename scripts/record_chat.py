@@ -143,7 +143,7 @@ def record() -> str:
     """The session as it stands in the terminal."""
     said = [line for text in STAGES for line in (text, *(["/state"] if text.startswith("Which") else []))]
     with serving("ollama", script) as server, tempfile.TemporaryDirectory() as folder:
-        program = "from plannerforge.evals.command_line import main; main()"
+        program = "from plannerforge.cli.main import main; main()"
         flags = ["--model", "ollama:big:70b", "--host", server.url, "--workspace", folder]
         done = subprocess.run(
             [sys.executable, "-c", program, "chat", *flags],

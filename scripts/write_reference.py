@@ -22,9 +22,9 @@ CHECKOUT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(CHECKOUT))
 
 from plannerforge.agent.settings import AgentSettings  # noqa: E402 - the checkout is found first
+from plannerforge.cli.main import application  # noqa: E402
 from plannerforge.engine.tuning.settings import known_settings  # noqa: E402
 from plannerforge.engine.tuning.tunings import LARGEST_WEIGHT, TUNINGS, PlannerTuning  # noqa: E402
-from plannerforge.evals.command_line import application  # noqa: E402
 from plannerforge.schemas.analysis.suite import SuiteFile  # noqa: E402
 from plannerforge.schemas.base import COMMON_FIELDS  # noqa: E402
 from plannerforge.schemas.errors import PlannerForgeError, error_classes  # noqa: E402

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from distributed.cli import dask_scheduler, dask_worker
 
-from plannerforge.evals.tuning.cluster import UNOBSERVED
+from benchmarks.tuning.cluster import UNOBSERVED
 from plannerforge.server.settings import Settings
 
 DOCS = Path(__file__).parents[1] / "docs"

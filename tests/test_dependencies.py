@@ -4,18 +4,31 @@ import ast
 import re
 import sys
 import tomllib
+from collections.abc import Sequence
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parent.parent
-LAYERS = ("schemas", "engine", "workflows", "tools", "resources", "prompts", "server", "library", "agent", "evals")
+LAYERS = (
+    "schemas",
+    "engine",
+    "workflows",
+    "tools",
+    "resources",
+    "prompts",
+    "server",
+    "library",
+    "agent",
+    "evals",
+    "cli",
+)
 COMES_WITH = {"pydantic-core": "pydantic", "sumolib": "eclipse-sumo", "transformers": "sentence-transformers"}
 SHARED_NAMES = {"opentelemetry": {"sdk": "opentelemetry-sdk", "exporter": "opentelemetry-exporter-otlp-json-http"}}
 """Top-level names that several packages share: which one a module below them is of, where it is not ``NAME-api``."""
 RUN_ELSEWHERE = {
-    "evals/analysis/crime_driver.py": "runs in the environment of CriMe, which is set beside our measures",
-    "evals/maps/factory_driver.py": "runs in the other generator's environment, which a bench makes for it",
-    "evals/tuning/reference_driver.py": "runs in the environment of the loop that is set beside ours",
+    "benchmarks/analysis/crime_driver.py": "runs in the environment of CriMe, which is set beside our measures",
+    "benchmarks/maps/factory_driver.py": "runs in the other generator's environment, which a bench makes for it",
+    "benchmarks/tuning/reference_driver.py": "runs in the environment of the loop that is set beside ours",
 }
 ASKED_FOR_UNIMPORTED = {
     "commonroad-clcs": "commonroad-drivability-checker imports it without asking for it",
@@ -27,10 +40,11 @@ def normalised(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-def asked_for(*, with_extras: bool = False) -> set[str]:
-    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+def asked_for(*, with_extras: bool = False, for_developers: bool = False) -> set[str]:
+    settings = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))
+    project = settings["project"]
     extras = [line for lines in project["optional-dependencies"].values() for line in lines] if with_extras else []
-    lines = [*project["dependencies"], *extras]
+    lines = [*project["dependencies"], *extras, *(settings["dependency-groups"]["dev"] if for_developers else [])]
     return {normalised(re.split(r"[<>=~!\[; ]", line, maxsplit=1)[0]) for line in lines}
 
 
@@ -41,21 +55,21 @@ def module_of(name: str) -> str:
     return first if shared is None else shared.get(rest.partition(".")[0], f"{first}-api")
 
 
-def imported_modules() -> set[str]:
+def imported_modules(folders: Sequence[str] = LAYERS) -> set[str]:
     modules: set[str] = set()
-    files = {file for folder in LAYERS for file in (CHECKOUT / folder).rglob("*.py")}
+    files = {file for folder in folders for file in (CHECKOUT / folder).rglob("*.py")}
     for path in files - {CHECKOUT / script for script in RUN_ELSEWHERE}:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 modules.update(module_of(alias.name) for alias in node.names)
             elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
                 modules.add(module_of(node.module))
-    return modules - set(sys.stdlib_module_names) - {"plannerforge"}
+    return modules - set(sys.stdlib_module_names) - {"plannerforge", "benchmarks"}
 
 
-def imported_distributions() -> set[str]:
+def imported_distributions(folders: Sequence[str] = LAYERS) -> set[str]:
     owners = packages_distributions()
-    found = {normalised(owners.get(module, [module])[0]) for module in imported_modules()}
+    found = {normalised(owners.get(module, [module])[0]) for module in imported_modules(folders)}
     return {COMES_WITH.get(name, name) for name in found}
 
 
@@ -65,3 +79,7 @@ def test_everything_imported_is_asked_for() -> None:
 
 def test_everything_asked_for_is_imported() -> None:
     assert asked_for() - imported_distributions() == set(ASKED_FOR_UNIMPORTED)
+
+
+def test_everything_that_benchmarks_import_is_asked_for_by_developers() -> None:
+    assert imported_distributions(["benchmarks"]) - asked_for(with_extras=True, for_developers=True) == set()

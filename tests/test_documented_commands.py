@@ -13,10 +13,10 @@ import typer
 from support.pages import BLOCK, PAGES, inline_commands, shown_calls, shown_commands, words_of
 from support.tree import CHECKOUT
 
-from plannerforge.evals.command_line import application
+from plannerforge.cli.main import application
+from plannerforge.cli.suite import read_suite
 from plannerforge.schemas.base import Arguments
 from plannerforge.schemas.planning import CommandPlanner
-from plannerforge.server.commands.suite import read_suite
 from plannerforge.tools.registry import TOOLS
 from plannerforge.workflows.analysis.suite import limits_of
 

@@ -130,8 +130,7 @@ def test_a_light_name_on_a_face_loads_no_other_package(package: str, name: str, 
 
 
 @pytest.mark.parametrize(
-    "module",
-    ["plannerforge.server.command_line", "plannerforge.server.assembly", "plannerforge.engine.execution.worker"],
+    "module", ["plannerforge.cli.program", "plannerforge.server.assembly", "plannerforge.engine.execution.worker"]
 )
 def test_start_loads_nothing_heavy(module: str) -> None:
     loaded = loaded_after(f"import {module}")

@@ -21,11 +21,11 @@ from PIL import Image
 from support.tree import CHECKOUT
 from typer.main import get_command
 
+from benchmarks.serve.__main__ import PARTS
+from benchmarks.serve.install import LEFT_OUT
 from plannerforge import __version__
-from plannerforge.evals.command_line import application, main
-from plannerforge.evals.serve.__main__ import PARTS
-from plannerforge.evals.serve.install import LEFT_OUT
-from plannerforge.server.commands.hosts import start_command
+from plannerforge.cli.hosts import start_command
+from plannerforge.cli.main import application, main
 from plannerforge.server.settings import Settings
 from plannerforge.tools.registry import TOOLS
 

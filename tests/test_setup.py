@@ -20,7 +20,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from support.tree import CHECKOUT
 
-from plannerforge.evals.serve.install import LEFT_OUT
+from benchmarks.serve.install import LEFT_OUT
 
 
 def pinned_torch() -> str:

@@ -23,7 +23,7 @@ from typing import Any
 
 from mutants import Mutant, sample
 
-from plannerforge.evals.harness import print_figures, share
+from benchmarks.harness import print_figures, share
 
 CHECKOUT = Path(__file__).resolve().parent.parent.parent
 RECORD = CHECKOUT / ".mutation" / "record.json"

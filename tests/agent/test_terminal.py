@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 from plannerforge.agent.settings import AgentSettings
 from plannerforge.agent.terminal import ReadLine, run_chat, run_request
-from plannerforge.evals.command_line import application
+from plannerforge.cli.main import application
 
 MAKE = Reply(calls=(("make_scenario", {"vehicles": 2}),))
 DONE = Reply("TST_Town-2_1_T-1 has 2 vehicles.")

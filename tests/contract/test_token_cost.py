@@ -2,9 +2,9 @@
 
 import pytest
 
+from plannerforge.cli.tool_costs import tool_cost
 from plannerforge.server.application import INSTRUCTIONS
 from plannerforge.server.assembly import offered_tools
-from plannerforge.server.commands.tool_costs import tool_cost
 from plannerforge.server.settings import Settings
 from plannerforge.server.tool_schema import described_tool
 from plannerforge.tools.registry import TOOLS, ToolSpec

@@ -7,10 +7,10 @@ import pytest
 from lxml import etree
 from support.builders import town_road
 
+from benchmarks.symmetries.answers import CHEAP, Asked
+from benchmarks.symmetries.cases import DOCUMENT, Task, alike, measure
+from benchmarks.symmetries.relations import RELATIONS, Frame, read_root, write_root
 from plannerforge.engine.commonroad.document import schema_errors
-from plannerforge.evals.symmetries.answers import CHEAP, Asked
-from plannerforge.evals.symmetries.cases import DOCUMENT, Task, alike, measure
-from plannerforge.evals.symmetries.relations import RELATIONS, Frame, read_root, write_root
 
 FILES = ("ZAM_Zip-1_1_T-1", "ZAM_test_0-1", "DEU_Moelln-7_1_T-1", "DEU_IV21-1_1_T-1")
 JUDGES = (*CHEAP, DOCUMENT)

@@ -10,14 +10,14 @@ from rich.console import Console
 from support.evaluations import CountingAgent, echo_session, evaluation, line_of, request, requests, score
 from support.tree import CHECKOUT
 
-from plannerforge.evals.agents.attempts import Attempt, EvalRequest, Score
-from plannerforge.evals.agents.campaign import Evaluation, evaluate, rows_path, settle
-from plannerforge.evals.agents.corpora import corpus_files, read_corpus
-from plannerforge.evals.agents.results.comparison import compare_rows
-from plannerforge.evals.agents.results.published import published
-from plannerforge.evals.agents.results.report import report_html
-from plannerforge.evals.agents.results.rows import JUDGE_FAILED, Row, RowFile, read_rows, row_of
-from plannerforge.evals.agents.results.tables import stages_of, tables_of
+from plannerforge.evals.attempts import Attempt, EvalRequest, Score
+from plannerforge.evals.campaign import Evaluation, evaluate, rows_path, settle
+from plannerforge.evals.corpora import corpus_files, read_corpus
+from plannerforge.evals.results.comparison import compare_rows
+from plannerforge.evals.results.published import published
+from plannerforge.evals.results.report import report_html
+from plannerforge.evals.results.rows import JUDGE_FAILED, Row, RowFile, read_rows, row_of
+from plannerforge.evals.results.tables import stages_of, tables_of
 from plannerforge.schemas.errors import InvalidRequest, ResourceFailure, UnknownName
 
 pytestmark = pytest.mark.anyio

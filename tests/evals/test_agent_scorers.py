@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from plannerforge.evals.agents.attempts import Attempt, EvalRequest, MadeCall
-from plannerforge.evals.agents.scoring.routing import classes_of
-from plannerforge.evals.agents.scoring.scores import score_attempt
-from plannerforge.evals.agents.spoiled import Scripted, SpoilRates
-from plannerforge.evals.answers.recording import Call, answer_to, opened
+from benchmarks.answers.recording import Call, answer_to, opened
+from plannerforge.evals.attempts import Attempt, EvalRequest, MadeCall
+from plannerforge.evals.scoring.routing import classes_of
+from plannerforge.evals.scoring.scores import score_attempt
+from plannerforge.evals.spoiled import Scripted, SpoilRates
 
 pytestmark = pytest.mark.anyio
 MADE = {"place": "Fahrhausen", "scenario_type": "intersection", "duration_s": 8, "seed": 3, "vehicles": ["truck=1"]}

@@ -10,12 +10,12 @@ import pytest
 
 from plannerforge.engine.edits import apply_edits
 from plannerforge.engine.execution import silent
-from plannerforge.evals.agents.attempts import Task
-from plannerforge.evals.agents.corpora import CORPORA, TASKS, corpus_files, packaged_corpora, read_corpus
-from plannerforge.evals.agents.making.corpus import make_corpora, write_corpora
-from plannerforge.evals.agents.making.materials import STYLES, Materials, read_materials
-from plannerforge.evals.agents.making.modification import PossibleEdits, modification_lines, words_of
-from plannerforge.evals.modification.requests import edit_of
+from plannerforge.evals.attempts import Task
+from plannerforge.evals.corpora import CORPORA, TASKS, corpus_files, packaged_corpora, read_corpus
+from plannerforge.evals.ground_truth.modification import edit_of
+from plannerforge.evals.making.corpus import make_corpora, write_corpora
+from plannerforge.evals.making.materials import STYLES, Materials, read_materials
+from plannerforge.evals.making.modification import PossibleEdits, modification_lines, words_of
 from plannerforge.schemas.errors import InvalidRequest, PlannerForgeError
 from plannerforge.schemas.modification import ModificationRequest
 

@@ -14,17 +14,17 @@ from support.tool_server import tool_server
 from support.tree import CHECKOUT
 from typer.testing import CliRunner
 
+from benchmarks.agents import MISBEHAVIOURS, tokens_of
 from plannerforge.agent.connection import ToolConnection
 from plannerforge.agent.errors import ModelFailure
-from plannerforge.evals.agents.__main__ import MISBEHAVIOURS, tokens_of
-from plannerforge.evals.agents.attempts import Attempt, EvalRequest, ToolSession
-from plannerforge.evals.agents.campaign import evaluate, rows_path
-from plannerforge.evals.agents.connection import ServerSession
-from plannerforge.evals.agents.model_agent import ModelAgent
-from plannerforge.evals.agents.results.rows import AGENT_FAILED
-from plannerforge.evals.agents.roster import open_agent
-from plannerforge.evals.agents.running import EvaluationOrder, print_requests, print_results, run_evaluation
-from plannerforge.evals.command_line import application
+from plannerforge.cli.main import application
+from plannerforge.evals.attempts import Attempt, EvalRequest, ToolSession
+from plannerforge.evals.campaign import evaluate, rows_path
+from plannerforge.evals.connection import ServerSession
+from plannerforge.evals.model_agent import ModelAgent
+from plannerforge.evals.results.rows import AGENT_FAILED
+from plannerforge.evals.roster import open_agent
+from plannerforge.evals.running import EvaluationOrder, print_requests, print_results, run_evaluation
 
 pytestmark = pytest.mark.anyio
 

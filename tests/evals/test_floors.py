@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 from support.evaluations import EchoSession, request
 
-from plannerforge.evals.agents.attempts import EvalRequest
-from plannerforge.evals.agents.floors import class_of
-from plannerforge.evals.agents.roster import open_agent
-from plannerforge.evals.agents.scoring.scores import score_attempt
+from plannerforge.evals.attempts import EvalRequest
+from plannerforge.evals.floors import class_of
+from plannerforge.evals.roster import open_agent
+from plannerforge.evals.scoring.scores import score_attempt
 
 pytestmark = pytest.mark.anyio
 

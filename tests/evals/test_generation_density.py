@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from plannerforge.engine.network.net_parser import SumoNet
-from plannerforge.evals.generation.judges import TARGETS, DensityVerdict, MadeFiles, judge_density
+from plannerforge.evals.scoring.made_files import TARGETS, DensityVerdict, MadeFiles, judge_density
 from plannerforge.schemas.generation import Density
 
 

@@ -12,11 +12,11 @@ from mcp.types import CallToolResult, TextContent
 from rich.console import Console
 from support.evaluations import EchoSession, line_of, request, requests
 
-from plannerforge.evals.agents.attempts import EvalTurn, MadeCall
-from plannerforge.evals.agents.corpora import read_corpus
-from plannerforge.evals.agents.journal import JournalAgent, ask_one_by_one, open_journal
-from plannerforge.evals.agents.roster import open_agent
-from plannerforge.evals.agents.running import print_requests
+from plannerforge.evals.attempts import EvalTurn, MadeCall
+from plannerforge.evals.corpora import read_corpus
+from plannerforge.evals.journal import JournalAgent, ask_one_by_one, open_journal
+from plannerforge.evals.roster import open_agent
+from plannerforge.evals.running import print_requests
 from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.server.observing.journal import Journal
 

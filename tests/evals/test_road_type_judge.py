@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from support.generation_bench import NOTHING, Road, around, made, mapped
 
-from plannerforge.evals.generation.judges import shows_type
-from plannerforge.evals.generation.maps import MapEvidence
+from plannerforge.evals.scoring.made_files import shows_type
+from plannerforge.evals.scoring.map_evidence import MapEvidence
 
 
 def arc(begin: float, end: float) -> list[tuple[float, float]]:

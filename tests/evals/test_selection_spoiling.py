@@ -2,7 +2,7 @@
 
 import pytest
 
-from plannerforge.evals.selection.corpus import extract_score, spoiled
+from plannerforge.evals.ground_truth.selection import extract_score, spoiled
 from plannerforge.schemas.catalog import FindScenariosArguments
 
 ASKED = FindScenariosArguments(country="DEU", tags=["urban"], road_net=["lanes>=2"], ego_speed="13m/s")

@@ -12,11 +12,11 @@ import jsonschema
 import pytest
 from mcp.types import TextContent
 
+from plannerforge.cli.tool_costs import prompt_costs
 from plannerforge.prompts import composition
 from plannerforge.prompts.composition import CONDITIONS, TASKS, WorkspaceFacts, system_prompt, task_parts
 from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.vocabulary import TAGS
-from plannerforge.server.commands.tool_costs import prompt_costs
 from plannerforge.server.tool_schema import described_tool
 from plannerforge.tools.registry import TOOLS
 

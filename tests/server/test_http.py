@@ -290,7 +290,7 @@ def test_secrets_of_a_variable_are_read_and_never_shown(monkeypatch: pytest.Monk
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_program_serves_until_a_signal_and_ends_well(tmp_path: Path, number: signal.Signals) -> None:
     environment = {**os.environ, "PLANNERFORGE_WORKSPACE": str(tmp_path / "workspace"), "PLANNERFORGE_WARM_UP": "false"}
-    command = [sys.executable, "-m", "plannerforge.server", "serve", "--http", "--port", "0", "--workers", "1"]
+    command = [sys.executable, "-m", "plannerforge", "serve", "--http", "--port", "0", "--workers", "1"]
     process = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
     try:
         assert process.stderr is not None
@@ -304,7 +304,7 @@ def test_program_serves_until_a_signal_and_ends_well(tmp_path: Path, number: sig
 
 
 def test_program_says_in_one_line_why_it_does_not_serve(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "plannerforge.server", "serve", "--http", "--host", "0.0.0.0"]
+    command = [sys.executable, "-m", "plannerforge", "serve", "--http", "--host", "0.0.0.0"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 1
     assert done.stderr.startswith("[invalid_request] http_host 0.0.0.0 lets other machines in")

@@ -127,7 +127,7 @@ def test_text_is_level_name_message_and_call(lines: io.StringIO) -> None:
 
 @pytest.mark.anyio
 async def test_a_server_s_log_is_json_on_stderr_and_nothing_but_the_protocol_on_stdout(tmp_path: Path) -> None:
-    serve = ["-m", "plannerforge.server", "serve", "--log-level", "INFO", "--log-format", "json", "--no-warm-up"]
+    serve = ["-m", "plannerforge", "serve", "--log-level", "INFO", "--log-format", "json", "--no-warm-up"]
     arguments = [*serve, "--workspace", str(tmp_path / "workspace"), "--roots", str(tmp_path / "away")]
     with (tmp_path / "stderr").open("w") as stderr:
         server = StdioServerParameters(command=sys.executable, args=arguments, env=dict(os.environ))
@@ -140,7 +140,7 @@ async def test_a_server_s_log_is_json_on_stderr_and_nothing_but_the_protocol_on_
 
 
 def test_another_format_is_refused_with_those_there_are() -> None:
-    command = [sys.executable, "-m", "plannerforge.server", "serve", "--log-format", "xml"]
+    command = [sys.executable, "-m", "plannerforge", "serve", "--log-format", "xml"]
     ended = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
     assert ended.returncode == 2
     assert "--log-format: log_format cannot be 'xml' (valid: " in ended.stderr

@@ -17,7 +17,7 @@ from mcp import Client
 from mcp.client.stdio import StdioServerParameters
 
 PATIENCE_S = 60.0
-COMMAND = ("-m", "plannerforge.server", "serve", "--workers", "1")
+COMMAND = ("-m", "plannerforge", "serve", "--workers", "1")
 
 
 def wait_until_gone(processes: list[psutil.Process]) -> None:

@@ -198,7 +198,7 @@ async def test_a_server_sends_one_trace_of_a_call_below_that_of_its_client(
     collector: tuple[str, dict[str, list[Any]]], tmp_path: Path
 ) -> None:
     address, received = collector
-    serve = ["-m", "plannerforge.server", "serve", "--no-warm-up", "--workers", "1", "--telemetry-endpoint", address]
+    serve = ["-m", "plannerforge", "serve", "--no-warm-up", "--workers", "1", "--telemetry-endpoint", address]
     server = StdioServerParameters(
         command=sys.executable,
         args=[*serve, "--workspace", str(tmp_path / "workspace")],

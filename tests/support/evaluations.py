@@ -12,8 +12,8 @@ from typing import Any
 
 import anyio
 
-from plannerforge.evals.agents.attempts import Attempt, EvalRequest, MadeCall, Score, ToolSession
-from plannerforge.evals.agents.campaign import Evaluation, evaluate
+from plannerforge.evals.attempts import Attempt, EvalRequest, MadeCall, Score, ToolSession
+from plannerforge.evals.campaign import Evaluation, evaluate
 
 
 def request(number: int, corpus: str = "selection", **fields: Any) -> EvalRequest:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from plannerforge.engine.network.net_parser import ROAD_CLASSES, Connection, NetEdge, NetLane, SumoNet
-from plannerforge.evals.generation.judges import MadeFiles
-from plannerforge.evals.generation.maps import METRES_A_DEGREE, MapEvidence, Mapped
+from plannerforge.evals.scoring.made_files import MadeFiles
+from plannerforge.evals.scoring.map_evidence import METRES_A_DEGREE, MapEvidence, Mapped
 from plannerforge.schemas.generation import MapFacts, SiteType
 
 NOTHING = MapEvidence(())

@@ -7,14 +7,14 @@ from typing import Any
 
 from lxml import etree
 
+from benchmarks.modification.judges import checks_of
+from benchmarks.modification.written import Written
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.engine.edits.apply import apply_edits
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.scene.scene import Scene
-from plannerforge.evals.modification.judges import checks_of
-from plannerforge.evals.modification.requests import edit_of
-from plannerforge.evals.modification.written import Written
+from plannerforge.evals.ground_truth.modification import edit_of
 from plannerforge.schemas.modification import ModificationRequest
 
 GOAL_TIME = {"start_s": 2.0, "end_s": 7.5}

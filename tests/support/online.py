@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from benchmarks.maps.extracts import Extract
+from benchmarks.maps.loopback import MapServers, Mirror, Place, places_in, settlement
 from plannerforge.engine.maps.drawn_library import LIBRARY
-from plannerforge.evals.maps.extracts import Extract
-from plannerforge.evals.maps.loopback import MapServers, Mirror, Place, places_in, settlement
 from plannerforge.schemas.maps import MapServices
 
 HERE = (48.0, 11.0)

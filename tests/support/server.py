@@ -37,7 +37,7 @@ class StdioServer:
             "PLANNERFORGE_WARM_UP": "false",
         }
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "plannerforge.server", "serve", *arguments],
+            [sys.executable, "-m", "plannerforge", "serve", *arguments],
             cwd=folder,
             env=environment,
             stdin=subprocess.PIPE,

@@ -7,13 +7,30 @@ from pathlib import Path
 from types import ModuleType
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-LAYERS = ("schemas", "engine", "workflows", "tools", "resources", "prompts", "server", "library", "agent", "evals")
+LAYERS = (
+    "schemas",
+    "engine",
+    "workflows",
+    "tools",
+    "resources",
+    "prompts",
+    "server",
+    "library",
+    "agent",
+    "evals",
+    "cli",
+)
 """The folders that are packages of ``plannerforge``."""
 
 
 def source_files() -> list[Path]:
     """All Python files of the package, in the order of their paths."""
     return [path for folder in LAYERS for path in sorted((CHECKOUT / folder).rglob("*.py"))]
+
+
+def bench_files() -> list[Path]:
+    """All Python files of the benchmarks, which are no part of the package."""
+    return sorted((CHECKOUT / "benchmarks").rglob("*.py"))
 
 
 def dotted_name(path: Path) -> str:

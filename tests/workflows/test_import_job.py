@@ -12,8 +12,8 @@ from mcp import Client
 from support.builders import town_road
 from support.server import Connect, both_eras
 
+from plannerforge.cli.one_call import make_call
 from plannerforge.server.assembly import create_server
-from plannerforge.server.commands.one_call import make_call
 from plannerforge.server.settings import Settings
 from plannerforge.workflows import importing
 from plannerforge.workflows import importing as import_job

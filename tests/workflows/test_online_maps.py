@@ -11,8 +11,8 @@ from mcp.types import ElicitRequestParams, ElicitResult
 from support.online import drawn_town, town_places
 from support.server import Connect
 
+from benchmarks.maps.loopback import Fault, MapServers, Mirror, settlement
 from plannerforge.engine.workspace import Workspace
-from plannerforge.evals.maps.loopback import Fault, MapServers, Mirror, settlement
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import ANSWERS_FOLDER, Settings
 from plannerforge.server.tool_calls import answer_text

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from benchmarks.harness import call_in_process
 from plannerforge.engine.tuning import (
     dimensions,
     fewest_configurations,
@@ -15,7 +16,6 @@ from plannerforge.engine.tuning import (
     preset_configuration,
 )
 from plannerforge.engine.workspace import Workspace
-from plannerforge.evals.harness import call_in_process
 from plannerforge.schemas.analysis.optimization import OptimizePlannerArguments, StudyRecord
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.runs import RunMetrics, RunRecord

@@ -8,7 +8,7 @@ vehicle are left to the checker's own search; a motion that a vehicle can drive 
 
 The other criteria: a state meets the goal (CommonRoad's ``GoalRegion``), the body touches no road user, and no part of
 it is ever outside the lanelets, neither in a gap between them nor beyond the end of the map. The start is the planning
-problem's by construction. ``python -m plannerforge.evals.loop --only acceptance_agree`` measures the agreement with
+problem's by construction. ``python -m benchmarks.loop --only acceptance_agree`` measures the agreement with
 ``valid_solution``.
 """
 

@@ -5,18 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.evals.loop.standing import (
-    Answer,
-    Made,
-    Other,
-    asked,
-    braking,
-    is_right,
-    slowing,
-    standing,
-    steady,
-    stopping,
-)
+from benchmarks.loop.standing import Answer, Made, Other, asked, braking, is_right, slowing, standing, steady, stopping
 from plannerforge.schemas.runs import Contact, EgoFault, PaceMoment, Prevention
 
 

@@ -8,7 +8,7 @@ from support.catalog import catalogue, funnel
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.scenarios.facts import read_facts
-from plannerforge.evals.selection.corpus import arguments_of
+from plannerforge.evals.ground_truth.selection import arguments_of
 from plannerforge.schemas.scenarios import ReadFactsRequest
 
 COUNTRIES = ("ARG", "ZAM", "ITA", "FRA")

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from support.edits import apply_to
 
-from plannerforge.evals.modification.requests import edit_of
+from plannerforge.evals.ground_truth.modification import edit_of
 from plannerforge.schemas.errors import InvalidRequest
 
 TASKS = ("T", "B", "P", "G", "composite")

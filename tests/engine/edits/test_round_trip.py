@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from support.builders import ScenarioBuilder, Vehicle, driving, town_road
 
+from benchmarks.modification.round_trip import RoundTrip, round_trip
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.scene.scene import Scene
-from plannerforge.evals.modification.round_trip import RoundTrip, round_trip
 
 WALKER = driving(36, (75, 12), 1.2, 101, heading_rad=math.pi / 2, kind="pedestrian", size_m=(0.5, 0.6))
 FAR_AWAY = driving(37, (100, 90), 1.2, 101, kind="pedestrian", size_m=(0.5, 0.6))

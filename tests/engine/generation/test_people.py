@@ -7,6 +7,7 @@ from lxml import etree
 from shapely import Point, Polygon, make_valid, union_all
 from support.generation import MAPS, make, request_for
 
+from benchmarks.maps.people import judge_file
 from plannerforge.engine.commonroad.reader import read_recorded
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation import generate_scenario
@@ -15,7 +16,6 @@ from plannerforge.engine.generation.site_network import prepare_site
 from plannerforge.engine.generation.sites import fitting_sites
 from plannerforge.engine.maps.map_file import read_map_file
 from plannerforge.engine.network import convert_osm, read_net, read_walk_net
-from plannerforge.evals.maps.people import judge_file
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GeneratedScenario, VehicleDemand
 

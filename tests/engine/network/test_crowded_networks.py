@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from support.builders import Lane, ScenarioBuilder, line
 
+from benchmarks.growth.inputs import stack, star
 from plannerforge.engine.commonroad import read_scenario
 from plannerforge.engine.network import NetLayout, check_file, sumo_net
-from plannerforge.evals.growth.inputs import stack, star
 from plannerforge.schemas.errors import NotPossible
 
 

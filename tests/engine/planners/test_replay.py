@@ -10,12 +10,12 @@ from support import own_planner_program
 from support.builders import Problem, town_road
 from support.planning import configuration
 
+from benchmarks.loop import stepwise_program
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.planners import Observation, Plan, PlanningTask, planner_version, programs_named
 from plannerforge.engine.planners.external.guarded import guarded
 from plannerforge.engine.planners.interface import ShowsCandidates
 from plannerforge.engine.planners.runs import replay_plans, run_planner
-from plannerforge.evals.loop import stepwise_program
 from plannerforge.schemas.errors import PlannerFailure
 from plannerforge.schemas.planning import (
     CommandPlanner,

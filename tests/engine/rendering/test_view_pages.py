@@ -9,9 +9,9 @@ from support.builders import town_road
 from support.hostile import HOSTILE
 from support.runs import DEFAULT, SAFE, record, source
 
+from benchmarks.serve.browser import Browser, Page, chromium, find_chromium
 from plannerforge.engine.execution import silent
 from plannerforge.engine.rendering import empty_page, filled_page, write_view
-from plannerforge.evals.serve.browser import Browser, Page, chromium, find_chromium
 from plannerforge.schemas.planning import RunPlans, ShownPlan
 from plannerforge.schemas.rendering import ViewPane, ViewRequest
 from plannerforge.schemas.runs import DebugPolygon, RunSeries, RunSource, ScenarioSource

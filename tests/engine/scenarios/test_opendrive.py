@@ -9,12 +9,12 @@ from lxml import etree
 from pyproj import Proj
 from support.builders import Lane, ScenarioBuilder, line, town_road
 
+from benchmarks.maps.formats import asam_schema, bounds_of
 from plannerforge.engine.commonroad import read_scenario
 from plannerforge.engine.network import run_netconvert
 from plannerforge.engine.scenarios import write_opendrive
 from plannerforge.engine.scenarios.exchange.opendrive import BRIDGE_M
 from plannerforge.engine.scenarios.exchange.reading_back import geometry_error
-from plannerforge.evals.maps.formats import asam_schema, bounds_of
 from plannerforge.schemas.artifacts import ForeignExport, ForeignExportRequest
 from plannerforge.schemas.errors import PlannerForgeError
 from plannerforge.schemas.text import one_line

@@ -9,8 +9,8 @@ import pytest
 from lxml import etree
 from support.builders import Vehicle, driving, town_road
 
+from benchmarks.maps.formats import asam_schema
 from plannerforge.engine.scenarios import write_openscenario
-from plannerforge.evals.maps.formats import asam_schema
 from plannerforge.schemas.artifacts import ForeignExport, ForeignExportRequest
 from plannerforge.schemas.errors import UnsafeInput
 

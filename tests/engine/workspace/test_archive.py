@@ -12,6 +12,7 @@ import pytest
 from support.artifacts import run_id_of, store_run, store_scenario, store_search
 from typer.testing import CliRunner
 
+from plannerforge.cli.program import application
 from plannerforge.engine.workspace import (
     ArchiveLimits,
     Recipe,
@@ -22,7 +23,6 @@ from plannerforge.engine.workspace import (
 )
 from plannerforge.engine.workspace.database import SCHEMA_VERSION
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, ResourceFailure, UnsafeInput
-from plannerforge.server.command_line import application
 
 SCENARIO = "<commonRoad>roads</commonRoad>"
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 from support.online import HERE, drawn_town, services_of, town_places
 
+from benchmarks.maps.extracts import Extract
+from benchmarks.maps.loopback import Fault, MapServers, settlement
 from plannerforge.engine.execution import silent
 from plannerforge.engine.maps import fetch_maps, read_map_file
 from plannerforge.engine.maps.online.fetch import area_km2, write_osm
-from plannerforge.evals.maps.extracts import Extract
-from plannerforge.evals.maps.loopback import Fault, MapServers, settlement
 from plannerforge.schemas.errors import NotPossible, UnknownName
 from plannerforge.schemas.generation import FetchedMaps, FetchMapRequest, ScenarioType
 from plannerforge.schemas.maps import Box, NamedPlace

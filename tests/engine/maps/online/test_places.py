@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from support.online import HERE, drawn_town, services_of, town_places, town_servers
 
+from benchmarks.maps.loopback import MapServers, Place, settlement
 from plannerforge.engine.execution import silent
 from plannerforge.engine.maps import locate_place
-from plannerforge.evals.maps.loopback import MapServers, Place, settlement
 from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.maps import LocatedPlace, LocateRequest, NamedPlace
 

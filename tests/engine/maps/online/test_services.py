@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 from support.online import services_of, town_servers
 
+from benchmarks.maps.loopback import Fault, FaultKind, Mirror
 from plannerforge.engine.execution import silent
 from plannerforge.engine.maps.online import services
 from plannerforge.engine.maps.online.answers import AnswerCache, KeptAnswer
 from plannerforge.engine.maps.online.messages import read_findings
 from plannerforge.engine.maps.online.services import ServiceClient
-from plannerforge.evals.maps.loopback import Fault, FaultKind, Mirror
 from plannerforge.schemas.errors import NotPossible, ServiceFailure
 
 ROADS = '[out:json][timeout:5];(way["highway"](47.9,10.9,48.1,11.1););out tags center 100;'

@@ -12,10 +12,10 @@ import pytest
 from support.builders import Problem, ScenarioBuilder, driving, town_road
 from support.planning import configuration
 
+from benchmarks.loop import stepwise_program
+from benchmarks.loop.protocol import EXPECTED
 from plannerforge.engine.execution import silent
 from plannerforge.engine.planners import programs_named, run_planner
-from plannerforge.evals.loop import stepwise_program
-from plannerforge.evals.loop.protocol import EXPECTED
 from plannerforge.schemas.errors import PlannerFailure
 from plannerforge.schemas.planning import CommandPlanner, DeclaredWeight, RunRequest, RunResponse
 from plannerforge.schemas.stepwise import StartMessage, StepMessage

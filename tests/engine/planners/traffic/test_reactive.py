@@ -14,6 +14,7 @@ import pytest
 from support.builders import Lane, Problem, ScenarioBuilder, Vehicle, crossing, driving, line, town_road
 from support.planning import configuration
 
+from benchmarks.planners.reactive import BrakingPlanner, drawn_approach
 from plannerforge.engine.commonroad.reader import LoadedScenario, read_scenario
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.planners.interface import EgoState
@@ -24,7 +25,6 @@ from plannerforge.engine.planners.traffic.reactive import is_insertion_safe
 from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
 from plannerforge.engine.planners.traffic.roles import TrafficRoles
 from plannerforge.engine.vehicles.models import BMW_320I
-from plannerforge.evals.planners.reactive import BrakingPlanner, drawn_approach
 from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.schemas.planning import RunRequest
 from plannerforge.schemas.runs import Traffic

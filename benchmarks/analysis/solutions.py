@@ -1,0 +1,162 @@
+"""Solutions: whether CommonRoad's drivability checker accepts what runs that are told to be drivable are exported as.
+
+Frenetix, MP-RBFN and IDM drive 62 public scenarios (a sample, always the same). Every run is exported by the product as
+a CommonRoad solution and read back by commonroad-io. Of a run that reached its goal and is told to keep to the limits
+of its vehicle the checker's ``valid_solution`` has to accept the solution: its planning problem solved, its goal
+reached, no collision, on the road, and each step feasible for the kinematic single-track model. Of other runs that are
+told to keep to them, each step has to be feasible. The road's edge is that of the checker's own rectangles, since its
+triangles need a package that is not free.
+
+Wheels are looked at once more by code of this module, since the checker does not compare the steering angles of a
+solution with each other: how fast the angles in the file change, against the vehicle's limit.
+
+Keys: ``solutions_valid``: share of the runs to the goal, told to be drivable, whose solution is accepted;
+``solutions_judged``: of how many; ``motions_feasible``: share of the other runs, told to be drivable, of which each
+step is feasible; ``motions_judged``: of how many; ``steering_told``: share of all solutions of which too fast steering
+is told or not, as the file has it; ``solutions_told``: how many runs are told to be beyond their vehicle.
+"""
+
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import anyio
+import numpy as np
+from commonroad.common.file_reader import CommonRoadFileReader
+from commonroad.common.solution import CommonRoadSolutionReader, Solution
+from commonroad.planning.planning_problem import PlanningProblemSet
+from commonroad.scenario.scenario import Scenario
+from commonroad_dc import pycrcc
+from commonroad_dc.boundary.boundary import create_road_boundary_obstacle
+from commonroad_dc.feasibility import solution_checker
+from commonroad_dc.feasibility.vehicle_dynamics import VehicleDynamics
+from mcp import Client
+
+from plannerforge.engine.workspace import Workspace
+from plannerforge.schemas.runs import RunRecord
+
+from ..harness import Figures, SeededBench, ask, finished_batch, import_scenarios, scenario_files, share
+from .public_runs import PREDICTION, public_folder, public_server, raw_runs
+
+SCENARIOS = 62
+PLANNERS = ("frenetix:Default", "mp-rbfn:Default", "idm:Default")
+_SAME = 1e-3
+"""Share of the steering rate that is rounding: planners meet limits."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A run with the checker's verdict on its solution, and how fast its wheels turn by it, as a share of the limit."""
+
+    record: RunRecord
+    verdict: str
+    steering: float
+
+    @property
+    def is_told(self) -> bool:
+        """Whether the product says that the motion is beyond the vehicle."""
+        return bool(self.record.beyond_vehicle)
+
+    @property
+    def is_steering_told(self) -> bool:
+        """Whether it says so of the steering rate."""
+        return any(excess.name == "steering rate" for excess in self.record.beyond_vehicle or ())
+
+
+def measure(bench: SeededBench) -> Figures:
+    """The keys above; with a limit, of so many scenarios."""
+    judged = anyio.run(_judged, bench)
+    drivable = [one for one in judged if not one.is_told]
+    reached = [one for one in drivable if one.record.outcome == "goal_reached"]
+    others = [one for one in drivable if one.record.outcome != "goal_reached"]
+    for one in judged:
+        wrong = one.verdict != "valid" if one in reached else one.verdict not in ("valid", "feasible")
+        if (wrong and not one.is_told) or one.is_steering_told != (one.steering > 1 + _SAME):
+            told = one.record.beyond_vehicle
+            sys.stderr.write(f"{one.record.run_id} {one.record.config_name}: {one.verdict}, {one.steering}, {told}\n")
+    return {
+        "solutions_valid": share(one.verdict == "valid" for one in reached),
+        "solutions_judged": len(reached),
+        "motions_feasible": share(one.verdict in ("valid", "feasible") for one in others),
+        "motions_judged": len(others),
+        "steering_told": share(one.is_steering_told == (one.steering > 1 + _SAME) for one in judged),
+        "solutions_told": sum(one.is_told for one in judged),
+    }
+
+
+async def _judged(bench: SeededBench) -> list[Judged]:
+    folder = bench.folder("solutions")
+    async with public_server(bench) as client:
+        files = scenario_files(bench.shared / "data" / "commonroad", bench.limit or SCENARIOS)
+        await import_scenarios(client, files)
+        here = [str(CommonRoadFileReader(str(file)).open()[0].scenario_id) for file in files]
+        known = _known(bench)
+        batch_id = await finished_batch(
+            client, scenarios=[name for name in here if name in known], configs=list(PLANNERS), prediction=PREDICTION
+        )
+        raw = raw_runs(bench, batch_id)
+        exported = await _exported(client, [one.run_id for one in raw.valid], folder)
+    return [
+        judged(one, raw.files[one.scenario_id], exported[one.run_id]) for one in raw.valid if one.run_id in exported
+    ]
+
+
+def _known(bench: SeededBench) -> set[str]:
+    """The scenarios that were not refused."""
+    workspace = Workspace(public_folder(bench))
+    names = {artifact.artifact_id for artifact in workspace.newest(kind="scenario", limit=1000)}
+    workspace.close()
+    return names
+
+
+async def _exported(client: Client, run_ids: list[str], folder: Path) -> Mapping[str, Path]:
+    """The solution files of runs, by run id."""
+    for begin in range(0, len(run_ids), 50):
+        some = run_ids[begin : begin + 50]
+        await ask(client, "export_artifacts", ids=some, formats=["solution"], folder=str(folder))
+    files = list(folder.iterdir())
+    return {run_id: next(file for file in files if run_id in file.name) for run_id in run_ids}
+
+
+def judged(record: RunRecord, scenario_file: Path, solution_file: Path) -> Judged:
+    """A run with what the checker and the file say of it."""
+    scenario, problems = CommonRoadFileReader(str(scenario_file)).open()
+    problem = problems.planning_problem_dict[record.problem_id]
+    solution = CommonRoadSolutionReader.open(str(solution_file))
+    verdict = _verdict(record, scenario, PlanningProblemSet([problem]), solution)
+    return Judged(record, verdict, steering_share(solution, scenario.dt))
+
+
+def _verdict(record: RunRecord, scenario: Scenario, problems: PlanningProblemSet, solution: Solution) -> str:
+    if len(solution.planning_problem_solutions[0].trajectory.state_list) < 2:
+        return "valid"
+    feasible = solution_checker.solution_feasible(solution, scenario.dt, problems)
+    if not all(found[0] for found in feasible.values()):
+        return "infeasible"
+    if record.outcome != "goal_reached":
+        return "feasible"
+    try:
+        with patch.object(solution_checker, "_construct_boundary_checker", _edge):
+            accepted, _ = solution_checker.valid_solution(scenario, problems, solution)
+    except solution_checker.SolutionCheckerException as refusal:
+        return type(refusal).__name__
+    return "valid" if accepted else "refused"
+
+
+def _edge(scenario: Scenario) -> Any:
+    """The edge of the road by the checker's own rectangles."""
+    checker = pycrcc.CollisionChecker()
+    _, rectangles = create_road_boundary_obstacle(scenario, method="obb_rectangles")
+    checker.add_collision_object(rectangles)
+    return checker
+
+
+def steering_share(solution: Solution, step_s: float) -> float:
+    """How fast the steering angles of a solution change at most, as a share of the vehicle's limit."""
+    solved = solution.planning_problem_solutions[0]
+    limit = VehicleDynamics.from_model(solved.vehicle_model, solved.vehicle_type).parameters.steering.v_max
+    angles = np.array([state.steering_angle for state in solved.trajectory.state_list])
+    return float(np.abs(np.diff(angles)).max(initial=0.0) / step_s / limit)

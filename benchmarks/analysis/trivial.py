@@ -1,0 +1,99 @@
+"""Goals that ask for no driving, on public scenarios: whether an analysis marks all of them, and no others.
+
+The truth is told on commonroad-io's own objects: its ``GoalRegion.is_reached`` on the states that were driven. A
+reached goal asked for no driving where the initial state or the first driven one meets it (``at_the_start``), where its
+states name neither place nor speed nor heading (``by_time_alone``), or where a car left standing meets it: one that
+drove under half a metre, or one that begins standing and whose initial state meets the goal at its last step
+(``standing``).
+
+Keys: ``trivial_marked``: share of the reached goals that are marked as asking for no driving or not, as the truth has
+it; ``trivial_kind_right``: of those that ask for none, the share marked with the right kind (the first that holds in
+the order above, standing last); ``trivial_goals``: how many ask for none; ``reached_goals``: of how many.
+"""
+
+import math
+import sys
+from collections import Counter
+from pathlib import Path
+
+import anyio
+import numpy as np
+from commonroad.common.file_reader import CommonRoadFileReader
+from commonroad.planning.planning_problem import PlanningProblem
+from commonroad.scenario.state import CustomState
+
+from plannerforge.schemas.runs import RunRecord, RunSteps
+
+from ..harness import Figures, SeededBench, ask, share
+from .public_runs import public_batch, public_server, raw_runs
+
+STANDING_MPS, STOOD_M = 0.5, 0.5
+"""An ego that begins slower stands; one that drove less has stood."""
+
+
+def truth(problem: PlanningProblem, steps: RunSteps) -> str | None:
+    """Why a goal that was reached asked for no driving; None: it did."""
+    start, goal = problem.initial_state, problem.goal
+    driven = [_state(steps, index) for index in range(min(2, len(steps.x_m)))]
+    if len(steps.x_m) <= 2 or any(goal.is_reached(state) for state in driven):
+        return "at_the_start"
+    asked = ("position", "velocity", "orientation")
+    if not any(getattr(state, name, None) is not None for state in goal.state_list for name in asked):
+        return "by_time_alone"
+    ways = zip(steps.x_m, steps.x_m[1:], steps.y_m, steps.y_m[1:], strict=False)
+    if sum(math.hypot(x2 - x1, y2 - y1) for x1, x2, y1, y2 in ways) < STOOD_M:
+        return "standing"
+    if abs(float(start.velocity)) < STANDING_MPS and _met_by_waiting(problem):
+        return "standing"
+    return None
+
+
+def _state(steps: RunSteps, index: int) -> CustomState:
+    return CustomState(
+        time_step=steps.first_step + index,
+        position=np.array([steps.x_m[index], steps.y_m[index]]),
+        orientation=steps.heading_rad[index],
+        velocity=steps.speed_mps[index],
+    )
+
+
+def _met_by_waiting(problem: PlanningProblem) -> bool:
+    """Whether the initial state, at rest, meets the goal at one of its last steps."""
+    start = problem.initial_state
+    ends = {int(getattr(state.time_step, "end", state.time_step)) for state in problem.goal.state_list}
+    waiting = (
+        CustomState(time_step=end, position=start.position, orientation=start.orientation, velocity=0.0) for end in ends
+    )
+    return any(problem.goal.is_reached(state) for state in waiting)
+
+
+def problem_of(file: Path, record: RunRecord) -> PlanningProblem:
+    """The planning problem of a run, read anew."""
+    _, problems = CommonRoadFileReader(str(file)).open()
+    return problems.planning_problem_dict[record.problem_id]
+
+
+def measure(bench: SeededBench) -> Figures:
+    """The keys above, over all public scenarios or the bench's limit."""
+    return anyio.run(_measured, bench)
+
+
+async def _measured(bench: SeededBench) -> Figures:
+    async with public_server(bench) as client:
+        batch_id = await public_batch(bench, client)
+        raw = raw_runs(bench, batch_id)
+        reached = [record for record in raw.valid if record.outcome == "goal_reached"]
+        told = await ask(client, "analyze_results", results=[batch_id])
+    marked = told["trivial"] or {"run_ids": (), "kinds": {}}
+    true = {one.run_id: truth(problem_of(raw.files[one.scenario_id], one), raw.steps[one.run_id]) for one in reached}
+    for run_id, kind in true.items():
+        if (run_id in marked["run_ids"]) != (kind is not None):
+            sys.stderr.write(f"{run_id}: truth {kind}, {'' if run_id in marked['run_ids'] else 'not '}marked\n")
+    kinds = Counter(kind for kind in true.values() if kind is not None)
+    agreeing = sum(min(count, marked["kinds"].get(kind, 0)) for kind, count in kinds.items())
+    return {
+        "trivial_marked": share((kind is not None) == (run_id in marked["run_ids"]) for run_id, kind in true.items()),
+        "trivial_kind_right": round(agreeing / max(kinds.total(), sum(marked["kinds"].values()), 1), 4),
+        "trivial_goals": kinds.total(),
+        "reached_goals": len(true),
+    }

@@ -1,0 +1,107 @@
+"""A server by HTTP as benches start and end one, and a client of it."""
+
+import os
+import sys
+from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import httpx2
+import psutil
+from mcp import Client
+from mcp.client.streamable_http import streamable_http_client
+from mcp.types import CONNECTION_CLOSED, ErrorData, JSONRPCError
+
+_TIMEOUT_S = 120.0
+_STOP_S = 60.0
+"""How long a client waits for an answer, and the server has to end; chosen."""
+QUIET = {"PLANNERFORGE_MAPS_ONLINE": "offline"}
+
+
+@dataclass(frozen=True)
+class HttpProcess:
+    """A server process that listens, and where."""
+
+    process: psutil.Process
+    url: str
+
+
+@contextmanager
+def http_process(
+    folder: Path,
+    arguments: Sequence[str] = ("-m", "plannerforge", "serve", "--http"),
+    settings: Mapping[str, str] | None = None,
+) -> Iterator[HttpProcess]:
+    """A server of its own in a folder, on a free port; ended by a signal, as an operator ends it.
+
+    Raises:
+        RuntimeError: it did not begin to listen, or did not end well.
+    """
+    environment = {**os.environ, **QUIET, "PLANNERFORGE_WORKSPACE": str(folder / "workspace"), **(settings or {})}
+    log = folder / "server.log"
+    with listening(arguments, folder, environment, log) as server:
+        yield server
+        server.process.terminate()
+        status = server.process.wait(timeout=_STOP_S)
+        if status != 0:
+            raise RuntimeError(f"the server ended with {status}: {log.read_text()[-2000:]}")
+
+
+@contextmanager
+def listening(
+    arguments: Sequence[str], folder: Path, environment: Mapping[str, str], log: Path
+) -> Iterator[HttpProcess]:
+    """A server that listens on a free port until the block ends, when it is killed where it still runs.
+
+    Raises:
+        RuntimeError: it did not begin to listen.
+    """
+    with log.open("w") as stderr:
+        started = psutil.Popen(
+            [sys.executable, *arguments, "--port", "0"], cwd=folder, env=environment, stderr=stderr, text=True
+        )
+        try:
+            yield HttpProcess(started, _address(started, log))
+        finally:
+            if started.is_running():
+                started.kill()
+            started.wait()
+
+
+def _address(started: psutil.Popen, log: Path) -> str:
+    while started.poll() is None:
+        for line in log.read_text().splitlines():
+            if line.startswith("PlannerForge: MCP at "):
+                return line.rpartition(" ")[2]
+        try:
+            started.wait(timeout=0.05)
+        except psutil.TimeoutExpired:
+            continue
+    raise RuntimeError(f"the server does not listen: {log.read_text()[-2000:]}")
+
+
+class _Outliving(httpx2.AsyncHTTPTransport):
+    """Requests that reach no server, or one that dies, are answered with 502: the SDK's client would end at once.
+
+    The body gives them the code that the SDK gives to streams which break off: the connection was closed.
+    """
+
+    async def handle_async_request(self, request: httpx2.Request) -> httpx2.Response:
+        try:
+            return await super().handle_async_request(request)
+        except httpx2.TransportError as error:
+            told = ErrorData(code=CONNECTION_CLOSED, message=f"{type(error).__name__}: {error}")
+            answer = JSONRPCError(jsonrpc="2.0", id=None, error=told)
+            return httpx2.Response(502, json=answer.model_dump(mode="json"), request=request)
+
+
+@asynccontextmanager
+async def http_client(url: str, token: str = "", mode: str = "auto") -> AsyncIterator[Client]:
+    """A client of a server by HTTP, which outlives it: its calls are errors then."""
+    headers = {"Authorization": f"Bearer {token}"} if token else {}
+    async with (
+        httpx2.AsyncClient(headers=headers, timeout=httpx2.Timeout(_TIMEOUT_S), transport=_Outliving()) as http,
+        Client(streamable_http_client(url, http_client=http), mode=mode) as client,
+    ):
+        yield client

@@ -1,0 +1,1 @@
+"""Scenarios from real maps, judged from the made files: ``python -m benchmarks.generation``."""

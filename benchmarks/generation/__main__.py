@@ -1,0 +1,124 @@
+"""``make bench-generation``: scenarios from real maps, judged from the made files.
+
+All maps are converted whole; then 200 requests that the maps can meet and those that must be refused are put to the
+generator, in worker processes. Standard error has a line for every scenario as soon as it is judged.
+
+Keys: ``maps``, ``maps_converted``; ``requests`` (that can be met), and of the scenarios asked for by them the shares
+``executable`` (Frenetix finishes, collisions allowed), ``road_type``, ``vehicles``, ``place``, ``density`` (vehicles a
+lane-kilometre at the start within 25 % of the target, or a note tells why not), ``inside_lanelets`` (of all positions),
+``feasible`` (of a sample of tracks, by the drivability checker); ``overlaps`` (pairs),
+``refused_right`` (share of the requests to be refused; by reason in the table),
+``median_low_s`` and ``median_high_s`` (a scenario of 20 s: processor time of its process and of netconvert, without
+the first reading of a map), ``median_low_wall_s`` and ``median_high_wall_s`` (the same on the clock, which other work
+on the machine lengthens).
+
+With ``--fresh SEED`` maps are made just now instead (``benchmarks/symmetries/fresh_data.py``: two thirds whole, a third
+broken), and a scenario is asked for on each that is read, at a type of site that its index names (``fresh.py``). Keys
+then: ``seeds``; ``fresh_maps``, of which ``fresh_map_crashes`` broke off with anything else than a refusal by name,
+``fresh_maps_refused`` were refused, and ``fresh_without_site`` name no site; ``fresh_scenarios`` that were asked for,
+and the share ``fresh_executable`` of them: one that is refused, because all sites are lost for instance, is a failure;
+``fresh_off_road`` (runs in which the ego leaves the road); of the scenarios that came ``fresh_road_type`` (a share of
+``fresh_road_type_judged``: a SUMO network has no tags that tell town from country), ``fresh_vehicles``,
+``fresh_inside_lanelets``, ``fresh_feasible``, ``fresh_overlaps``; ``fresh_lost_sites`` (that the index names and the
+built network does not show).
+"""
+
+import argparse
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+from plannerforge.evals.ground_truth.generation import (
+    BenchRequest,
+    Refusal,
+    corpus_refusals,
+    corpus_requests,
+    left_over_requests,
+    missing_requests,
+    seeded_requests,
+)
+from plannerforge.evals.scoring.map_evidence import BenchMaps, read_maps
+
+from ..harness import existing, process_pool, shared_folder
+from .cases import convert_whole, make_group, refused_right
+from .figures import Made, print_generation
+from .fresh import measure_fresh
+
+Item = TypeVar("Item")
+REQUESTS, MISSING = 200, 40
+"""Requests that can be met, and ones for a type of site that is not there."""
+SEEDS_APART = 100
+"""Between the seeds of two requests: more than scenarios of one."""
+
+
+def _main() -> None:
+    """Read the command line and measure."""
+    parser = argparse.ArgumentParser(description="Measure the generator on real or fresh maps.")
+    parser.add_argument("--fresh", type=int, nargs="+", metavar="SEED", help="on maps made just now from these seeds")
+    parser.add_argument("--count", type=int, default=100, help="with --fresh: maps of each seed (default: 100)")
+    parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder with data/osm and corpora/dev")
+    parser.add_argument("--limit", type=int, default=None, help="only this many requests, refusals and maps")
+    parser.add_argument("--offset", type=int, default=0, help="with --limit: begin the sample this many further on")
+    parser.add_argument("--workers", type=int, default=2, help="processes that make and judge (default: 2)")
+    arguments = parser.parse_args()
+    if arguments.fresh is not None:
+        measure_fresh(arguments.fresh, arguments.count, arguments.workers)
+        return
+    maps_folder = existing(arguments.shared / "data" / "osm")
+    corpus = arguments.shared / "corpora" / "dev" / "generation.jsonl"
+    with tempfile.TemporaryDirectory() as scratch:
+        maps = read_maps(maps_folder, Path(scratch))
+        good, bad = _requests(corpus.read_text(encoding="utf-8").splitlines(), maps)
+        names = sorted({*maps.files, *maps.unread})
+        if arguments.limit is not None:
+            good, bad, names = (_spread(items, arguments.limit, arguments.offset) for items in (good, bad, names))
+        with process_pool(arguments.workers) as pool:
+            converted = _each(pool, {name: name for name in names}, partial(convert_whole, maps=maps))
+            made = _make(pool, good, maps)
+            by_name = {refusal.name: refusal for refusal in bad}
+            refused = _each(pool, by_name, partial(refused_right, maps=maps.entries))
+    print_generation(converted, len(good), made, [(refusal, refused[refusal.name]) for refusal in bad])
+
+
+def _requests(lines: list[str], maps: BenchMaps) -> tuple[list[BenchRequest], list[Refusal]]:
+    """What the maps can meet, and what has to be refused."""
+    good = corpus_requests(lines, maps.names)
+    good += seeded_requests(maps.places, maps.names, REQUESTS - len(good))
+    bad = corpus_refusals(lines) + missing_requests(maps.places, maps.names, MISSING)
+    return good, bad + left_over_requests(maps.places, maps.names)
+
+
+def _make(pool: ProcessPoolExecutor, requests: list[BenchRequest], maps: BenchMaps) -> list[Made]:
+    """All scenarios in the order of the requests; one process makes those of a map, as a warm worker does."""
+    groups: dict[str, list[tuple[BenchRequest, int]]] = {}
+    for number, request in enumerate(requests):
+        groups.setdefault(request.map_name, []).append((request, SEEDS_APART * number))
+    largest_first = sorted(groups.values(), key=_scenario_seconds, reverse=True)
+    made = {
+        request.name: found
+        for group, done in zip(largest_first, pool.map(partial(make_group, maps=maps), largest_first), strict=True)
+        for (request, _), found in zip(group, done, strict=True)
+    }
+    return [one for request in requests for one in made[request.name]]
+
+
+def _scenario_seconds(group: Sequence[tuple[BenchRequest, int]]) -> float:
+    return sum(request.arguments.count * request.arguments.duration_s for request, _ in group)
+
+
+def _each(pool: ProcessPoolExecutor, items: Mapping[str, Item], job: Callable[[Item], str]) -> dict[str, str]:
+    """What a job answers for every item, by name."""
+    return dict(zip(items, pool.map(job, items.values()), strict=True))
+
+
+def _spread(items: list[Item], limit: int, offset: int) -> list[Item]:
+    """``limit`` of a list, evenly chosen, beginning at ``offset``."""
+    step = max(1, len(items) // limit)
+    return items[offset % step :: step][:limit]
+
+
+if __name__ == "__main__":
+    _main()

@@ -1,0 +1,327 @@
+"""``make bench-modification``: does an edit do what was asked, and nothing else?
+
+All scenarios of a folder that have dynamic obstacles (a drawn edit of each task, refusals, the recipes of the safety
+table) and the requests of the modification corpus with their ground truth as arguments. Judged is what was written and
+what SUMO held in the run that made it: a vehicle's type, the route that it drove, the file.
+
+Keys (shares unless said otherwise): ``round_trip`` (files whose road users SUMO shows where and as fast as they were
+recorded), ``T_ends``, ``B_preset``, ``P_count``, ``G_edge`` (the paper's checks; a refusal of what can be done fails),
+``composite_done`` (all checks of all edits of a composite), ``T_arrives`` (vehicles sent somewhere that are there
+before the scenario ends: of the others ``T_ends`` demands that they are on their way, and had no time or were held up),
+``checks_min`` (the least of all checks), ``valid_min`` (no schema error that the source does not have; CommonRoad's
+schema has no form for who enters after time 0, so that vehicles which the request itself lets enter later may, and no
+others), ``valid_strict_min`` (not those either), ``executable_min`` (all three the least over the tasks),
+``refused_right``, ``untouched_identical``, ``physical_T``, ``physical_B``, ``physical_P``, ``physical_composite``
+(touched vehicles that the edits name, by the drivability checker from their hand-over + 1 s on),
+``physical_handed_over`` (those that no edit names), ``handovers_smooth`` (at most 5 cm beyond v·dt and 1 m/s, from the
+old and the new file), ``unreported_collisions`` (a touched vehicle), ``collisions_left``, ``several_calls_equal``
+(composites, by the tool's calls), ``edit_median_s``, ``edit_p95_s`` (seconds of a warm worker, reading and writing
+included; a scenario's first edit reads it, later ones find it kept), ``edit_first_median_s`` (first edits alone),
+``edit_cpu_median_s`` (processor time of all, which other work does not lengthen).
+
+``--fresh SEED`` makes the same drawn edits on scenarios that are made just then, ``--count`` of each seed
+(``fresh_scenarios`` of ``evals.symmetries.fresh_data``): one half generated, one half recordings made new. Keys:
+``seeds``,
+``fresh_files``, ``fresh_refused`` (of them, by name when they were read; no failure), ``fresh_crashed``,
+``fresh_edits`` (carried out), as above ``fresh_round_trip``, ``fresh_T_ends``, ``fresh_B_preset``, ``fresh_P_count``,
+``fresh_G_edge``, ``fresh_checks_min``, ``fresh_valid_min``, ``fresh_executable_min``, ``fresh_refused_right``,
+``fresh_handovers_smooth``, ``fresh_untouched_identical``, ``fresh_unreported_collisions``, and ``fresh_physical_min``
+(the least of the ``physical_*``).
+"""
+
+import argparse
+import re
+import statistics
+import sys
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future, as_completed
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import track
+
+from plannerforge.engine.analysis import wilson_interval
+from plannerforge.evals.ground_truth.modification import published_presets
+
+from ..harness import existing, percentile_95, print_figures, process_pool, share, shared_folder, shared_scenarios
+from .cases import Case, Effort, Measured, Refusal, measure_file, measure_fresh, measure_line
+from .safety import safety_rows
+
+TASKS = ("T", "B", "P", "G")
+CORPUS = ("T", "B", "P", "G", "composite")
+EVERY_FILE_PLANNED, EVERY_FILE_SAFE, EVERY_FILE_WHOLE, EVERY_LINE_PLANNED = 4, 8, 4, 16
+"""The planner drives the edits of every fourth file and of every sixteenth line of the corpus, and the recipes of every
+eighth file; the drivability checker judges one drawn vehicle of each edit, and all that were touched on every fourth
+file. Either takes longer than the edits; the table says on how many each figure rests."""
+HEADLINES = ("T_ends", "B_preset", "P_count", "G_edge", "composite_done")
+PHYSICAL = ("T", "B", "P", "composite")
+LARGEST_JUMP_M, LARGEST_STEP_MPS = 0.05, 1.0
+"""Of a hand-over that counts as smooth: beyond v·dt, and of speed."""
+FRESH = (
+    *("round_trip", "T_ends", "B_preset", "P_count", "G_edge", "checks_min", "valid_min", "executable_min"),
+    *("refused_right", "handovers_smooth", "untouched_identical", "unreported_collisions"),
+)
+"""Figures that are measured on fresh scenarios too."""
+REASONS, REASON_LETTERS = 6, 110
+"""Of refusals that the table shows for each task: how many, and how long."""
+
+
+def _measure(files: Sequence[Path], lines: Sequence[str], workers: int) -> list[Measured]:
+    """All jobs on worker processes; the results in no particular order."""
+    presets = published_presets(shared_folder() / "facts")
+    with process_pool(workers) as pool:
+        jobs: list[Future[Measured]] = []
+        for index, path in enumerate(files):
+            effort = Effort(
+                planner=index % EVERY_FILE_PLANNED == 0,
+                safety=index % EVERY_FILE_SAFE == 0,
+                every_vehicle=index % EVERY_FILE_WHOLE == 0,
+            )
+            jobs.append(pool.submit(measure_file, path, presets, effort))
+        for index, line in enumerate(lines):
+            effort = Effort(planner=index % EVERY_LINE_PLANNED == 0)
+            jobs.append(pool.submit(measure_line, line, shared_scenarios(), effort))
+        return _results(jobs)
+
+
+def _measure_fresh(seeds: Sequence[int], count: int, workers: int) -> list[Measured]:
+    """As many fresh scenarios of each seed on worker processes; the results in no particular order."""
+    presets = published_presets(shared_folder() / "facts")
+    with process_pool(workers) as pool:
+        jobs = [
+            pool.submit(
+                measure_fresh,
+                seed,
+                number,
+                presets,
+                Effort(
+                    planner=number // 2 % EVERY_FILE_PLANNED == 0,
+                    every_vehicle=number // 2 % EVERY_FILE_WHOLE == 0,
+                    recipes=False,
+                ),
+            )
+            for seed in seeds
+            for number in range(count)
+        ]
+        return _results(jobs)
+
+
+def _results(jobs: Sequence[Future[Measured]]) -> list[Measured]:
+    """What came of the jobs; what went wrong is printed at once, because a run takes long and may be broken off."""
+    console, results = Console(stderr=True, soft_wrap=True), list[Measured]()
+    try:
+        for job in track(as_completed(jobs), total=len(jobs), console=console):
+            results.append(job.result())
+            for line in failures_of(results[-1:]):
+                console.print(line, markup=False, highlight=False)
+    except BaseException:
+        for job in jobs:
+            job.cancel()
+        raise
+    return results
+
+
+def fresh_figures(seeds: Sequence[int], measured: Sequence[Measured]) -> dict[str, float | int | str]:
+    """The figures of fresh scenarios by key."""
+    made = [case for result in measured for case in result.cases if not case.refused]
+    figures = figures_of(measured)
+    physical = [_settled(made, task) for task in (*PHYSICAL, None)]
+    return {
+        "seeds": " ".join(map(str, seeds)),
+        "fresh_files": len(measured),
+        "fresh_refused": sum(bool(result.unread) for result in measured),
+        "fresh_crashed": sum(bool(result.crashed) for result in measured),
+        "fresh_edits": len(made),
+        **{f"fresh_{name}": figures[name] for name in FRESH},
+        "fresh_physical_min": min((share(verdicts) for verdicts in physical if verdicts), default=0.0),
+    }
+
+
+def figures_of(measured: Sequence[Measured]) -> dict[str, float]:
+    """The figures by key."""
+    cases = [case for result in measured for case in result.cases]
+    made = [case for case in cases if not case.refused]
+    checks = _checks(cases)
+    trips = [result.round_trip_error for result in measured if result.round_trip_error is not None]
+    touched = max(sum(case.touched for case in made), 1)
+    seconds = [case.edit_s for case in made]
+    first = [case.edit_s for case in made if case.is_first]
+    figures = {
+        "round_trip": share(not trip for trip in trips),
+        **{name: share(checks.get(name, ())) for name in HEADLINES},
+        "T_arrives": share(there for case in made for there in case.arrivals),
+        "checks_min": min((share(values) for values in checks.values()), default=0.0),
+        "valid_min": _least(made, lambda case: case.valid),
+        "valid_strict_min": _least(made, lambda case: case.strictly_valid),
+        "executable_min": _least(made, lambda case: case.executed),
+        "refused_right": share(right for result in measured for _, right in result.refused_right),
+        "untouched_identical": share(case.untouched_identical for case in made),
+        **{f"physical_{task}": share(_settled(made, task)) for task in PHYSICAL},
+        "physical_handed_over": share(_settled(made)),
+        "handovers_smooth": share(_is_smooth(*errors) for case in made for errors in case.handovers),
+        "unreported_collisions": sum(case.unreported for case in made) / touched,
+        "collisions_left": sum(case.collisions for case in made) / touched,
+        "several_calls_equal": share(_known(case.in_several_calls_equal for case in made)),
+        "edit_median_s": statistics.median(seconds or [0.0]),
+        "edit_p95_s": percentile_95(seconds or [0.0]),
+        "edit_first_median_s": statistics.median(first or [0.0]),
+        "edit_cpu_median_s": statistics.median([case.edit_cpu_s for case in made] or [0.0]),
+    }
+    return {name: round(value, 4) for name, value in figures.items()}
+
+
+def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
+    """What is said beside the figures: counts, hand-overs, and the checker's verdicts."""
+    cases = [case for result in measured for case in result.cases]
+    made = [case for case in cases if not case.refused]
+    rows = []
+    for task in (*TASKS, "composite"):
+        mine = [case for case in cases if case.task == task]
+        rows.append((f"edits {task}", f"{sum(not case.refused for case in mine)} done of {len(mine)}"))
+    rows += [(f"check {name}", _interval(values)) for name, values in sorted(_checks(cases).items())]
+    arrivals = [there for case in made for there in case.arrivals]
+    rows.append(("arrive in time", f"{_interval(arrivals)}; the others are on their way, or T_ends fails"))
+    rows += refusal_rows([refusal for case in cases for refusal in case.tries])
+    rows += [(f"physical {task}", _interval(_settled(made, task))) for task in PHYSICAL]
+    rows.append(("physical, handed over besides", _interval(_settled(made))))
+    rows += [(f"drivable {task}", _drivable([case for case in made if case.task == task])) for task in PHYSICAL]
+    for task in (*TASKS, "composite"):
+        rows.append((f"executable {task}", _interval([case.executed for case in made if case.task == task])))
+    later = sum(case.enter_later > 0 for case in made)
+    rows.append(("enter later, as asked", f"{later} files, for which the schema has no form"))
+    given = [errors for case in made for errors in case.handovers]
+    jump, step = (max(errors, default=0.0) for errors in (zip(*given, strict=True) if given else ((), ())))
+    rows.append(("largest hand-over", f"{jump:.3f} m beyond v·dt, {step:.2f} m/s, of {len(given)}"))
+    for task in TASKS:
+        rows.append((f"no request {task}", f"{sum(task in result.no_request for result in measured)} files"))
+    refused = [right for result in measured for _, right in result.refused_right]
+    lenient = [name for result in measured for name in result.not_to_refuse]
+    rows.append(("refused right", f"{_interval(refused)}; going on is right too: {', '.join(lenient) or 'none'}"))
+    on_road, off_lanes = (sum(getattr(result, name) for result in measured) for name in ("road_users", "off_lanes"))
+    rows.append(("round trip", f"{on_road} road users, {off_lanes} of them off all lanelets"))
+    rows += [("refused when read", result.unread) for result in measured if result.unread]
+    rows += [("crashed", result.crashed) for result in measured if result.crashed]
+    rows.append(("handed over besides", str(sum(case.handed_over for case in made))))
+    rows.append(("collisions reported", str(sum(case.collisions for case in made))))
+    return rows + safety_rows([shift for result in measured for shift in result.shifts])
+
+
+def refusal_rows(tries: Sequence[Refusal]) -> list[tuple[str, str]]:
+    """How many requests that were drawn or are in the corpus were refused, and with which reasons, figures left out."""
+    rows = []
+    for task in (*TASKS, "composite"):
+        mine = [refusal for refusal in tries if refusal.task == task]
+        judged = _known(refusal.is_right for refusal in mine)
+        rows.append((f"tries refused {task}", f"{len(mine)}, {judged.count(False)} of {len(judged)} judged wrongly"))
+        reasons = Counter(_in_short(refusal.reason) for refusal in mine)
+        rows += [(f"  because, {task}", f"{count} × {reason}") for reason, count in reasons.most_common(REASONS)]
+    return rows
+
+
+def failures_of(measured: Sequence[Measured]) -> list[str]:
+    """Every request and check that went wrong, one line each."""
+    lines = [f"round trip: {result.round_trip_error}" for result in measured if result.round_trip_error]
+    lines += [f"not refused right: {name}" for result in measured for name, right in result.refused_right if not right]
+    lines += [f"crashed: {result.crashed}" for result in measured if result.crashed]
+    for case in (case for result in measured for case in result.cases):
+        wrong = [
+            *(name for name, passed in case.checks.items() if not passed),
+            *(f"wrongly refused: {refusal.reason}" for refusal in case.tries if refusal.is_right is False),
+        ]
+        if not case.refused:
+            wrong += [] if case.valid else ["valid"]
+            wrong += [] if case.untouched_identical else ["untouched"]
+        wrong += ["executed"] if case.executed is False else []
+        wrong += ["several calls"] if case.in_several_calls_equal is False else []
+        wrong += ["physical"] if any(verdict.settled is False for verdict in case.physical) else []
+        wrong += [f"{case.unreported} unreported collisions"] if case.unreported else []
+        wrong += [f"{case.collisions} collisions reported"] if case.collisions else []
+        rough = [errors for errors in case.handovers if not _is_smooth(*errors)]
+        wrong += [f"hand-over {jump:.3f} m, {step:.2f} m/s" for jump, step in rough]
+        wrong += [f"refused: {case.refused}"] if case.refused else []
+        lines += [f"{case.task} {case.name}: {', '.join(wrong)}"] if wrong else []
+    return sorted(lines)
+
+
+def _drivable(cases: Sequence[Case]) -> str:
+    verdicts = [verdict for case in cases for verdict in case.physical]
+    whole = sum(verdict.whole for verdict in verdicts)
+    recorded = _known(verdict.recorded for verdict in verdicts)
+    agree = sum(verdict.closed_form == verdict.whole for verdict in verdicts)
+    return (
+        f"whole {whole} of {len(verdicts)}; recorded {sum(recorded)} of {len(recorded)}; closed form agrees on {agree}"
+    )
+
+
+def _settled(cases: Sequence[Case], task: str | None = None) -> list[bool]:
+    """Verdicts from the hand-over + 1 s on: on those that the edits of a task name, or on those that none names."""
+    verdicts = [verdict for case in cases if task in (None, case.task) for verdict in case.physical]
+    return _known(verdict.settled for verdict in verdicts if verdict.handed_over == (task is None))
+
+
+def _is_smooth(jump_m: float, step_mps: float) -> bool:
+    return jump_m <= LARGEST_JUMP_M and step_mps <= LARGEST_STEP_MPS
+
+
+def _known(values: Iterable[bool | None]) -> list[bool]:
+    """The values without those that were not measured."""
+    return [value for value in values if value is not None]
+
+
+def _interval(values: Iterable[bool | None]) -> str:
+    """A count with the 95 % interval of its share; what was not measured is left out."""
+    known = _known(values)
+    if not known:
+        return "not measured"
+    low, high = wilson_interval(sum(known), len(known))
+    return f"{sum(known)} of {len(known)} ({low:.3f} … {high:.3f})"
+
+
+def _in_short(reason: str) -> str:
+    """What was wrong, without the figures and what is said after it."""
+    wrong = re.split(r"[.] (?:Valid|Next):", reason.partition("] ")[2] or reason)[0]
+    return re.sub(r"-?\d[\d.]*", "N", wrong)[:REASON_LETTERS]
+
+
+def _checks(cases: Sequence[Case]) -> dict[str, list[bool]]:
+    """The verdicts by check; a request that could be carried out and was refused fails the headline of its task.
+
+    A try that is followed by another request is only counted where the bench knows that it was refused wrongly; of
+    those that physics keep from their target none is.
+    """
+    checks: dict[str, list[bool]] = defaultdict(list)
+    for case in cases:
+        for name, passed in case.checks.items():
+            checks[name].append(passed)
+        wrong = sum(refusal.is_right is False for refusal in case.tries)
+        last = case.tries[-1].is_right if case.tries else None
+        excused = last is False or (case.task == "T" and last is True)
+        failed = wrong + (1 if case.refused and not excused else 0)
+        for name in (name for name in HEADLINES if name.startswith(f"{case.task}_")):
+            checks[name] += [False] * failed
+    return checks
+
+
+def _least(cases: Sequence[Case], judge: Callable[[Case], bool | None]) -> float:
+    """The share of the task that has the least; what was not measured is left out."""
+    verdicts = [_known(judge(case) for case in cases if case.task == task) for task in CORPUS]
+    return min((share(values) for values in verdicts if values), default=0.0)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--every", type=int, default=1, help="only every n-th file and request")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--fresh", type=int, nargs="+", metavar="SEED", help="on scenarios that are made just then")
+    parser.add_argument("--count", type=int, default=50, help="with --fresh: scenarios of each seed")
+    asked = parser.parse_args()
+    if asked.fresh is not None:
+        results = _measure_fresh(asked.fresh, asked.count, asked.workers)
+        print_figures("Modification", fresh_figures(asked.fresh, results), more_rows=rows_of(results))
+        sys.exit()
+    scenarios = sorted(existing(shared_scenarios()).glob("*.xml"))[:: asked.every]
+    corpora = [shared_folder() / "corpora" / "dev" / f"modification_{task}.jsonl" for task in CORPUS]
+    requests = [line for path in corpora for line in path.read_text(encoding="utf-8").splitlines()][:: asked.every]
+    results = _measure(scenarios, requests, asked.workers)
+    print_figures("Modification", figures_of(results), more_rows=rows_of(results))

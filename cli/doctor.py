@@ -1,0 +1,378 @@
+"""``plannerforge doctor``: whether everything is there that the server needs, and how to mend what is not.
+
+What is heavy or may crash (SUMO, the planners' cores, the embedding model) is tried in a process of its own.
+"""
+
+import json
+import os
+import shutil
+import socket
+import sqlite3
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, Literal
+from urllib.parse import urlsplit
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Column, Table
+
+from .. import __version__
+from ..schemas.errors import PlannerForgeError
+from ..server.settings import Settings, settings_file
+from ..workflows.context import INDEX_FOLDER
+from .hosts import HOSTS, Host, address_of, has_server, mend_program
+
+State = Literal["ok", "note", "fault"]
+_TRY_LIMIT_S = 120.0
+"""Longest that a library may take to be imported; chosen: a cold disk takes half a minute for PyTorch."""
+_ASK_LIMIT_S = 5.0
+"""Longest that a host of a map service may take to accept a connection; chosen."""
+_OWN_LIMIT_S = 0.5
+"""The same for a server of this machine; chosen."""
+_LEAST_FREE_MB = 2000
+"""Free disk below which long batches may fill it; chosen: a batch of 500 runs takes 300 MB."""
+_OWN_NAMES = frozenset({"127.0.0.1", "localhost", "::1"})
+_SIGNS = {"ok": "[green]✓[/green]", "note": "[yellow]●[/yellow]", "fault": "[red]✗[/red]"}
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A program that prints what it found, for a process of its own, and what mends it where it fails."""
+
+    program: str
+    mend: str
+
+
+TRIALS = {
+    "SUMO": Trial(
+        """
+import subprocess
+from pathlib import Path
+import libsumo, sumo
+asked = [Path(sumo.SUMO_HOME, "bin", "netconvert"), "--version"]
+print(subprocess.run(asked, capture_output=True, text=True, check=True).stdout.splitlines()[0])
+""",
+        "pip install --force-reinstall libsumo eclipse-sumo, in the versions that plannerforge-mcp names",
+    ),
+    "planner cores": Trial(
+        """
+from importlib.metadata import version
+import commonroad_dc.pycrcc, frenetix
+print("frenetix", version("frenetix") + ", drivability checker", version("commonroad-drivability-checker"))
+""",
+        "pip install --force-reinstall frenetix commonroad-drivability-checker; Polygon3 needs a compiler",
+    ),
+    "text ranking": Trial(
+        """
+import sys
+from plannerforge.engine.catalog import EmbeddingModel
+print(sys.argv[1] + ", vectors of", EmbeddingModel.of(sys.argv[1]).embed(["a truck"]).shape[1])
+""",
+        "correct the setting embedding_model; searches without text work meanwhile",
+    ),
+    "text index": Trial(
+        """
+import chromadb
+print("chromadb", chromadb.__version__)
+""",
+        "pip install --force-reinstall chromadb",
+    ),
+}
+
+
+LOOK_AT_INDEX = """
+import sys
+from pathlib import Path
+from plannerforge.engine.catalog import damaged_parts
+print(*damaged_parts(Path(sys.argv[1])), sep="\\n")
+"""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What was looked at, how it stands, what was found, and what mends it."""
+
+    name: str
+    state: State
+    found: str
+    mend: str = ""
+
+
+def run_doctor(settings: Settings, *, as_json: bool, fix: bool, home: Path) -> int:
+    """Look at everything, print what was found, and mend what is safe to where ``fix``; 1 where a fault is left."""
+    mended = list(_mended(settings, home)) if fix else []
+    found = list(diagnoses(settings, home))
+    if as_json:
+        sys.stderr.write("".join(f"{words}\n" for words in mended))
+        sys.stdout.write(json.dumps([asdict(each) for each in found], indent=1, ensure_ascii=False) + "\n")
+    else:
+        _print(found, mended)
+    return 1 if any(each.state == "fault" for each in found) else 0
+
+
+def diagnoses(settings: Settings, home: Path) -> Iterator[Diagnosis]:
+    """One after the other, what is looked at first stands first."""
+    yield Diagnosis("version", "ok", f"plannerforge {__version__}, Python {sys.version.split()[0]} ({sys.executable})")
+    yield _settings_file()
+    yield _compiler()
+    for name, trial in TRIALS.items():
+        yield _tried(name, trial, settings.embedding_model)
+    yield from _workspace(settings)
+    yield from _index(settings)
+    yield from _folders(settings)
+    yield from _services(settings)
+    yield from _hosts(home)
+
+
+def _settings_file() -> Diagnosis:
+    path = settings_file()
+    return Diagnosis("settings", "ok", f"{path}" if path.is_file() else f"defaults; {path} would be read")
+
+
+def _compiler() -> Diagnosis:
+    header = Path(sysconfig.get_paths()["include"]) / "Python.h"
+    compiler = next((name for name in ("cc", "gcc", "clang") if shutil.which(name)), "")
+    if compiler and header.is_file():
+        return Diagnosis("compiler", "ok", f"{compiler}, Python's headers (for installing alone)")
+    lacks = " and ".join(["a C compiler"] * (not compiler) + ["Python's headers"] * (not header.is_file()))
+    return Diagnosis(
+        "compiler", "note", f"{lacks} not found: needed for installing Polygon3 alone", "apt install gcc python3-dev"
+    )
+
+
+def _tried(name: str, trial: Trial, model: str) -> Diagnosis:
+    done = _run(trial.program, model)
+    if done is None:
+        return Diagnosis(name, "fault", f"no answer in {_TRY_LIMIT_S:g} s", trial.mend)
+    if done.returncode:
+        return Diagnosis(name, "fault", _last_words(done), trial.mend)
+    return Diagnosis(name, "ok", done.stdout.strip())
+
+
+def _run(program: str, argument: str) -> subprocess.CompletedProcess[str] | None:
+    """What a program did in a process of its own; None where it took too long."""
+    try:
+        return subprocess.run(
+            [sys.executable, "-P", "-c", program, argument],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=_TRY_LIMIT_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return None
+
+
+def _last_words(done: subprocess.CompletedProcess[str]) -> str:
+    lines = done.stderr.strip().splitlines()
+    ending = f"signal {-done.returncode}" if done.returncode < 0 else f"status {done.returncode}"
+    return lines[-1] if lines else f"ended with {ending}"
+
+
+def _workspace(settings: Settings) -> Iterator[Diagnosis]:
+    root = settings.workspace.expanduser().resolve()
+    if not root.is_dir():
+        above = _lowest_above(root)
+        where = "" if above == root.parent else f", and the folders above it from {above} on"
+        yield Diagnosis(
+            "workspace", "note", f"{root} is not there yet; the first start makes it", f"--fix makes it now{where}"
+        )
+        return
+    free_mb = shutil.disk_usage(root).free // 1024**2
+    if not os.access(root, os.W_OK | os.X_OK):
+        yield Diagnosis("workspace", "fault", f"{root} cannot be written to", "change its owner, or set workspace")
+    elif free_mb < _LEAST_FREE_MB:
+        yield Diagnosis("workspace", "note", f"{root}: {free_mb:,} MB of disk are free", "free some, or set workspace")
+    else:
+        yield Diagnosis("workspace", "ok", f"{root}, {free_mb:,} MB free")
+    yield _records(root)
+
+
+def _records(root: Path) -> Diagnosis:
+    from ..engine.workspace import Workspace, disagreements
+
+    try:
+        workspace = Workspace(root)
+        try:
+            found = list(disagreements(workspace))
+        finally:
+            workspace.close()
+    except (PlannerForgeError, sqlite3.Error) as error:
+        return Diagnosis("records", "fault", str(error), "set another workspace, or restore this one")
+    lost = [each for each in found if each.is_lost]
+    if lost:
+        more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
+        words = f"{lost[0].where}: {lost[0].what}{more}"
+        return Diagnosis("records", "fault", words, "restore the workspace from a copy; make what is lost again")
+    if found:
+        return Diagnosis("records", "note", f"{len(found)} folders belong to no record", "plannerforge workspace gc")
+    return Diagnosis("records", "ok", "intact, and their files are there")
+
+
+def _index(settings: Settings) -> Iterator[Diagnosis]:
+    root = _index_folder(settings)
+    if not root.is_dir():
+        return
+    damaged, reason = _damaged_parts(root)
+    mend = "--fix removes what is damaged; the next search by text makes it anew"
+    if reason:
+        yield Diagnosis("index files", "note", f"not looked at: {reason}", "mend the text index, above, first")
+    elif damaged:
+        names = ", ".join(str(part.relative_to(root.parent)) for part in damaged)
+        yield Diagnosis("index files", "fault", f"damaged: {names}", mend)
+    else:
+        yield Diagnosis("index files", "ok", f"{root} can be read")
+
+
+def _index_folder(settings: Settings) -> Path:
+    return settings.workspace.expanduser().resolve() / INDEX_FOLDER
+
+
+def _damaged_parts(root: Path) -> tuple[list[Path], str]:
+    """What of the text index cannot be read, or why that is not known.
+
+    Where looking ends the process that looks by a signal, each generation is taken for damaged.
+    """
+    done = _run(LOOK_AT_INDEX, str(root))
+    if done is None:
+        return [], f"no answer in {_TRY_LIMIT_S:g} s"
+    if done.returncode > 0:
+        return [], _last_words(done)
+    if done.returncode < 0:
+        return sorted(path for path in root.iterdir() if path.is_dir()), ""
+    return [Path(line) for line in done.stdout.splitlines() if line], ""
+
+
+def _folders(settings: Settings) -> Iterator[Diagnosis]:
+    for name, folders in (("roots", settings.roots), ("map folders", settings.map_folders)):
+        missing = [folder.expanduser() for folder in folders if not folder.expanduser().is_dir()]
+        if missing:
+            told = "; ".join(f"{folder} (nearest: {_nearest(folder.resolve())})" for folder in missing)
+            mend = f"correct the setting {name.replace(' ', '_')}, or make what you meant: --fix makes none of these"
+            yield Diagnosis(name, "note", f"not there: {told}", mend)
+        elif folders:
+            yield Diagnosis(name, "ok", ", ".join(map(str, folders)))
+
+
+def _lowest_above(folder: Path) -> Path:
+    """The lowest folder above that is there."""
+    return next(parent for parent in folder.parents if parent.is_dir())
+
+
+def _nearest(folder: Path) -> Path:
+    """What a folder that is not there may stand for: one that is called nearly so, else the lowest above it."""
+    above = _lowest_above(folder)
+    missing = folder.relative_to(above).parts[0]
+    beside = [path.name for path in above.iterdir() if path.is_dir()] if os.access(above, os.R_OK | os.X_OK) else []
+    like = get_close_matches(missing, beside, n=1)
+    return above / like[0] if like else above
+
+
+def _services(settings: Settings) -> Iterator[Diagnosis]:
+    services = settings.map_services()
+    if services.mode != "online":
+        yield Diagnosis("map services", "ok", f"not asked (maps_online is {services.mode})")
+        return
+    addresses = dict.fromkeys((services.nominatim_url, *services.overpass_urls))
+    reached = [address for address in addresses if _accepts(address)]
+    lost = [urlsplit(address).hostname or address for address in addresses if address not in reached]
+    if not lost:
+        yield Diagnosis("map services", "ok", f"{len(reached)} of {len(addresses)} accept connections")
+    else:
+        words = f"{len(reached)} of {len(addresses)} accept connections; not {', '.join(lost)}"
+        yield Diagnosis(
+            "map services", "note", words, "built-in and own maps work without; maps_online=offline asks nobody"
+        )
+
+
+def _accepts(address: str, limit_s: float = _ASK_LIMIT_S) -> bool:
+    parts = urlsplit(address)
+    port = parts.port or (80 if parts.scheme == "http" else 443)
+    try:
+        with socket.create_connection((parts.hostname or "", port), timeout=limit_s):
+            return True
+    except OSError:
+        return False
+
+
+def _hosts(home: Path) -> Iterator[Diagnosis]:
+    for name, host in HOSTS.items():
+        try:
+            path, entry = has_server(host, home)
+        except PlannerForgeError as error:
+            yield Diagnosis(host.title, "note", error.message, f"plannerforge install {name} --print")
+            continue
+        if entry is None:
+            continue
+        command, mend = str(entry.get("command", "")), f"plannerforge install {name}"
+        if address_of(entry):
+            yield _by_http(host, path, entry, mend)
+        elif shutil.which(command) is None:
+            yield Diagnosis(host.title, "fault", f"{path}: '{command}' is no program", mend)
+        else:
+            yield Diagnosis(host.title, "ok", f"{path}")
+
+
+def _by_http(host: Host, path: Path, entry: Mapping[str, Any], mend: str) -> Diagnosis:
+    """How an entry stands that has an address; only a server of this machine is asked whether it is there."""
+    try:
+        parts = urlsplit(address_of(entry))
+        is_address = parts.scheme in {"http", "https"} and bool(parts.hostname) and parts.port != 0
+    except ValueError:
+        is_address = False
+    if not is_address:
+        return Diagnosis(host.title, "fault", f"{path}: '{address_of(entry)}' is no address by HTTP", mend)
+    if "command" in entry:
+        return Diagnosis(host.title, "fault", f"{path}: an address and a program in one entry", mend)
+    told = f"{path}: by HTTP at {parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"
+    if parts.hostname in _OWN_NAMES and not _accepts(address_of(entry), _OWN_LIMIT_S):
+        return Diagnosis(host.title, "note", f"{told}; nothing answers there", "plannerforge serve --http")
+    return Diagnosis(host.title, "ok", told)
+
+
+def _mended(settings: Settings, home: Path) -> Iterator[str]:
+    """Mend what is safe to: make the workspace's folder, remove a damaged text index, name programs that are gone anew.
+
+    Folders of the user's are not made: one that is missing may be mistyped.
+    """
+    from ..engine.catalog import remove_damaged
+    from ..engine.workspace import make_private
+
+    root = settings.workspace.expanduser().resolve()
+    if not root.is_dir():
+        make_private(root)
+        yield f"made {root}"
+    index = _index_folder(settings)
+    damaged, _ = _damaged_parts(index) if index.is_dir() else ([], "")
+    if damaged:
+        remove_damaged(index, damaged)
+        yield f"removed {', '.join(map(str, damaged))}: the next search by text makes it anew"
+    for host in HOSTS.values():
+        try:
+            written = mend_program(host, home=home)
+        except PlannerForgeError as error:
+            yield f"{host.title} is left as it is: {error.message}"
+            continue
+        if written is not None:
+            path, backup = written
+            yield f"{host.title}: {path} names this program now (as it was: {backup})"
+
+
+def _print(found: list[Diagnosis], mended: list[str]) -> None:
+    console = Console()
+    for words in mended:
+        console.print(escape(words), highlight=False)
+    table = Table(Column(""), Column("what"), Column("found", overflow="fold"), Column("mend", overflow="fold"))
+    for each in found:
+        table.add_row(_SIGNS[each.state], each.name, escape(each.found), escape(each.mend))
+    console.print(table)
+    faults = sum(each.state == "fault" for each in found)
+    notes = sum(each.state == "note" for each in found)
+    console.print(f"{len(found)} looked at: {faults} fault(s), {notes} note(s)", highlight=False)

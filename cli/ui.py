@@ -1,0 +1,48 @@
+"""``plannerforge ui``: the workspace as pages in a browser, for everybody on this machine."""
+
+import sys
+import webbrowser
+
+from ..engine.execution import hide_environment, share_heaps
+from ..server.assembly import create_server
+from ..server.http.pages.application import ROOT, Pages
+from ..server.http.serving import serve_http
+from ..server.observing.journal import JOURNAL
+from ..server.settings import Settings
+from .view import has_screen
+
+_HERE = "127.0.0.1"
+
+
+def serve_pages(settings: Settings, *, open_it: bool) -> None:
+    """Serve until a signal ends it; the address is told, and opened where there is a screen and it is wanted.
+
+    Tokens are not asked for, so whatever the settings say of ``serve --http`` is left out: the pages listen on this
+    machine alone, and a web page that may call with a token may not call here without one.
+
+    Raises:
+        PlannerForgeError: the port is taken, or the workspace cannot be opened.
+    """
+    own = settings.model_copy(
+        update={
+            "http_host": _HERE,
+            "http_url": "",
+            "http_hosts": (),
+            "http_origins": (),
+            "http_proxies": (),
+            "http_tokens": (),
+            "http_token_file": None,
+            "oauth_issuer": "",
+        }
+    )
+
+    def tell(port: int) -> None:
+        url = f"http://{_HERE}:{port}{ROOT}"
+        sys.stdout.write(f"{url}\n")
+        sys.stdout.flush()
+        if open_it and has_screen():
+            webbrowser.open(url)  # the socket listens already: the browser waits for the first answer
+
+    hide_environment()
+    share_heaps()
+    serve_http(create_server(own), own, Pages(own.workspace.expanduser() / JOURNAL), tell)

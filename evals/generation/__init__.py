@@ -1,1 +1,0 @@
-"""Scenarios from real maps, judged from the made files: ``python -m plannerforge.evals.generation``."""

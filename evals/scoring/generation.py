@@ -1,0 +1,92 @@
+"""Generation: whether the made scenarios load, hold the traffic that was asked for where it was asked for, and run.
+
+Columns of the paper (Scenario Generation Module, Evaluation Metrics): ``json`` (a call was made), ``defaults`` (what
+the request leaves open is left open or takes its default), ``load``, ``traffic``, ``runnable`` (the default planner
+finishes a trajectory); besides ``place``, ``type``, ``vehicles`` and ``count``.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ...engine.commonroad import read_scenario
+from ...engine.execution import silent
+from ...engine.planners import make_planner, simulate
+from ...engine.vehicles import vehicle_of
+from ...schemas.errors import NotPossible
+from ...schemas.runs import NO_TRAJECTORY
+from ..attempts import Attempt, EvalRequest, MadeCall, Score
+from .common import built_in, last_of, refused, scored
+from .files import World
+from .made_files import MadeFiles, holds_vehicles
+
+_USUAL: Mapping[str, tuple[object, ...]] = {
+    "density": (None, "low"),
+    "duration_s": (None, 20, 20.0),
+    "count": (None, 1),
+    "ego": (None, "first"),
+    "goal": (None, "through", "steps:50"),
+    "road_classes": (None, ["roads"], []),
+    "vehicles": (None, [], ["car"]),
+    "scenario_type": (None, "any"),
+}
+"""What an argument may be where the request leaves it open."""
+
+
+def score_generation(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
+    """The last scenarios that were made; where no map shows the place, a refusal is right."""
+    if request.expect == "refuse" or (request.expect == "ok" and request.map_file is None):
+        return refused(request, attempt, "generate_scenarios")
+    made = last_of(attempt.calls, "generate_scenarios")
+    if made is None:
+        return scored(request, {"json": False}, ["no scenario was made"])
+    return scored(request, generation_columns(request.truth, made, workspace))
+
+
+def generation_columns(truth: Mapping[str, Any], made: MadeCall, workspace: Path) -> dict[str, bool | None]:
+    """Which checks the scenarios of a call meet."""
+    found = made.structured.get("scenarios", [])
+    folders = [workspace / "scenarios" / str(one["scenario_id"]) for one in found]
+    world = World(workspace)
+    scenes = [world.scene(folder.name) for folder in folders]
+    files = [MadeFiles.read(folder) for folder, scene in zip(folders, scenes, strict=True) if scene is not None]
+    signalised = truth.get("feature") == "signalised_crossing"
+    kind = "signalised_intersection" if signalised else truth["scenario_type"]
+    country = truth["location"]["country"]
+    return {
+        "json": True,
+        "defaults": all(
+            made.arguments.get(name) in _USUAL[name] for name in truth.get("defaults", ()) if name in _USUAL
+        ),
+        "load": bool(scenes) and all(scene is not None for scene in scenes),
+        "traffic": all(scene is not None and scene.counts.total() > 0 for scene in scenes),
+        "runnable": all(_runs(folder) for folder in folders),
+        "count": len(found) == truth.get("count", 1) or f"only {len(found)} different site(s) fit" in made.text,
+        "place": country is None or all(str(one["scenario_id"]).startswith(country) for one in found),
+        "type": kind == "any" or all(str(one["site"]).startswith(kind) for one in found),
+        "vehicles": any(_holds(files, wanted) for wanted in truth.get("vehicles_accept", [truth["vehicles"]])),
+    }
+
+
+def _holds(files: list[MadeFiles], wanted: Mapping[str, int | str]) -> bool:
+    return all(holds_vehicles(one, {name: _bounds(count) for name, count in wanted.items()}) for one in files)
+
+
+def _bounds(count: int | str) -> tuple[int, int | None]:
+    """The least and the most of a class: there at all, at least so many, or between two numbers."""
+    if count == "present":
+        return 1, None
+    least, between, most = str(count).partition("..")
+    return int(least), int(most) if between else None
+
+
+def _runs(folder: Path) -> bool:
+    """Whether Frenetix with its default weights finishes a trajectory."""
+    loaded = read_scenario(folder / "scenario.xml")
+    planner, default, problem = make_planner("frenetix"), built_in("frenetix:Default"), loaded.problem()
+    try:
+        vehicle = vehicle_of(default.settings, loaded.ego_class(int(problem.planning_problem_id)))
+    except NotPossible:  # a vehicle with a trailer
+        return False
+    run = simulate(loaded.scenario, problem, default, planner, "constant_velocity", silent, vehicle=vehicle)
+    return run.final.outcome not in NO_TRAJECTORY

@@ -1,1 +1,0 @@
-"""Selection over real scenarios against ground truth: ``python -m plannerforge.evals.selection``."""

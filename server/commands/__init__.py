@@ -1,1 +1,0 @@
-"""The commands of ``plannerforge``: what each does, and the flags that they share."""
