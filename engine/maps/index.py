@@ -19,7 +19,7 @@ from ...schemas.generation import MapFacts, MapList, PlaceArea, ScenarioType
 from ...schemas.maps import Box, NamedPlace
 from ...schemas.text import LONGEST_TEXT, cited, cited_all
 from ..workspace import Database, versions_of
-from .naming.alike import SHORTEST_BEGUN, is_abbreviated, is_half_of, is_transliterated, is_with_kind
+from .naming.alike import is_abbreviated, is_half_of, is_long_enough, is_transliterated, is_with_kind
 from .naming.gazetteer import Settlement, settlements_called
 from .naming.places import countries_spelt_like, country_code, fold, latin, place_keys
 from .naming.regions import region_of
@@ -870,7 +870,7 @@ def _roads_begun(text: str, facts: MapFacts) -> tuple[str, ...]:
     """Roads with names that begin with the words in their order; the last word may be only begun."""
     known, several = (*facts.streets, *facts.refs), facts.road_names
     begun = " ".join(words_of_name(text))
-    if len(begun) < SHORTEST_BEGUN:
+    if not begun or not is_long_enough(text):
         return ()
     names = _beginnings(known, several)
     first = bisect_left(names, (begun, ""))

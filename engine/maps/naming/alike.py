@@ -90,10 +90,18 @@ def _told(name: str) -> tuple[str, ...]:
     return tuple(word for word in words if len(word) == 1 or word in told)
 
 
+def is_long_enough(typed: str) -> bool:
+    """Whether as many letters were typed as the beginning of a name has at least, in their own script or in Latin.
+
+    One Chinese character is several Latin letters; of Arabic and Hebrew, which write no vowels, hardly any are left.
+    """
+    return max(sum(map(str.isalnum, typed)), sum(map(len, words_of_name(typed)))) >= SHORTEST_BEGUN
+
+
 def is_half_of(typed: str, name: str) -> bool:
     """Whether a name holds all words that were typed, the last of which may be only begun."""
     words, held = words_of_name(typed), words_of_name(name)
-    if sum(map(len, words)) < SHORTEST_BEGUN:
+    if not words or not is_long_enough(typed):
         return False
     return all(word in held for word in words[:-1]) and any(one.startswith(words[-1]) for one in held)
 

@@ -99,7 +99,14 @@ def test_numbers_of_any_language_are_words_or_figures(words: str) -> None:
 
 @pytest.mark.parametrize(
     ("typed", "name", "half"),
-    [("Edge", "Edge Lane", True), ("Andorra la V", "Andorra la Vella", True), ("la", "Andorra la Vella", False)],
+    [
+        ("Edge", "Edge Lane", True),
+        ("Andorra la V", "Andorra la Vella", True),
+        ("la", "Andorra la Vella", False),
+        ("ابا ال", "ابا الحنين", True),
+        ("中山", "中山北路", True),
+        ("ععع", "ععع الحنين", False),
+    ],
 )
 def test_half_of_a_name_is_some_of_its_words_or_their_beginning(typed: str, name: str, half: bool) -> None:
     assert is_half_of(typed, name) is half
