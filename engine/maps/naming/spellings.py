@@ -135,6 +135,7 @@ _PARTICLES = frozenset(
         "sec",
     ]
 )
+# Of libpostal's Chinese kinds of roads and directions, those that stand at a name's end, with the traditional character.
 _CHINESE_KINDS = {"大道": "avenue", "大街": "street", "路": "road", "街": "street", "道": "road", "巷": "alley"}
 _CHINESE_DIRECTIONS = {"北": "north", "南": "south", "东": "east", "東": "east", "西": "west", "中": "middle"}
 _NUMERALS = "一二三四五六七八九十"
@@ -162,10 +163,10 @@ _LETTERED = {
     "kreisstrasse": "k",
     "kreisstr": "k",
 }
-"""The letters of a road number by the words that are said for them."""
+"""The letters that OSM's ``ref`` has for a class of roads, by the words that are said for them."""
 _ELIDED = re.compile(r"\b(?:d|l|s|dell|dall|all|nell|sull)['’](?=\w)", re.IGNORECASE)
 """Articles and prepositions before a vowel, in Catalan, French and Italian: ``Port d'Envalira``. They are
-libpostal's elisions without those of pronouns; its ``sant'`` is a part of the name."""
+libpostal's elisions without those of pronouns and without ``sant'``, and the Italian prepositions that it lacks."""
 _CONTRACTED = re.compile(r"\b(\w{1,2}(?=\.)|[^\W\d_](?=-))[.-](\w{2,3})\b(?!\.)")
 """Contractions with a point or a hyphen inside: ``P.za``, ``C.so``, ``V.le``, ``B-dul``, ``пр-т``."""
 _MOST_READINGS = 32
