@@ -135,7 +135,7 @@ _PARTICLES = frozenset(
         "sec",
     ]
 )
-# Of libpostal's Chinese kinds of roads and directions, those that stand at a name's end, with the traditional character.
+# Of libpostal's Chinese kinds of roads and directions, those that end a name, with the traditional character.
 _CHINESE_KINDS = {"大道": "avenue", "大街": "street", "路": "road", "街": "street", "道": "road", "巷": "alley"}
 _CHINESE_DIRECTIONS = {"北": "north", "南": "south", "东": "east", "東": "east", "西": "west", "中": "middle"}
 _NUMERALS = "一二三四五六七八九十"
