@@ -189,7 +189,7 @@ def words_for_crossings() -> tuple[tuple[str, ...], tuple[str, ...]]:
 @cache
 def _endings() -> dict[str, str]:
     """The kinds of road that words end in (``Hauptstr``, ``Storgatan``), the longer ends first."""
-    meant = {}
+    meant: dict[str, str] = {}
     for kind, spellings in _table()["suffixes"].items():
         kinds = [word for word in _meanings().get(kind, ()) if word in _KINDS]
         meant |= {spelling: kinds[0] for spelling in spellings if len(kinds) == 1}
