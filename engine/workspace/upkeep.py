@@ -94,7 +94,9 @@ def disagreements(workspace: Workspace) -> Iterator[Disagreement]:
     for batch_id, run_ids in batches:
         if gone := [run_id for run_id in run_ids if run_id not in known["run"]]:
             some = ", ".join(gone[:_SHOWN_RUNS]) + (", …" if len(gone) > _SHOWN_RUNS else "")
-            yield Disagreement(f"batch {batch_id}", f"{len(gone)} of its {len(run_ids)} runs are gone: {some}", is_lost=False)
+            yield Disagreement(
+                f"batch {batch_id}", f"{len(gone)} of its {len(run_ids)} runs are gone: {some}", is_lost=False
+            )
     for folder in _without_record(workspace, known):
         yield Disagreement(str(folder.relative_to(workspace.root)), "belongs to no record", is_lost=False)
 
