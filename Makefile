@@ -190,7 +190,7 @@ dist: $(DEV_STAMP)
 # What nothing imports is left out: docs/install.md.
 requirements:
 	@echo "==> Choosing the versions of all dependencies anew (uv)"
-	@printf "%s ; python_version < '3'\n" polygon3 torch sentence-transformers | uv pip compile pyproject.toml --quiet \
+	@printf "%s ; python_version < '3'\n" polygon3 | uv pip compile pyproject.toml --quiet \
 		--universal --python-version 3.11 --upgrade --custom-compile-command "make requirements" --no-annotate --overrides /dev/stdin -o packaging/requirements.txt
 
 bundle: dist
