@@ -8,7 +8,7 @@ from ...schemas.generation import Checks, DensityFacts, GeneratedEgo, GeneratedS
 from ..commonroad import kept_recording
 from ..traffic import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, GeneratedVehicle, lane_km_of
 from ..vehicles import PEDESTRIAN
-from .people import people_asked, people_wanted
+from .people import people_wanted
 from .planning_problem import PlanningTask
 from .site_network import SiteNetwork
 from .traffic import TrafficAim
@@ -43,7 +43,7 @@ def record_of(
     counts = Counter(vehicle.vehicle_class.name for vehicle in others)
     density = _density(request, aim, site, vehicles)
     recorded_s = round((max(each.steps for each in (*vehicles, *people)) - 1) * STEP_S, 6)
-    pedestrians, asked = len(people), people_asked(request)
+    pedestrians, asked = len(people), request.people
     wanted = {} if asked is None else {PEDESTRIAN.name: people_wanted(asked, request.density, demand.total)}
     signs = site.network.signs if metadata.speed_sign is None else ()
     limits = {key: round(sign.speed_mps * 3.6, 1) for sign in signs for key in sign.lanelet_ids}

@@ -85,8 +85,8 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
         InvalidRequest: a ramp without link roads.
     """
     finder = site_finder(osm, request.road_classes)
-    turn = request.goal.removeprefix("through:")
-    any_type = tuple(kind for kind in ANY_ORDER if turn == request.goal or turn in TURNS_AT[kind])
+    turn = request.goal.turn
+    any_type = tuple(kind for kind in ANY_ORDER if turn is None or turn in TURNS_AT[kind])
     wanted = any_type if request.scenario_type == "any" else (request.scenario_type,)
     choice = random.Random(request.seed)  # noqa: S311 - reproducible, not secret
     kinds = [fitting for kind in wanted if (fitting := _fitting(finder.find(kind), request))]

@@ -38,7 +38,7 @@ from ..traffic import (
 )
 from ..vehicles import vehicle_classes
 from .flows import FlowPlan, FlowTrips, plan_flows
-from .people import pedestrians_for, people_among, people_asked, people_wanted
+from .people import pedestrians_for, people_among, people_wanted
 from .site_network import SiteNetwork
 from .sites import middle_of, road_classes
 from .writer import STEP_S
@@ -119,7 +119,7 @@ def generate_traffic(
     lasting_s = min(WARM_UP_S + request.duration_s, LASTING_S)
     needed = {demand.ego_class: 1} | {name: count for name, count in demand.needed.items() if count}
     shortfalls: list[dict[str, int]] = []
-    asked = people_asked(request)
+    asked = request.people
     people = 0 if asked is None else people_wanted(asked, request.density, demand.total)
     most_people = 0
     more: Counter[str] = Counter()
@@ -202,8 +202,8 @@ def _trips(
 
 def _asked_ramps(request: GenerationRequest, net: SumoNet) -> tuple[frozenset[str], frozenset[str]]:
     """Links of motorways where more trips are to begin, if the ego or another merges, or to lead, if the ego exits."""
-    begins = request.goal == "through:merge" or request.others.startswith("merging")
-    if not begins and request.goal != "through:exit":
+    begins = request.goal.turn == "merge" or (request.others is not None and request.others.name == "merging")
+    if not begins and request.goal.turn != "exit":
         return frozenset(), frozenset()
     roads = (edge for edge in net.edges.values() if not edge.internal)
     links = frozenset(edge.edge_id for edge in roads if road_classes(edge) & RAMP_LINKS)

@@ -42,7 +42,7 @@ from ...engine.geometry import Points, Values, arc_length, length_m, point_at
 from ...engine.maps import Sketch
 from ...engine.vehicles import vehicle_classes
 from ...schemas.errors import PlannerForgeError
-from ...schemas.generation import GenerationRequest, VehicleDemand
+from ...schemas.generation import AskedGoal, GenerationRequest, VehicleDemand
 from ..harness import drawn, existing, scenario_files, shared_folder, shared_scenarios
 from .relations import RELATIONS, read_root, write_root
 
@@ -460,6 +460,7 @@ def _request(choice: random.Random, source: Path) -> GenerationRequest:
         vehicles=tuple(VehicleDemand(vehicle_class=name) for name in choice.sample(classes, choice.randint(2, 6))),
         duration_s=float(choice.randint(6, 12)),
         seed=choice.randrange(2**31),
+        goal=AskedGoal.of("steps:50"),
         folder=str(source.parent),
     )
 

@@ -1,38 +1,46 @@
 """Generation of scenarios from maps: arguments and result of the tool, and what the engine is asked and answers."""
 
-from collections.abc import Mapping
 from dataclasses import replace
-from types import MappingProxyType
-from typing import Literal, get_args
 
 from pydantic import Field
 
-from .base import DRIVEN_OTHERWISE, Answer, Arguments, Model, Result, first_of
-from .jobs import JobState
-from .maps import Box, MapServices, NamedPlace
-from .text import cited, cited_all, counted, shown_name
+from ..base import DRIVEN_OTHERWISE, Answer, Arguments, Model, Result, first_of
+from ..jobs import JobState
+from ..maps import Box, MapServices, NamedPlace
+from ..text import cited, cited_all, counted, shown_name
+from .specification import COMPASS_DEG as COMPASS_DEG
+from .specification import EGO_FORMS as EGO_FORMS
+from .specification import GOAL_FORMS as GOAL_FORMS
+from .specification import MIDDLE as MIDDLE
+from .specification import NATURAL_SHARES as NATURAL_SHARES
+from .specification import SHARES_SOURCE as SHARES_SOURCE
+from .specification import THROUGH as THROUGH
+from .specification import TRIP_KINDS as TRIP_KINDS
+from .specification import TURNS_AT as TURNS_AT
+from .specification import USUAL_DENSITY as USUAL_DENSITY
+from .specification import USUAL_DURATION_S as USUAL_DURATION_S
+from .specification import USUAL_EGO as USUAL_EGO
+from .specification import USUAL_GOAL as USUAL_GOAL
+from .specification import WEATHER_WORDS as WEATHER_WORDS
+from .specification import WEATHERS as WEATHERS
+from .specification import AskedEgo as AskedEgo
+from .specification import AskedGoal as AskedGoal
+from .specification import AskedManoeuvre as AskedManoeuvre
+from .specification import Density as Density
+from .specification import GenerationRequest as GenerationRequest
+from .specification import GenerationSpec as GenerationSpec
+from .specification import LaneletGoal as LaneletGoal
+from .specification import MapChoice as MapChoice
+from .specification import RoadFlow as RoadFlow
+from .specification import ScenarioSpec as ScenarioSpec
+from .specification import ScenarioType as ScenarioType
+from .specification import SiteType as SiteType
+from .specification import TrafficConditions as TrafficConditions
+from .specification import TripKind as TripKind
+from .specification import Turn as Turn
+from .specification import VehicleDemand as VehicleDemand
+from .specification import Weather as Weather
 
-SiteType = Literal["highway", "urban", "intersection", "signalised_intersection", "roundabout", "rural", "ramp"]
-ScenarioType = Literal["any", SiteType]
-MapChoice = Literal["auto", "local", "online"]
-"""Which maps are used: ``auto``: local ones that show the place, otherwise one from the net."""
-Density = Literal["low", "medium", "high"]
-Turn = Literal["left", "right", "straight", "lane_change", "merge", "exit", "unprotected_left", "u_turn"]
-_AT_JUNCTIONS: tuple[Turn, ...] = ("left", "right", "straight", "lane_change")
-_WITHOUT_LIGHTS: tuple[Turn, ...] = (*_AT_JUNCTIONS, "unprotected_left")
-_ON_ROADS: tuple[Turn, ...] = ("straight", "lane_change")
-TURNS_AT: Mapping[SiteType, tuple[Turn, ...]] = MappingProxyType(
-    {
-        "roundabout": (*_AT_JUNCTIONS, "u_turn"),
-        "signalised_intersection": _AT_JUNCTIONS,
-        "intersection": _WITHOUT_LIGHTS,
-        "urban": _WITHOUT_LIGHTS,
-        "ramp": ("merge", "exit", *_ON_ROADS),
-        "highway": _ON_ROADS,
-        "rural": _ON_ROADS,
-    }
-)
-"""What an ego can be asked to do at a site of each type; ``engine/generation/turns.py`` says when it does."""
 _SHOWN, _MOST_NOTES = 10, 2
 """Scenarios of many, and notes on one, that an answer shows (chosen)."""
 _SHOWN_PLACES, _SHOWN_CANNOT = 5, 3
@@ -247,141 +255,6 @@ class CutOfExtract(Model):
     words: str = ""
 
 
-NATURAL_SHARES: Mapping[str, float] = MappingProxyType({"delivery": 0.101, "truck": 0.022, "bus": 0.0025})
-"""Of all motor vehicles in use, by class: 28.0 million vans, 6.2 million lorries and 0.69 million buses beside 242.7
-million cars (:data:`SHARES_SOURCE`). Of the other classes no count is known here."""
-SHARES_SOURCE = "ACEA, Vehicles in use in Europe: EU, 2019"
-
-
-class VehicleDemand(Model):
-    """How many vehicles of a class have to be there beside the ego.
-
-    ``least``: with a number no more are aimed for, except cars, which fill up the traffic. ``most`` None: no upper
-    bound. ``share``: of all vehicles, in [0, 1], one at least. With neither number nor share the class gets a fifth of
-    the traffic, as scenarios did that were made before shares were known; a recipe does not hold a share of None.
-    """
-
-    vehicle_class: str
-    least: int | None = None
-    most: int | None = None
-    share: float | None = Field(None, ge=0, le=1, exclude_if=lambda share: share is None)
-
-    @property
-    def needed(self) -> int:
-        """How many have to be there: one of a class that was only named."""
-        return 1 if self.least is None else self.least
-
-
-Weather = Literal["light_rain", "heavy_rain", "fog", "snow", "hail"]
-WEATHERS: tuple[Weather, ...] = get_args(Weather)
-"""CommonRoad's words for bad weather; for good weather its schema and commonroad-io have no word in common."""
-WEATHER_WORDS: Mapping[str, Weather] = MappingProxyType({"rain": "light_rain", "mist": "fog", "snowfall": "snow"})
-"""Everyday words for weather, by what they are taken as."""
-
-
-TripKind = Literal["usual", "fringe", "uniform", "length", "lanes", "speed"]
-"""On which roads more trips begin: long, wide and fast ones (usual); those on which traffic enters; every one alike;
-long ones; long and wide ones; fast ones."""
-TRIP_KINDS: tuple[TripKind, ...] = get_args(TripKind)
-
-
-COMPASS_DEG: Mapping[str, float] = MappingProxyType(
-    {
-        "north": 90.0,
-        "northeast": 45.0,
-        "east": 0.0,
-        "southeast": -45.0,
-        "south": -90.0,
-        "southwest": -135.0,
-        "west": 180.0,
-        "northwest": 135.0,
-    }
-)
-"""Directions of the compass as headings in degrees, counter-clockwise from east."""
-
-
-class RoadFlow(Model):
-    """Vehicles that were counted in an hour: on a road, in one direction of the compass if any, or from it to another.
-
-    ``road``, ``to``: a street's name, an OSM way's id or, for a flow from somewhere to somewhere, a direction.
-    """
-
-    road: str
-    per_h: float = Field(gt=0)
-    direction: str = Field("", exclude_if=lambda word: not word)
-    to: str = Field("", exclude_if=lambda word: not word)
-
-    def __str__(self) -> str:
-        if self.to:
-            return f"{self.road} to {self.to}"
-        return f"{self.road} ({self.direction}bound)" if self.direction else self.road
-
-
-class TrafficConditions(Model):
-    """Under which conditions traffic drives.
-
-    ``time``: of day, ``HH:MM``, empty where it is not given; ``drivers``: the preset that all drivers have, or the
-    published calibrations that hold for them, joined by ``+``;
-    ``natural_mix``: all classes at their natural shares. ``per_lane_km``: vehicles per kilometre of lane at the start
-    that stand in the place of the density's, None where the density counts. ``flows``: counted traffic that stands in
-    the place of both; ``trips``: on which roads more trips begin.
-    """
-
-    time: str = ""
-    weather: Weather | None = None
-    drivers: str = ""
-    natural_mix: bool = False
-    per_lane_km: float | None = None
-    flows: tuple[RoadFlow, ...] = Field((), exclude_if=lambda flows: not flows)
-    trips: TripKind = Field("usual", exclude_if=lambda kind: kind == "usual")
-
-    @property
-    def calibrations(self) -> tuple[str, ...]:
-        """The names in ``drivers``, none where it is empty; where it is a preset, that is the only one."""
-        return tuple(self.drivers.split("+")) if self.drivers else ()
-
-
-class GenerationRequest(Model):
-    """Everything that makes one scenario; the same request gives the same bytes.
-
-    ``index`` counts the scenarios of one call, ``site_index`` those on this map: no site is taken twice. When a site
-    fails its checks, the one ``site_step`` further on is tried.
-
-    ``most_sites``: after so many sites without a scenario the request is refused; ``most_rounds``: after so many rounds
-    of traffic the best scenario is taken, its faults in the notes. None: as many as the generator tries.
-
-    ``streets``: for every road that the site must carry its names or numbers, as the map has them. ``road_classes``:
-    OSM's ``highway`` values; empty: all roads, with links where the site is a ramp or a motorway. A recipe does not
-    hold ``conditions`` of None. ``others``: a manoeuvre that another road user has to make on the ego's way, such as
-    ``cut_in`` or ``cut_in:truck``.
-    """
-
-    map_path: str
-    map_id: str
-    place: str
-    country: str | None
-    attribution: str
-    scenario_type: ScenarioType = "any"
-    streets: tuple[tuple[str, ...], ...] = ()
-    bbox: tuple[float, float, float, float] | None = None
-    road_classes: tuple[str, ...] = ()
-    density: Density = "low"
-    vehicles: tuple[VehicleDemand, ...] = ()
-    duration_s: float = 20.0
-    ego: str = "first"
-    goal: str = "steps:50"
-    seed: int = 0
-    index: int = 0
-    site_index: int = 0
-    site_step: int = 1
-    most_sites: int | None = Field(None, ge=1, exclude_if=lambda sites: sites is None)
-    most_rounds: int | None = Field(None, ge=1, exclude_if=lambda rounds: rounds is None)
-    benchmark_number: int = 1
-    conditions: TrafficConditions | None = Field(None, exclude_if=lambda conditions: conditions is None)
-    others: str = Field("", exclude_if=lambda manoeuvre: not manoeuvre)
-    folder: str
-
-
 Combination = tuple[tuple[int, int], ...]
 """Levels of some factors of a coverage plan together: (index of the factor, index of its level), ascending."""
 
@@ -543,7 +416,7 @@ class GenerateScenariosArguments(Arguments):
     scenario_type: ScenarioType = "any"
     """The type of site that is looked for on the map."""
     road_classes: list[str] | None = Field(None, description="roads, link, all or OSM highway values")
-    density: Density = "low"
+    density: Density = USUAL_DENSITY
     """How much traffic, in vehicles per kilometre of lane."""
     vehicles: list[str] = Field(
         [],
@@ -552,11 +425,11 @@ class GenerateScenariosArguments(Arguments):
             "motorcycle bicycle pedestrian trailer delivery coach taxi emergency moped"
         ),
     )
-    duration_s: float = Field(20, ge=5, le=120)
+    duration_s: float = Field(USUAL_DURATION_S, ge=5, le=120)
     """How long the scenario lasts, in s."""
-    ego: str = Field("first", description="first, index:N (cars, from 0), type:CLASS")
+    ego: str = Field(USUAL_EGO, description="first, index:N (cars, from 0), type:CLASS")
     goal: str = Field(
-        "through",
+        USUAL_GOAL,
         description="through[:left, unprotected_left, merge …], steps:N, distance_m:X on its track, "
         "lanelet:ID:POSITION",
     )
