@@ -5,6 +5,7 @@ scenarios that were written, the one with the fewest faults is kept.
 """
 
 import gc
+import logging
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -25,12 +26,13 @@ from .flows import flow_notes
 from .others import LIKELY_AT, MOST_TRIES, EgoChoice, can_be_scripted, found_in, scripted
 from .people import people_notes, people_wanted
 from .planning_problem import PlanningTask, TaskSpec, choose_task
-from .record import record_of, with_scripted
+from .record import absences_of, record_of, with_scripted
 from .site_network import SITE_LOST, SiteNetwork, prepare_site
 from .sites import fitting_sites, other_types
 from .traffic import NO_ROOM, TrafficAim, along_the_site, generate_traffic, without_spares
 from .writer import STEP_S, write_scenario
 
+logger = logging.getLogger(__name__)
 OWN_ROUNDS, MOST_ROUNDS, MOST_SITES = 2, 5, 10
 """Rounds of traffic at the site's own place, rounds of traffic in all, sites looked at in all (chosen)."""
 ROUNDS_TO_SCRIPT = 3
@@ -165,6 +167,10 @@ class _Attempts:
             try:
                 prepared = prepare_site(self._request, osm, site, folder, self._report)
             except NotPossible as refusal:
+                place = f"{site.latitude:.5f},{site.longitude:.5f}"
+                logger.debug(
+                    "site_refused number=%d kind=%s at=%s reason=%r", number, site.kind, place, refusal.message
+                )
                 if refusal.reason == SITE_LOST:
                     self.lost.append(site)
                 else:
@@ -238,12 +244,15 @@ class _Attempts:
         try:
             scenario, missed = _write(self._request, site, round_number, path, self._report)
         except NotPossible as refusal:
+            logger.debug("round_refused round=%d reason=%r", round_number, refusal.message)
             self.refusals.append(refusal)
             return False
         broken, weak = faults_of(scenario.checks)
         lacks = self._wanted is not None and not scenario.others
         self.made.append(_Attempt(scenario, path, site, (*broken, *weak, *missed), bool(broken), lacks))
-        return not self.made[-1].faults and not lacks
+        faults = self.made[-1].faults
+        logger.debug("round_made round=%d faults=%r lacks_manoeuvre=%s", round_number, faults, lacks)
+        return not faults and not lacks
 
     def script(self) -> None:
         """Script an actor in one of the scenarios if no traffic holds the manoeuvre that was asked for."""
@@ -281,8 +290,8 @@ def _write(
     aim = TrafficAim.of(request, site.net)
     lane_km = lane_km_of(site.net)
     demand = plan_counts(request.density, request.on_wheels, lane_km, aim.per_lane_km, fewest=aim.fewest)
-    demand = demand.with_ego(request.ego.vehicle_class)
-    traffic = generate_traffic(request, demand, aim, site, round_number, path.parent, report)
+    asked_for = demand.with_ego(request.ego.vehicle_class)
+    traffic = generate_traffic(request, asked_for, aim, site, round_number, path.parent, report)
     demand = traffic.demand
     ranked = along_the_site(traffic.vehicles, site)
     report(0.75, "choosing ego and goal")
@@ -332,9 +341,12 @@ def _write(
             f"{request.ego} has no goal {request.goal.in_words()} on its way; a car after it, which has, is the ego"
         )
     counted = [] if aim.plan is None else flow_notes(aim.plan, vehicles, site)
-    if (on_foot := request.people) is not None:
-        counted += people_notes(traffic.people, people_wanted(on_foot, request.density, demand.total))
+    walking = 0 if request.people is None else people_wanted(request.people, request.density, demand.total)
+    if request.people is not None:
+        counted += people_notes(traffic.people, walking)
     scenario = record_of(request, site, demand, aim, task, vehicles, people, obstacle_ids, checks, [*notes, *counted])
+    absences = absences_of(request.ego, asked_for, traffic, vehicles, walking, stands_in=task.stands_in)
+    scenario = scenario.model_copy(update={"absences": absences})
     if wanted is not None and (found := found_in(path, wanted, scenario.vehicle_classes)) is not None:
         scenario = scenario.model_copy(update={"others": found.in_words()})
     return scenario, [] if notes else missed

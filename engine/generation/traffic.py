@@ -4,6 +4,7 @@ Vehicles are ordered by how much the site matters to them, so that "the first ca
 the map.
 """
 
+import logging
 import random
 from collections import Counter
 from collections.abc import Mapping
@@ -26,6 +27,7 @@ from ..traffic import (
     WARM_UP_S,
     Demand,
     DrivingStyle,
+    DroppedVehicle,
     GeneratedVehicle,
     TooFewFoundRoom,
     TripMaker,
@@ -43,6 +45,7 @@ from .site_network import SiteNetwork
 from .sites import middle_of, road_classes
 from .writer import STEP_S
 
+logger = logging.getLogger(__name__)
 ATTEMPTS = 3
 """Simulations before a class that falls short is refused (chosen)."""
 MOST_STATES = 100_000
@@ -92,12 +95,16 @@ class TrafficAim:
 
 
 @dataclass(frozen=True)
-class _GeneratedTraffic:
-    """Smoothed vehicles at a site, spare ones among them, and the demand that they meet; the people beside them."""
+class GeneratedTraffic:
+    """Smoothed vehicles at a site, spare ones among them, and the demand that they meet; the people beside them.
+
+    ``dropped``: recorded vehicles that are not among them.
+    """
 
     vehicles: tuple[GeneratedVehicle, ...]
     demand: Demand
     people: tuple[WalkedPerson, ...] = ()
+    dropped: tuple[DroppedVehicle, ...] = ()
 
 
 def generate_traffic(
@@ -108,7 +115,7 @@ def generate_traffic(
     round_number: int,
     scratch: Path,
     report: ProgressReporter,
-) -> _GeneratedTraffic:
+) -> GeneratedTraffic:
     """Traffic without overlaps that holds all vehicles that were asked for: the first of several attempts.
 
     ``round_number`` draws other traffic with the same seed.
@@ -163,12 +170,13 @@ def generate_traffic(
         part(1.0, "smoothing motion")
         smoothed = generated_vehicles(recorded, STEP_S)
         part(1.0, "looking for overlaps")
-        kept = drop_infeasible(smoothed, needed)
+        kept, dropped = drop_infeasible(smoothed, needed)
         absent = _absent(demand, Counter(vehicle.vehicle_class.name for vehicle in kept))
         walked = () if pedestrians is None else people_among(pedestrians, kept, people)
         most_people = max(most_people, len(walked))
         if not absent and (len(walked) == people or (walked and attempt == ATTEMPTS - 1 and not _is_counted(asked))):
-            return _GeneratedTraffic(kept, demand, walked)
+            return GeneratedTraffic(kept, demand, walked, dropped)
+        logger.debug("traffic_drawn_again attempt=%d absent=%s people=%d", attempt, absent, len(walked))
         if not absent:
             continue
         shortfalls.append(absent)

@@ -1,6 +1,9 @@
 """Generation of scenarios from maps: arguments and result of the tool, and what the engine is asked and answers."""
 
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
+from typing import Literal
 
 from pydantic import Field
 
@@ -378,12 +381,50 @@ class Checks(Model):
     network_warnings: tuple[str, ...] = ()
 
 
+AbsenceFate = Literal["never_there", "left_out", "replaced"]
+AbsenceCode = Literal[
+    "no_room", "file_too_large", "not_drivable", "overlap", "no_such_goal", "no_ego_class", "scripted"
+]
+ABSENCE_REASONS: Mapping[AbsenceCode, str] = MappingProxyType(
+    {
+        "no_room": "there was no room for it at the site by the start, or it had left by then",
+        "file_too_large": "a recording of so many vehicles is too large for a file",
+        "not_drivable": "the motion that SUMO gave it cannot be driven by a vehicle of its class",
+        "overlap": "it would overlap another road user",
+        "no_such_goal": "it has no such goal on its way, so a car after it is the ego",
+        "no_ego_class": "no ego can be of this class, so a car is the ego; it drives in the traffic",
+        "scripted": "an edit put the actor of the manoeuvre that was asked for in its place",
+    }
+)
+"""Why a road user that was asked for is not there as asked; docs/generation.md lists them."""
+
+
+class VehicleAbsence(Model):
+    """Road users of a class that were asked for and are not there as asked, and why.
+
+    ``fate``: they were never there at the start, were left out of what SUMO recorded, or were replaced. ``vehicles``:
+    SUMO's ids of those that were there, otherwise empty.
+    """
+
+    fate: AbsenceFate = Field(description="what became of them")
+    code: AbsenceCode = Field(description="why")
+    vehicle_class: str
+    count: int
+    vehicles: tuple[str, ...] = ()
+    reason: str = Field(description="why, in words")
+
+    def in_words(self) -> str:
+        """Return how many of which class, what became of them, and why."""
+        return f"{counted(self.count, self.vehicle_class)} {self.fate.replace('_', ' ')} ({self.code}): {self.reason}"
+
+
 class GeneratedScenario(Model):
     """One scenario: files, and what was asked beside what came out.
 
     ``vehicle_classes``: the class of the request by CommonRoad's obstacle id, because CommonRoad has fewer types.
     ``unsigned_limits_kmh``: posted limits by lanelet, where CommonRoad has no sign for them in the country.
     ``others``: the manoeuvre that was asked for of another road user: who makes it, when, and how it came about.
+    ``absences``: why those that were asked for are not there as asked.
     """
 
     benchmark_id: str
@@ -405,6 +446,7 @@ class GeneratedScenario(Model):
     vehicle_classes: dict[int, str] = Field(default_factory=dict)
     unsigned_limits_kmh: dict[int, float] = Field(default_factory=dict)
     others: str = Field("", exclude_if=lambda words: not words)
+    absences: tuple[VehicleAbsence, ...] = Field((), exclude_if=lambda absences: not absences)
 
 
 class GenerateScenariosArguments(Arguments):
@@ -474,6 +516,9 @@ class ScenarioSummary(Model):
         exclude_if=lambda words: not words,
         description="who makes the manoeuvre asked of others, when, and whether scripted",
     )
+    absences: tuple[VehicleAbsence, ...] = Field(
+        (), exclude_if=lambda absences: not absences, description="asked for and not there as asked, and why"
+    )
     notes: list[str]
 
     @property
@@ -486,6 +531,11 @@ class ScenarioSummary(Model):
         differs = self.vehicles_realised != self.vehicles_asked
         wanted = f" of {self.vehicles_asked} that the request comes to" if differs else ""
         return f"{counted(self.vehicles_realised, 'vehicle')}{wanted}: {classes}{beside}"
+
+    @property
+    def missing(self) -> list[str]:
+        """Why some that were asked for are not there, a line each; those that another one replaced are not missing."""
+        return [f"Missing: {absence.in_words()}." for absence in self.absences if absence.fate != "replaced"]
 
     @property
     def where(self) -> str:
@@ -504,7 +554,7 @@ class ScenarioSummary(Model):
                 f"{self.ego[0].upper()}{self.ego[1:]}; goal {self.goal}.",
                 *([f"Others: {self.others}."] if self.others else []),
             ],
-            figures=[f"Traffic: {self.density}.", *(f"Note: {note}" for note in (*remarks, *notes))],
+            figures=[f"Traffic: {self.density}.", *self.missing, *(f"Note: {note}" for note in (*remarks, *notes))],
             warnings=[
                 *([self.planners_refuse] if self.planners_refuse else []),
                 *([f"failed checks: {', '.join(self.checks_failed)}"] if self.checks_failed else []),

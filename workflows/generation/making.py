@@ -114,6 +114,7 @@ def summarise(
         checks_failed=failed,
         planners_refuse=refused_by_planners(ego.vehicle_class),
         others=scenario.others,
+        absences=scenario.absences,
         notes=[*_shares(scenario, request), *scenario.notes],
     )
 

@@ -55,6 +55,7 @@ def described_generation(report: GeneratedScenario, artifact: Artifact, detail: 
         network_warnings=report.checks.network_warnings if full else (),
         netconvert_warnings=report.netconvert_warnings if full else (),
         conditions=_conditions(artifact),
+        absences=report.absences if full else (),
     )
 
 
