@@ -14,16 +14,15 @@ from numpy.typing import NDArray
 
 from .commonroad import Track
 from .geometry import Points, Values, arc_length, wrap_angles
+from .vehicles import STANDING_MPS
 
-_NEAR_M = 60.0
+_COUNTED_WITHIN_M = 60.0
 """Chosen: another whose centre is farther from the ego's than this counts for no figure."""
 SAME_DIRECTION_RAD = np.pi / 4
 """Chosen: headings that differ by less are of one direction."""
 _RISK_STEPS_S = (0.0, 0.5, 1.0, 3.0, 5.0)
 _RISK_STEPS_M = (0.0, 0.5, 1.0, 3.0, 5.0)
 """Steps of the risk score; their source is that of :func:`risk_scores`."""
-_STANDING_MPS = 0.1
-"""An ego slower than this has no time headway."""
 _LONGEST_S = 100.0
 """Chosen: a longer time is none: two of equal speed by a hair would otherwise collide in a day."""
 _BESIDE_M = 1e-6
@@ -103,7 +102,7 @@ def encounters(ego: Track, moving: Iterable[Track], standing: Iterable[Track] = 
         index = np.zeros(len(steps), dtype=int) if stands else steps - track.first_step
         there = np.flatnonzero((index >= 0) & (index < len(track.positions)))
         away = np.linalg.norm(track.positions[index[there]] - centers[there], axis=1)
-        near = there[away < _NEAR_M]
+        near = there[away < _COUNTED_WITHIN_M]
         at = index[near]
         chosen.append(near)
         states.append(np.column_stack([track.positions[at], track.headings_rad[at], track.speeds_mps[at]]))
@@ -180,8 +179,8 @@ def driving_times_s(ahead_m: Values, met: _Encounters) -> Values:
     Time headway as in Vogel 2003 (a comparison of headway and time to collision) is that from front to front, the time
     gap (ISO 15622) that from the ego's front to the rear of the vehicle ahead.
     """
-    moving = met.ego.speeds_mps > _STANDING_MPS
-    times = np.maximum(ahead_m, 0.0) / np.maximum(met.ego.speeds_mps, _STANDING_MPS)
+    moving = met.ego.speeds_mps > STANDING_MPS
+    times = np.maximum(ahead_m, 0.0) / np.maximum(met.ego.speeds_mps, STANDING_MPS)
     return np.where(moving & np.isfinite(ahead_m), times, np.inf)
 
 
@@ -204,7 +203,7 @@ def ahead_of(ego: Track, met: _Encounters) -> _Ahead:
     (sideways overlap of the bodies) and heads within 45° of it.
     """
     last = np.array([np.cos(ego.headings_rad[-1]), np.sin(ego.headings_rad[-1])])
-    path = np.concatenate([ego.positions, ego.positions[-1:] + _NEAR_M * last])
+    path = np.concatenate([ego.positions, ego.positions[-1:] + _COUNTED_WITHIN_M * last])
     stations = arc_length(path)
     station, distance, heading = _on_path(path, stations, met)
     on_it = distance < (met.ego.sizes_m[:, 1] + met.other.sizes_m[:, 1]) / 2

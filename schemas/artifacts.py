@@ -152,7 +152,7 @@ class ExportArtifactsArguments(Arguments):
     """Replace files that are there."""
 
 
-NEAR_M = 0.1
+SAME_BOUND_M = 0.1
 """A bound in another format is near the lanelet's within this distance (chosen: what netconvert works with)."""
 
 
@@ -161,13 +161,13 @@ class RoadGeometry(Model):
 
     points: int = Field(description="points of the bounds that were compared")
     within_share: float = Field(description="share of them that are closer than 0.1 m, from 0 to 1")
-    """Of the points that are at most ``NEAR_M`` away."""
+    """Of the points that are at most ``SAME_BOUND_M`` away."""
     max_m: float = Field(description="the largest distance")
 
     def told(self) -> str:
         """In words."""
         share = f"{math.floor(self.within_share * 1000) / 10:g} %"
-        return f"{share} of {self.points:,} points on bounds within {NEAR_M:g} m, {self.max_m:.2f} m at most"
+        return f"{share} of {self.points:,} points on bounds within {SAME_BOUND_M:g} m, {self.max_m:.2f} m at most"
 
 
 class ExportedFile(Model):

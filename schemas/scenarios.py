@@ -12,7 +12,7 @@ from typing import Literal
 from pydantic import ConfigDict, Field, JsonValue
 
 from .base import Answer, Arguments, Model, Result
-from .generation import DensityFacts, ScenarioType, SiteFacts
+from .generation import DensityFacts, ScenarioType, SiteFacts, VehicleAbsence
 from .text import cited_all, cited_parts, counted, shown_name
 from .vocabulary import GoalForm
 
@@ -414,6 +414,9 @@ class DescribedGeneration(Model):
     network_warnings: tuple[str, ...] = Field((), description="warnings of our checks of the network")
     netconvert_warnings: tuple[str, ...] = Field((), description="warnings of SUMO's netconvert")
     conditions: tuple[str, ...] = Field((), description="conditions of the traffic, as they were asked for")
+    absences: tuple[VehicleAbsence, ...] = Field(
+        (), exclude_if=lambda absences: not absences, description="asked for and not there as asked, and why"
+    )
 
     def lines(self) -> list[str]:
         """Site, traffic and checks in a line, then notes and warnings, one each."""
@@ -424,7 +427,8 @@ class DescribedGeneration(Model):
         asked = "".join(f", with {counted(count, name)}" for name, count in self.classes_asked.items())
         asked_density = density.at_time or density.wish
         under = f"conditions {', '.join(self.conditions)}; " if self.conditions else ""
-        listed = [f"Generation note: {note}" for note in self.notes]
+        listed = [f"Not as asked: {absence.in_words()}" for absence in self.absences]
+        listed += [f"Generation note: {note}" for note in self.notes]
         listed += [f"Road network: {warning}" for warning in self.network_warnings]
         listed += [f"netconvert: {warning}" for warning in self.netconvert_warnings]
         is_complete = listed or self.notes_total + self.warnings_total == 0

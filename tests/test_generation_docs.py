@@ -17,7 +17,7 @@ from plannerforge.engine.vehicles.classes import PEDESTRIAN, vehicle_classes
 from plannerforge.schemas.generation import Checks, GenerateScenariosArguments
 from plannerforge.workflows.generation.making import CHECK
 from plannerforge.workflows.generation.record import verdicts
-from plannerforge.workflows.generation.requests import MOST_VEHICLES
+from plannerforge.workflows.generation.specification import MOST_VEHICLES
 
 PAGE = (Path(__file__).resolve().parent.parent / "docs" / "generation.md").read_text(encoding="utf-8")
 

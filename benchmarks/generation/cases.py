@@ -31,13 +31,14 @@ from plannerforge.schemas.errors import NotPossible, PlannerForgeError
 from plannerforge.schemas.generation import GeneratedScenario, GenerateScenariosArguments, GenerationRequest
 from plannerforge.schemas.runs import NO_TRAJECTORY
 from plannerforge.server.arguments.checking import read_arguments
-from plannerforge.workflows.generation.requests import (
+from plannerforge.workflows.generation.map_choice import (
     AssignedSite,
     SiteAssignment,
     assign_sites,
     plan_maps,
     request_for,
 )
+from plannerforge.workflows.generation.specification import read_specification
 
 from ..harness import call_in_process
 from .figures import DEFECT, Made, Stages, print_verdict
@@ -112,7 +113,8 @@ def make_all(request: BenchRequest, session: Session, seed: int) -> list[Made]:
 
 
 def _assigned_sites(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -> SiteAssignment:
-    return asyncio.run(assign_sites(arguments, call_in_process(), plan_maps(arguments, maps).matches))
+    spec = read_specification(arguments)
+    return asyncio.run(assign_sites(spec, call_in_process(), plan_maps(spec, maps).matches))
 
 
 def _failed(request: BenchRequest, error: PlannerForgeError) -> Made:
@@ -124,7 +126,7 @@ def _make_somewhere(
 ) -> Made:
     """A scenario as ordered, otherwise on the first spare map where it can be made, as the tool does it."""
     try:
-        asked = request_for(request.arguments, site, index)
+        asked = request_for(read_specification(request.arguments), site, index)
         return _make(request, asked, session, seed)
     except NotPossible as error:
         if not spare:
@@ -182,10 +184,9 @@ def _is_of_type(
 def _required_vehicles(request: GenerationRequest) -> dict[str, tuple[int, int | None]]:
     """(least, most) of every class that has to be there, that of an ego of a class included."""
     required = {demand.vehicle_class: (demand.needed, demand.most) for demand in request.vehicles}
-    other = request.ego.removeprefix("type:")
-    return required | (
-        {other: (1, None)} if request.ego.startswith("type:") and other not in (*required, "car") else {}
-    )
+    ego = str(request.ego)
+    other = ego.removeprefix("type:")
+    return required | ({other: (1, None)} if ego.startswith("type:") and other not in (*required, "car") else {})
 
 
 def _drive(loaded: LoadedScenario) -> tuple[bool, str]:
@@ -220,7 +221,7 @@ def refused_right(refusal: Refusal, maps: Sequence[MapEntry]) -> str:
         given = read_arguments(GenerateScenariosArguments, refusal.given)
         arguments = GenerateScenariosArguments.model_validate(given)
         site = _assigned_sites(arguments, maps).planned[0]
-        asked = request_for(arguments, site, 0)
+        asked = request_for(read_specification(arguments), site, 0)
         with tempfile.TemporaryDirectory() as folder:
             generate_scenario(asked.model_copy(update={"folder": folder}), silent)
     except PlannerForgeError as error:

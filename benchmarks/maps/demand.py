@@ -87,7 +87,6 @@ def _make(map_path: Path, folder: Path, conditions: TrafficConditions, seed: int
         country="USA",
         attribution="OpenStreetMap",
         scenario_type="highway",
-        goal="through",
         seed=seed,
         conditions=conditions,
         folder=str(folder),

@@ -38,7 +38,8 @@ from plannerforge.engine.generation import count_sites, generate_scenario
 from plannerforge.engine.maps import MapEntry, read_map
 from plannerforge.schemas.errors import PlannerForgeError
 from plannerforge.schemas.generation import GenerateScenariosArguments, ReadMapRequest
-from plannerforge.workflows.generation.requests import assign_sites, plan_maps, request_for
+from plannerforge.workflows.generation.map_choice import assign_sites, plan_maps, request_for
+from plannerforge.workflows.generation.specification import read_specification
 
 from ..generation.figures import motion_figures, ratio
 from ..harness import (
@@ -172,17 +173,17 @@ def make_ours(task: MapTask) -> Produced:
         facts = read_map(ReadMapRequest(path=str(task.path), place=task.place, country=task.country), silent)
         entry = MapEntry(facts.model_copy(update={"file_name": task.path.name}), task.path)
         given = {"duration_s": task.length_s, "count": MOST_JUDGED, "seed": task.seed}
-        arguments = GenerateScenariosArguments.model_validate(given)
-        matches = plan_maps(arguments, [entry]).matches
-        assigned = asyncio.run(assign_sites(arguments, call_in_process(), matches)).planned
-        sites = count_sites(request_for(arguments, assigned[0], 0), silent).count
+        spec = read_specification(GenerateScenariosArguments.model_validate(given))
+        matches = plan_maps(spec, [entry]).matches
+        assigned = asyncio.run(assign_sites(spec, call_in_process(), matches)).planned
+        sites = count_sites(request_for(spec, assigned[0], 0), silent).count
     except PlannerForgeError as error:
         return Produced(task, OURS, spent=Spent.now() - began, faults={error.message: 1})
     for number, site in enumerate(assigned):
         folder = task.folder / str(number)
         folder.mkdir(parents=True)
         try:
-            generate_scenario(request_for(arguments, site, number).model_copy(update={"folder": str(folder)}), silent)
+            generate_scenario(request_for(spec, site, number).model_copy(update={"folder": str(folder)}), silent)
             files.append(folder / "scenario.xml")
         except PlannerForgeError as error:
             faults[error.message] += 1

@@ -241,7 +241,6 @@ def _fill(path: Path, number: int, scratch: Path) -> Path:
         attribution=found.attribution,
         density=choice.choice(("low", "medium", "high")),
         vehicles=(VehicleDemand(vehicle_class="truck", least=1),),
-        goal="through",
         seed=number,
         folder=str(folder),
     )

@@ -90,7 +90,6 @@ def _make(map_path: Path, folder: Path, number: int) -> bool:
                 VehicleDemand(vehicle_class="bicycle", least=BICYCLES),
             ),
             duration_s=DURATION_S,
-            goal="through",
             seed=SEED,
             most_sites=2,
             folder=str(folder),

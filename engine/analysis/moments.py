@@ -40,7 +40,7 @@ from ..criticality import encounters, gaps_m, times_to_collision_s
 from ..execution import ProgressReporter
 from ..geometry import Points, Values, oriented_rectangle, wrap_angle, wrap_angles
 from ..planners import PLANNERS, Predictor, lane_line, predictor
-from ..vehicles import VehicleParameters
+from ..vehicles import STANDING_MPS, VehicleParameters
 from .pace import on_opposite_lane_since_s, own_doing, pace_of
 from .prevention import Surroundings, prevention_of
 from .run_set import RunSet, ego_track, tracks_in
@@ -54,8 +54,6 @@ _MOMENTS, _LAST_S = 10, 3.0
 """Entries of a timeline and the span that they cover (chosen): a collision is decided in its last seconds."""
 _SAME_RAD, _AGAINST_RAD = math.pi / 4, 3 * math.pi / 4
 """Chosen as in the criticality figures: headings that differ by less, or by more, are of one or of opposite ways."""
-_STANDING_MPS = 0.1
-"""Slower than this is standing, as in the time headway."""
 _ROUNDING_M = 1e-6
 """Motion across by less is left by rounding: a straight drive has none."""
 _CAME_IN_S = 3.0
@@ -392,8 +390,8 @@ class _Drive:
         self, index: int, other: Track, at: int, sides: tuple[BodySide, BodySide]
     ) -> tuple[ContactKind, float | None]:
         """The first rule that holds, in the order of ``docs/runs.md``; the time of a cut-in beside it."""
-        ego_stands = self._ego.speeds_mps[index] < _STANDING_MPS
-        other_stands = other.speeds_mps[at] < _STANDING_MPS
+        ego_stands = self._ego.speeds_mps[index] < STANDING_MPS
+        other_stands = other.speeds_mps[at] < STANDING_MPS
         if ego_stands != other_stands:
             return ("onto_standing_ego" if ego_stands else "into_standing"), None
         heading = relative_heading(self._ego, index, other, at)
@@ -431,7 +429,7 @@ class _Drive:
         return round((index - back + int(outside[-1]) + 1) * self._record.step_s, 9)
 
     def _stood_since_s(self, index: int) -> float | None:
-        moving = np.flatnonzero(self._ego.speeds_mps[: index + 1] >= _STANDING_MPS)
+        moving = np.flatnonzero(self._ego.speeds_mps[: index + 1] >= STANDING_MPS)
         first = int(moving[-1]) + 1 if len(moving) else 0
         return round(first * self._record.step_s, 9) if first <= index else None
 
@@ -475,7 +473,7 @@ def relative_heading(ego: Track, index: int, other: Track, at: int) -> RelativeH
 
 def stands(other: Track, at: int) -> bool:
     """Return whether another does not move at one of its states: whatever way it faces, it does not come along it."""
-    return bool(other.speeds_mps[at] < _STANDING_MPS)
+    return bool(other.speeds_mps[at] < STANDING_MPS)
 
 
 def _course(ego: Track, index: int, other: Track, at: int) -> SeenCourse:

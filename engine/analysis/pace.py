@@ -21,6 +21,7 @@ from ..commonroad import Track, kept_recording, signs_of
 from ..criticality import SAME_DIRECTION_RAD
 from ..geometry import Points, Values, arc_length, curvatures, headings, project_all, project_along, wrap_angles
 from ..planners import Goal, ReferencePath, goal_with_path
+from ..vehicles import STANDING_MPS
 from .ruled_drive import Ahead, RuledDrive, meeting_m
 from .run_set import RunSet, ego_track, tracks_in
 
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
     from commonroad.scenario.traffic_light import TrafficLight
     from shapely import LineString
 
-STANDING_MPS = 0.1
-"""As in CommonRoad's own monitor of traffic rules: a slower vehicle counts as standing."""
 FOLLOWS_S = 3.0
 """Highway Capacity Manual 2010, chapter 15: a vehicle with a headway of at most 3 s, front to front, is following (the
 seventh edition says 2.5 s)."""

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _ALIGNED_RAD = math.radians(60.0)
 """Chosen, as for planners: a lanelet whose direction differs by less from a heading is one of its direction."""
-_NEAR_M, _ON_M = 20.0, 80.0
+_LANES_WITHIN_M, _ON_M = 20.0, 80.0
 """Chosen: lanelets within this of the drive are looked at; a drive's path goes on along lanes for so long."""
 _LEAST_CONFLICT_M2 = 0.5
 """Chosen: ways that overlap less touch along a line."""
@@ -142,7 +142,7 @@ class RuledDrive:
         """The lanelets near the drive."""
         from shapely import MultiPoint
 
-        return _Roads(self.network, MultiPoint(self.ego.positions).envelope.buffer(_NEAR_M))
+        return _Roads(self.network, MultiPoint(self.ego.positions).envelope.buffer(_LANES_WITHIN_M))
 
     @cached_property
     def lanelets(self) -> list[tuple[int, ...]]:
@@ -258,7 +258,7 @@ class RuledDrive:
 
     def _near_intersection(self, own: _Passage) -> Iterator[Track]:
         """Others that move and come near the ego's way through an intersection."""
-        inside = self.roads.union(own.inside).buffer(_NEAR_M).bounds
+        inside = self.roads.union(own.inside).buffer(_LANES_WITHIN_M).bounds
         low, high = np.array(inside[:2]), np.array(inside[2:])
         for track in self.others.values():
             if len(track.positions) > 1 and ((track.positions >= low) & (track.positions <= high)).all(axis=1).any():

@@ -20,6 +20,7 @@ from ...schemas.results import RuleShare
 from ...schemas.runs import RuleVerdict, RunRecord, drawn_place
 from ..commonroad import kept_recording, signs_of
 from ..geometry import Points, Values, arc_length, project_all
+from ..vehicles import MONITOR_REACTION_S, STANDING_MPS
 from .ruled_drive import Ahead, RuledDrive, YieldsBy
 from .run_set import RunSet, tracks_in
 from .temporal_logic import (
@@ -37,7 +38,7 @@ from .temporal_logic import (
 
 MOST_RUNS = 200
 """Runs of a set that are looked at (chosen): each reads its scenario, and an answer has 50 s."""
-_REACTION_S, _OWN_BRAKING_MPS2, _LEAD_BRAKING_MPS2, _CUT_IN_S = 0.4, 10.0, 10.5, 3.0
+_OWN_BRAKING_MPS2, _LEAD_BRAKING_MPS2, _CUT_IN_S = 10.0, 10.5, 3.0
 """As in CommonRoad's own monitor of these rules: what the safe distance counts on, how long a cut-in excuses."""
 _ABRUPT_MPS2 = 2.0
 """As in CommonRoad's own monitor: harder braking, and braking harder than the one ahead by so much, is abrupt."""
@@ -45,8 +46,8 @@ _CRITICAL_S = 3.0
 """Chosen: a collision on the present courses within this time is a compelling reason to brake."""
 _LEFT_BEFORE_S, _LEFT_AFTER_S = 1.0, 0.5
 """As in CommonRoad's own monitor: time kept clear before one with priority comes, and after it has gone."""
-_STOP_S, _STOP_WITHIN_M, _STANDING_MPS = 3.0, 1.0, 0.1
-"""As in CommonRoad's own monitor: how long, how near to its line and how slowly a stop sign asks to stand."""
+_STOP_S, _STOP_WITHIN_M = 3.0, 1.0
+"""As in CommonRoad's own monitor: how long and how near to its line a stop sign asks to stand."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +168,7 @@ def _safe_distance(drive: RuledDrive) -> Iterator[Signal]:
 def _margin_m(drive: RuledDrive, other: Ahead) -> Values:
     """How much farther ahead another is than the distance in which the ego could stop behind it."""
     own = drive.ego.speeds_mps
-    safe = own * _REACTION_S + own**2 / (2 * _OWN_BRAKING_MPS2) - other.speed_mps**2 / (2 * _LEAD_BRAKING_MPS2)
+    safe = own * MONITOR_REACTION_S + own**2 / (2 * _OWN_BRAKING_MPS2) - other.speed_mps**2 / (2 * _LEAD_BRAKING_MPS2)
     return np.where(other.is_ahead, other.gap_m - np.maximum(safe, 0.0), np.inf)
 
 
@@ -178,7 +179,7 @@ def _unnecessary_braking(drive: RuledDrive) -> Iterator[Signal]:
         precedes = truth(other.is_ahead & (drive.nearest_ahead == number))
         brakes_too = truth(own - other.acceleration_mps2 > -_ABRUPT_MPS2)
         reasons.append(conjunction(precedes, disjunction(truth(_margin_m(drive, other) < 0), brakes_too)))
-    stopping = drive.ego.speeds_mps * _REACTION_S + drive.ego.speeds_mps**2 / (2 * _ABRUPT_MPS2)
+    stopping = drive.ego.speeds_mps * MONITOR_REACTION_S + drive.ego.speeds_mps**2 / (2 * _ABRUPT_MPS2)
     for line in drive.lines:
         for light in drive.lights_for(line):
             stops = ~drive.shown(light, ("GREEN", "INACTIVE"))
@@ -240,10 +241,10 @@ def _stop_sign(drive: RuledDrive) -> Iterator[Signal]:
         if "STOP" not in names or drive.lights_of([line.lanelet.lanelet_id]):
             continue
         before = truth((line.before_m >= 0) & (line.before_m <= _STOP_WITHIN_M))
-        stands = conjunction(before, _STANDING_MPS - drive.ego.speeds_mps)
+        stands = conjunction(before, STANDING_MPS - drive.ego.speeds_mps)
         stood = once(_held_for(stands, drive.steps(_STOP_S)))
         passes = conjunction(previously(truth(line.before_m >= 0)), truth(line.before_m < 0))
-        demand = np.where(np.isfinite(stood), stood, _STANDING_MPS - drive.ego.speeds_mps)
+        demand = np.where(np.isfinite(stood), stood, STANDING_MPS - drive.ego.speeds_mps)
         yield Signal(implies(passes, demand))
 
 

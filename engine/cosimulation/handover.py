@@ -18,6 +18,7 @@ import numpy as np
 from ..commonroad import Track
 from ..geometry import Points, Values
 from ..vehicles import (
+    REST_OF_SMOOTHING_MPS,
     SMOOTHINGS,
     Motion,
     VehicleClass,
@@ -50,8 +51,6 @@ LONG_M = 6.0
 """A longer vehicle may swing its front out in bends (chosen): all classes but cars, taxis and two-wheelers."""
 LEAST_SMOOTHING = (1.5, 0.8)
 """In steps and in m, of a prescribed motion (chosen): its lanes have few kinks, and its values are to come out."""
-STANDING_MPS = 0.02
-"""Speeds below this are written as 0 (chosen): smoothing leaves a rest."""
 
 
 @dataclass(frozen=True)
@@ -318,5 +317,5 @@ def _rear_axle_speeds(rear: Points, headings: Values, first_mps: float, step_s: 
     moved = np.diff(rear, axis=0)
     along = np.maximum((moved * forward[:-1]).sum(axis=1) / step_s, 0.0)
     speeds = np.concatenate([[first_mps], (along[:-1] + along[1:]) / 2, along[-1:]])
-    speeds[speeds < STANDING_MPS] = 0.0
+    speeds[speeds < REST_OF_SMOOTHING_MPS] = 0.0
     return speeds

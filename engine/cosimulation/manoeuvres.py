@@ -13,12 +13,13 @@ from dataclasses import dataclass
 
 from ..network import USUAL_SPEED_MPS
 from ..traffic import LaneChanges, Sumo
+from ..vehicles import CUT_IN_REACTION_S
 
 LANE_CHANGE_S = 2.5
 """How long a change of lane takes, and for how long an order to change lanes holds (chosen)."""
 INTO_LANE_S = 0.8
 """Time from the beginning of a lane change until the vehicle is over the line (chosen): others brake for it then."""
-REACTION_S, HARD_BRAKING_MPS2 = 0.35, 6.0
+HARD_BRAKING_MPS2 = 6.0
 """What is asked of a vehicle that is cut in on: UN Regulation 157 (automated lane keeping), 5.2.5.2."""
 ROUNDING_MPS = 1e-6
 """Differences of speed below this are rounding."""
@@ -54,7 +55,7 @@ class Halt:
 def required_gap_m(closing_mps: float) -> float:
     """The gap in m, beyond that kept when standing, that a driver needs who comes closer at a speed in m/s."""
     closing = max(closing_mps, 0.0)
-    return closing * (INTO_LANE_S + REACTION_S) + closing**2 / (2 * HARD_BRAKING_MPS2)
+    return closing * (INTO_LANE_S + CUT_IN_REACTION_S) + closing**2 / (2 * HARD_BRAKING_MPS2)
 
 
 _Order = tuple[str, int]

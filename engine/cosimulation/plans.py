@@ -46,7 +46,8 @@ class DrivePlan:
     drive; ``edges``: SUMO's route for it; ``targets``: lanelets any of which the edit sends it to (none: no target);
     ``through``: lanelets of the route that it has to use; ``manoeuvres``: its orders, by their steps;
     ``junction_lane_change``: how it changes lanes where it is handed over inside a junction (None: it does not);
-    ``halts``: where it waits for others; ``ignores_lights``: it stops at no red light and yields to nobody.
+    ``halts``: where it waits; ``gives_way``: it waits for others that it would hit; ``ignores_lights``: it stops at no
+    red light and yields to nobody.
     """
 
     start: Track
@@ -61,6 +62,7 @@ class DrivePlan:
     through: frozenset[int] = frozenset()
     junction_lane_change: JunctionLaneChange | None = None
     halts: tuple[Halt, ...] = ()
+    gives_way: bool = False
     ignores_lights: bool = False
 
 

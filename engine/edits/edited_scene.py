@@ -25,8 +25,6 @@ _TOUCH_M = 0.05
 """Rectangles that overlap by less are not colliding: recorded positions are not better than that."""
 _NEAR_STEPS = 10
 """An overlap that begins so few steps before or after a recorded one of the same two is the recorded one (chosen)."""
-REACTION_S = 4.0
-"""A handed-over vehicle is driven from this long before the collision on, which is time to brake gently (chosen)."""
 EGO = 0
 """Stands for the ego's id among road users; obstacles have positive ones."""
 

@@ -28,8 +28,9 @@ from ..cosimulation import (
 from ..criticality import SAME_DIRECTION_RAD, encounters, gaps_m, risk_scores, times_to_collision_s
 from ..geometry import Values, wrap_angle
 from ..scene import Ego, Scene, goal_lanelets, obstacle_of
+from ..vehicles import HAND_OVER_S
 from .changes import Changes, car_plan
-from .edited_scene import REACTION_S, EditedScene
+from .edited_scene import EditedScene
 
 _LONGEST_TIME_S = 60.0
 """A later collision is none: no road user keeps speed and heading for so long (chosen)."""
@@ -170,7 +171,7 @@ def _danger(drive: Track, others: tuple[Track, ...], replayed: tuple[_Replayed, 
     hits = {one.track.obstacle_id: step for one in touched if (step := _recorded_hit(drive, one)) is not None}
     if not hits:
         return EgoRisk(figures)
-    reaction_steps = round(REACTION_S / step_s)
+    reaction_steps = round(HAND_OVER_S / step_s)
     last_steps = list(met.last_steps)
     for at, one in enumerate(replayed, start=len(others)):
         hit = hits.get(one.track.obstacle_id)

@@ -19,7 +19,7 @@ from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, highest_entry_speed
 from ..geometry import Points, arc_length, oriented_rectangle, project, rectangles_overlap
 from ..scene import Scene
-from ..vehicles import VehicleClass, hardest_braking_mps2
+from ..vehicles import HARD_BRAKING_REACTION_S, TIME_GAP_MPS, VehicleClass, hardest_braking_mps2
 from .changes import Changes, car_at_start, moved_in_time, scene_for_references
 from .edited_scene import EGO, EditedScene, SimulatedEdits, new_overlaps, overlap_steps
 from .placement import Place
@@ -32,17 +32,13 @@ _SEARCH_STEP_M = 1.0
 """How finely a lane is searched for free places (chosen)."""
 _FREE_PLACES_NAMED = 3
 """A refusal names this many free places (chosen)."""
-_NEAR_M = 40.0
+_MAY_TOUCH_M = 40.0
 """Vehicles whose centres are farther apart along an axis do not touch: no road user is as long."""
-_REACTION_S = 0.5
-"""The least time after which a driver brakes hard (chosen)."""
 _SHARE_OF_LANE_SPEED = 0.8
 """A vehicle with no traffic around it enters a little slower than its lane allows (chosen)."""
 _AS_FAST_AS_IT_CAN = "its class and the curves ahead allow no more"
 _EGO_ID = 0
 """Stands for the ego among the neighbours; ids of obstacles are positive."""
-_STANDS_MPS = 0.5
-"""Below this speed a follower stands, and a gap is no time (chosen)."""
 _LOOK_M = 60.0
 """Vehicles of the lane that are farther away do not set the entry speed (chosen)."""
 _SOON_S = 2.0
@@ -87,7 +83,7 @@ class OccupiedPlaces:
         """The same for a centre (2,) and a heading."""
         wanted = oriented_rectangle(center, heading_rad, (size_m[0] + 2 * CLEARANCE_M, size_m[1] + CLEARANCE_M))
         for name, track, index in self._occupants:
-            is_near = float(np.abs(track.positions[index] - center).max()) < _NEAR_M
+            is_near = float(np.abs(track.positions[index] - center).max()) < _MAY_TOUCH_M
             if is_near and rectangles_overlap(wanted, track.corners_at(index)):
                 return name
         return None
@@ -187,7 +183,7 @@ def _would_reach(
 
 def _stopping_distance_m(speed_mps: float, friction: float | None) -> float:
     """The distance in which a driver stops from a speed; or, of a closing speed, by which it comes closer."""
-    return speed_mps * _REACTION_S + speed_mps**2 / (2 * hardest_braking_mps2(friction))
+    return speed_mps * HARD_BRAKING_REACTION_S + speed_mps**2 / (2 * hardest_braking_mps2(friction))
 
 
 @dataclass(frozen=True)
@@ -279,7 +275,7 @@ def gaps_in_words(
 
 def _gap_text(neighbour: _Neighbour, vehicle_class: VehicleClass, follower_mps: float) -> str:
     gap_m = neighbour.gap_m(vehicle_class)
-    headway = f", {gap_m / follower_mps:.1f} s" if follower_mps > _STANDS_MPS else ""
+    headway = f", {gap_m / follower_mps:.1f} s" if follower_mps > TIME_GAP_MPS else ""
     who = "the ego" if neighbour.vehicle_id == _EGO_ID else f"vehicle {neighbour.vehicle_id}"
     return f"{gap_m:.1f} m{headway} to {who}"
 

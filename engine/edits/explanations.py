@@ -21,6 +21,7 @@ from ..commonroad import Track
 from ..cosimulation import LANE_CHANGE_S, DrivePlan, Manoeuvre, TakenOverTrack, pedestrian_of
 from ..geometry import Values, project
 from ..scene import NOT_DRIVEN, Scene
+from ..vehicles import STANDING_MPS
 from .changes import EditStep, listed
 from .edited_scene import EditedScene, SimulationResult, new_overlaps
 
@@ -33,12 +34,10 @@ _ON_IT_M = 0.5
 
 With less it is at its line.
 """
-_NEAR_M, _NEAR_S, _ASIDE_M = 5.0, 2.0, 2.0
+_HOLDS_UP_M, _NEAR_S, _ASIDE_M = 5.0, 2.0, 2.0
 """A road user this near ahead, by distance or by time, and no farther aside, holds a vehicle up (chosen)."""
 _LEADER_SHARE = 0.5
 """A leader is one for more than this share of the steps."""
-_STANDING_MPS = 0.1
-"""SUMO's speed of a waiting vehicle."""
 _LEAST_STANDING_S = 1.0
 """A shorter stand is no reason to be late (chosen)."""
 _SLOW_MPS = 8.0
@@ -292,7 +291,7 @@ class DrivenVehicle:
         held = [order for order in self.plan.manoeuvres if order.speed_mps is not None]
         if held and float(track.speeds_mps[-1]) <= (held[-1].speed_mps or 0.0) + _SPEED_TOLERANCE_MPS:
             late = f", held to {held[-1].speed_mps:.1f} m/s"
-        if float(track.speeds_mps[-1]) < _STANDING_MPS:
+        if float(track.speeds_mps[-1]) < STANDING_MPS:
             return f"it stands on lanelet {last} when {ends}{late}"
         return f"{ends} while it is on its way to lanelet {target}{late}"
 
@@ -400,7 +399,7 @@ def _behind(scene: Scene, track: TakenOverTrack, others: Mapping[int, Track], st
         if key == track.obstacle_id or both.sum() <= _LEADER_SHARE * len(indices):
             continue
         gap_m = _gaps_m(track, other, indices[both], there[both])
-        near = gap_m <= np.maximum(_NEAR_M, _NEAR_S * track.speeds_mps[indices[both]])
+        near = gap_m <= np.maximum(_HOLDS_UP_M, _NEAR_S * track.speeds_mps[indices[both]])
         if near.sum() > _LEADER_SHARE * len(indices):
             leaders.append((-int(near.sum()), float(gap_m[near].mean()), key))
     return f" behind {_in_words(scene, min(leaders)[2])}" if leaders else ""
@@ -417,7 +416,7 @@ def _longest_stand(scene: Scene, track: TakenOverTrack, driven: tuple[int, ...])
     """The steps at which a vehicle stood on the lanelet where it stood longest, and its id; no steps if it did not."""
     stands: dict[int, list[int]] = {}
     for index, (lane, speed) in enumerate(zip(track.lanes, track.speeds_mps, strict=False)):
-        if speed < _STANDING_MPS:
+        if speed < STANDING_MPS:
             under = scene.layout.lanelets_of_lane.get(lane, ())
             for key in [key for key in under if key in driven or not driven][-1:] or driven[-1:]:
                 stands.setdefault(key, []).append(track.first_step + index)

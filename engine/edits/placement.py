@@ -12,13 +12,12 @@ from ..cosimulation import Trigger
 from ..geometry import Points, point_at, project, wrap_angle
 from ..network import station_m
 from ..scene import Scene, straightness
+from ..vehicles import TIME_GAP_MPS
 from .changes import Changes, scene_for_references
 from .references import EGO_WORDS, known_lanelet, select
 
 _ONCOMING_RAD = math.radians(135.0)
 """Lanes whose directions differ by more are oncoming ones (chosen)."""
-_STANDING_MPS = 0.5
-"""Below this speed a road user stands, and a time is no gap (chosen)."""
 _ONCOMING_REACH_M = 15.0
 """How far beside its own lane a vehicle's oncoming lane may lie: a median is narrower (chosen)."""
 
@@ -106,7 +105,7 @@ def _offset_m(edit: Edit, reference: _Reference, length_m: float) -> float:
     """
     if edit.gap_s is None:
         return edit.offset_m or 0.0
-    if edit.offset_m is not None or reference.speed_mps < _STANDING_MPS:
+    if edit.offset_m is not None or reference.speed_mps < TIME_GAP_MPS:
         stands = f"{reference.name} stands, so that no time gap leads to a place"
         raise InvalidRequest(
             "gap_s and offset_m both say where" if edit.offset_m is not None else stands,

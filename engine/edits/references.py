@@ -27,11 +27,9 @@ from ...schemas.text import counted
 from ...schemas.vocabulary import vehicle_class_of
 from ..commonroad import Track
 from ..scene import NOT_DRIVEN, Ego, Scene, ego_lane, leader_and_follower
-from ..vehicles import vehicle_classes
+from ..vehicles import STANDING_MPS, vehicle_classes
 from .changes import Changes, scene_for_references
 
-_STANDING_MPS = 0.1
-"""SUMO's speed of a waiting vehicle."""
 _TIE = 1e-3
 """Speeds in m/s or distances in m that differ by less are the same to a person who describes a vehicle by them."""
 _NAME_A_VEHICLE = "name one of these by its id; describe_scenario with detail=vehicles lists all"
@@ -257,9 +255,7 @@ def _described(selector: Selector, scene: Scene) -> tuple[int, ...]:
     if not there:
         raise NotPossible(f"no vehicle is there at time step {step}", valid=_listed(scene), next_step=_NAME_A_VEHICLE)
     if selector.kind == "standing":
-        return _fitting(
-            "stands at the start", [key for key in there if _speed(there[key], step) < _STANDING_MPS], scene
-        )
+        return _fitting("stands at the start", [key for key in there if _speed(there[key], step) < STANDING_MPS], scene)
     if selector.kind in ("fastest", "slowest"):
         sign = -1.0 if selector.kind == "fastest" else 1.0
         return _first(selector, there, 1, lambda track: sign * _speed(track, step))

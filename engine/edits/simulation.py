@@ -27,9 +27,9 @@ from ..cosimulation import (
 )
 from ..geometry import Points, arc_length, project, rectangles_overlap
 from ..scene import Scene
-from ..vehicles import HARDEST_BRAKING_MPS2, hardest_braking_mps2
+from ..vehicles import HAND_OVER_S, HARDEST_BRAKING_MPS2, hardest_braking_mps2
 from .changes import Changes
-from .edited_scene import REACTION_S, EditedScene, Overlap, SimulationResult, new_overlaps
+from .edited_scene import EditedScene, Overlap, SimulationResult, new_overlaps
 
 _ROUNDS = 8
 """Each may reach one vehicle farther back in a queue; 8 end within seconds (chosen)."""
@@ -66,6 +66,7 @@ class Simulation:
         """
         plans = dict(sorted({**(self._all_handed_over() if all_react else {}), **self.changes.driven}.items()))
         best = result = self._round(plans, shown)
+        seen_by_best = shown
         for _ in range(_ROUNDS):
             more, reacting = self._handed_over(plans, result.overlaps), self._reacting(shown, result)
             if not more and reacting is None:
@@ -75,10 +76,12 @@ class Simulation:
             shown = reacting or shown
             plans = dict(sorted({**plans, **more}.items()))
             result = self._round(plans, shown)
-            if len(result.overlaps) < len(best.overlaps) or not any(plan.halts for plan in plans.values()):
-                best = result
-        # The last simulation leaves its files behind; they have to be those of the motion that is written.
-        return best if best is result else self._round(best.plans, shown)
+            if len(result.overlaps) < len(best.overlaps) or not any(plan.gives_way for plan in plans.values()):
+                best, seen_by_best = result, shown
+        if best is not result and self.setup.keeps_routes:
+            # The last simulation leaves its files behind; they have to be those of the motion that is written.
+            return self._round(best.plans, seen_by_best)
+        return best
 
     def _all_handed_over(self) -> dict[int, DrivePlan]:
         return {
@@ -147,12 +150,12 @@ class Simulation:
                     continue
                 handed_over = plan or recorded_plan(scene, key, "handed_over", step)
                 earliest = min(step, more[key].from_step) if key in more else step
-                more[key] = replace(handed_over, from_step=earliest, halts=())
+                more[key] = replace(handed_over, from_step=earliest, halts=(), gives_way=False)
         return more
 
     @property
     def _reaction_steps(self) -> int:
-        return round(REACTION_S / self.scene.step_s)
+        return round(HAND_OVER_S / self.scene.step_s)
 
     def _giving_way(self, result: SimulationResult) -> dict[int, DrivePlan]:
         """Plans that give way, but for a vehicle that enters onto another one: a taken place is refused."""
@@ -174,7 +177,7 @@ class Simulation:
         SUMO keeps its order of the vehicles on a lane where one is put through another: those behind see it as their
         leader from then on, and not the one that it passed through, and run into that.
         """
-        if not result.overlaps or any(plan.halts for plan in result.plans.values()):
+        if not result.overlaps or any(plan.gives_way for plan in result.plans.values()):
             return None
         reacting = {}
         for one in shown:
@@ -223,7 +226,9 @@ def plans_giving_way(
         possible = [wait for wait in waits if wait is not None]
         if possible:
             best = min(possible, key=lambda wait: (wait.plan.cause != "handed_over", -wait.step))
-            waiting[best.plan.start.obstacle_id] = replace(best.plan, halts=(*best.plan.halts, best.halt))
+            waiting[best.plan.start.obstacle_id] = replace(
+                best.plan, halts=(*best.plan.halts, best.halt), gives_way=True
+            )
     return waiting
 
 

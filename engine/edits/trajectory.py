@@ -30,6 +30,7 @@ from ..cosimulation import (
 )
 from ..geometry import Values
 from ..scene import Scene
+from ..vehicles import STANDING_MPS
 from .changes import (
     FEWEST_STATES,
     MOST_NAMED,
@@ -46,8 +47,6 @@ from .edited_scene import EditedScene
 from .references import nearest_ids, select
 from .scripted import achieved, is_relative, motion_of, scripted_lane_change, scripted_speed, wanted_speed
 
-_STANDING_MPS = 0.1
-"""Slower motion has no speed that a share could be taken of (chosen): SUMO's speed of a waiting vehicle."""
 _NEAR_SHARE = 0.02
 """A mean speed is reached within this share of it (chosen)."""
 
@@ -198,7 +197,7 @@ def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[
             motion = as_ordered or motion
         plan, step = _plan_from(scene, changes, vehicle_id, edit.time_s)
         now = motion.speeds_mps[step - motion.first_step :]
-        wanted = np.array([wanted_speed(text, float(speed)) if speed > _STANDING_MPS else 0.0 for speed in now])
+        wanted = np.array([wanted_speed(text, float(speed)) if speed > STANDING_MPS else 0.0 for speed in now])
         check_speed(
             float(wanted.min() if wanted.min() < 0.0 else wanted.max()),
             class_of(motion.kind).maximum_speed_mps,
@@ -255,7 +254,7 @@ def _by_place(now: Values, wanted: Values) -> tuple[float, ...]:
     while place < len(now) - 1:
         at = int(place)
         speeds.append(float(wanted[at]))
-        place += float(wanted[at] / now[at]) if now[at] > _STANDING_MPS else 1.0
+        place += float(wanted[at] / now[at]) if now[at] > STANDING_MPS else 1.0
     return (*speeds, float(wanted[-1]))
 
 

@@ -22,7 +22,7 @@ from ...schemas.errors import UnexpectedFailure, WorkerFailure, WorkerTimeout
 from .environment import without_settings
 from .executor import Lane, OnProgress, Operation, Request, Response, no_progress
 from .limits import Limits
-from .worker import LONGEST_LINE_BYTES, WARM_UP, Answer, Failure, Order, Progress, line_of, read_report
+from .worker import LOGS_DECISIONS, LONGEST_LINE_BYTES, WARM_UP, Answer, Failure, Order, Progress, line_of, read_report
 
 PRELOAD: dict[Lane, tuple[str, ...]] = {
     "compute": ("libsumo", "commonroad.common.file_reader", "shapely", "frenetix", "scipy.cluster.hierarchy"),
@@ -154,6 +154,8 @@ class WorkerPool:
     async def _start(self, lane: Lane) -> "_WorkerProcess":
         memory = self._limits.worker_memory_bytes if lane == "compute" else _RETRIEVAL_MEMORY_BYTES
         environment = {"PLANNERFORGE_WORKER_MEMORY": str(memory)}
+        if logger.isEnabledFor(logging.DEBUG):
+            environment[LOGS_DECISIONS] = "1"
         if self._limits.recordings is not None:
             environment["PLANNERFORGE_RECORDINGS"] = str(self._limits.recordings)
         return await _WorkerProcess.start(environment, log=self._log, preload=PRELOAD[lane])

@@ -10,6 +10,7 @@ import gc
 import importlib
 import inspect
 import json
+import logging
 import os
 import queue
 import signal
@@ -24,6 +25,8 @@ from ...schemas.errors import PlannerForgeError, Remedy, ResourceFailure, rebuil
 from .environment import hide_environment
 from .limits import end_with_parent, limit_memory
 
+LOGS_DECISIONS = "PLANNERFORGE_WORKER_DECISIONS"
+"""The variable of the environment that has a worker log what the engine decides."""
 LONGEST_LINE_BYTES = 256 * 1024**2
 """The longest report that the server reads; chosen."""
 
@@ -99,6 +102,8 @@ def main() -> None:
     end_with_parent()
     hide_environment()
     limit_memory(int(os.environ.get("PLANNERFORGE_WORKER_MEMORY", "0")))
+    if os.environ.get(LOGS_DECISIONS):
+        log_decisions()
     orders: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_read_orders, args=(orders_in, orders), daemon=True).start()
     while True:
@@ -107,6 +112,12 @@ def main() -> None:
             warm_up(order.request.split())
             continue
         reports.write(line_of(_carry_out(order, reports)))
+
+
+def log_decisions() -> None:
+    """Have what the engine decides written to standard error, which is the workers' log, without other libraries."""
+    logging.basicConfig(format="%(levelname)s %(name)s: %(message)s")
+    logging.getLogger("plannerforge").setLevel(logging.DEBUG)
 
 
 def warm_up(modules: Iterable[str]) -> None:

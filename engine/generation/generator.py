@@ -5,6 +5,7 @@ scenarios that were written, the one with the fewest faults is kept.
 """
 
 import gc
+import logging
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -14,7 +15,7 @@ from functools import partial
 from pathlib import Path
 
 from ...schemas.errors import InvalidRequest, NotPossible
-from ...schemas.generation import GeneratedScenario, GenerationRequest, VehicleDemand
+from ...schemas.generation import AskedManoeuvre, GeneratedScenario, GenerationRequest, VehicleDemand
 from ...schemas.text import cited, counted
 from ...schemas.vocabulary import EGO_CLASSES
 from ..execution import ProgressReporter
@@ -22,15 +23,16 @@ from ..maps import OsmMap, Site, read_map_file
 from ..traffic import GeneratedVehicle, lane_km_of, plan_counts
 from .checks import check_scenario, faults_of
 from .flows import flow_notes
-from .others import LIKELY_AT, MOST_TRIES, EgoChoice, WantedManoeuvre, can_be_scripted, found_in, scripted
-from .people import people_asked, people_notes, people_wanted, vehicles_asked
+from .others import LIKELY_AT, MOST_TRIES, EgoChoice, can_be_scripted, found_in, scripted
+from .people import people_notes, people_wanted
 from .planning_problem import PlanningTask, TaskSpec, choose_task
-from .record import record_of, with_scripted
+from .record import absences_of, record_of, with_scripted
 from .site_network import SITE_LOST, SiteNetwork, prepare_site
 from .sites import fitting_sites, other_types
 from .traffic import NO_ROOM, TrafficAim, along_the_site, generate_traffic, without_spares
 from .writer import STEP_S, write_scenario
 
+logger = logging.getLogger(__name__)
 OWN_ROUNDS, MOST_ROUNDS, MOST_SITES = 2, 5, 10
 """Rounds of traffic at the site's own place, rounds of traffic in all, sites looked at in all (chosen)."""
 ROUNDS_TO_SCRIPT = 3
@@ -53,8 +55,8 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
         UnsafeInput: the map file is broken or hostile.
     """
     with _no_collection():
-        spec = TaskSpec.of(request)
-        ego_notes, request = _with_ego_class(request, spec)
+        request.check_turn()
+        ego_notes, request = _with_ego_class(request)
         report(0.0, "reading the map")
         osm = read_map_file(Path(request.map_path))
         report(0.02, "looking for sites")
@@ -65,7 +67,7 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
             )
         own_and_others = sites[request.site_index :: request.site_step]
         with tempfile.TemporaryDirectory(dir=request.folder) as scratch:
-            attempts = _Attempts(request, spec, Path(scratch), report)
+            attempts = _Attempts(request, Path(scratch), report)
             attempts.run(osm, own_and_others)
             attempts.script()
             best = attempts.best(osm)
@@ -87,19 +89,20 @@ def _no_collection() -> Iterator[None]:
             gc.enable()
 
 
-def _with_ego_class(request: GenerationRequest, spec: TaskSpec) -> tuple[list[str], GenerationRequest]:
+def _with_ego_class(request: GenerationRequest) -> tuple[list[str], GenerationRequest]:
     """Return notes on the ego, and the request with the ego's class among the other vehicles too.
 
     Raises:
         InvalidRequest: a class that no ego can be, and that is kept out of the traffic.
     """
-    other = spec.other_class or spec.ego_class
+    ego = request.ego
+    other = ego.other_class or ego.vehicle_class
     if other == "car":
         return [], request
     asked = next((demand for demand in request.vehicles if demand.vehicle_class == other), None)
     if asked is None:
         vehicles = (*request.vehicles, VehicleDemand(vehicle_class=other))
-    elif spec.other_class is None:
+    elif ego.other_class is None:
         vehicles = request.vehicles
     elif asked.most == 0:
         raise InvalidRequest(
@@ -110,7 +113,7 @@ def _with_ego_class(request: GenerationRequest, spec: TaskSpec) -> tuple[list[st
     else:
         at_least_one = asked if asked.least != 0 else asked.model_copy(update={"least": 1})
         vehicles = tuple(at_least_one if demand is asked else demand for demand in request.vehicles)
-    if spec.other_class is None:
+    if ego.other_class is None:
         return [], request.model_copy(update={"vehicles": vehicles})
     notes = [f"the ego must be a motor vehicle, so it is a car; the {other} that was asked for is in the traffic"]
     return notes, request.model_copy(update={"vehicles": vehicles})
@@ -137,9 +140,9 @@ class _Attempts:
     ``lost``: sites that were passed over, because the net that is built of them does not show their type.
     """
 
-    def __init__(self, request: GenerationRequest, spec: TaskSpec, scratch: Path, report: ProgressReporter) -> None:
-        self._request, self._spec, self._scratch, self._report = request, spec, scratch, report
-        self._wanted = WantedManoeuvre.of(request.others)
+    def __init__(self, request: GenerationRequest, scratch: Path, report: ProgressReporter) -> None:
+        self._request, self._scratch, self._report = request, scratch, report
+        self._wanted = request.others
         most = ROUNDS_TO_SCRIPT if self._wanted is not None and can_be_scripted(self._wanted) else MOST_ROUNDS
         self._rounds, self._most_rounds = 0, request.most_rounds or most
         self.made: list[_Attempt] = []
@@ -164,6 +167,10 @@ class _Attempts:
             try:
                 prepared = prepare_site(self._request, osm, site, folder, self._report)
             except NotPossible as refusal:
+                place = f"{site.latitude:.5f},{site.longitude:.5f}"
+                logger.debug(
+                    "site_refused number=%d kind=%s at=%s reason=%r", number, site.kind, place, refusal.message
+                )
                 if refusal.reason == SITE_LOST:
                     self.lost.append(site)
                 else:
@@ -172,7 +179,7 @@ class _Attempts:
             fit.append((prepared, folder))
             if self._is_done(prepared, folder, range(OWN_ROUNDS if len(fit) == 1 else 1)):
                 return
-            if self._spec.goal.lanelet is not None:  # an id means another lanelet elsewhere
+            if self._request.goal.lanelet is not None:  # an id means another lanelet elsewhere
                 break
         is_sought = bool(fit) and self._wanted is not None and all(attempt.lacks for attempt in self.made)
         is_full = any(refusal.reason == NO_ROOM for refusal in self.refusals)
@@ -235,14 +242,17 @@ class _Attempts:
         self._rounds += 1
         path = folder / f"scenario_{round_number}.xml"
         try:
-            scenario, missed = _write(self._request, self._spec, site, round_number, path, self._report)
+            scenario, missed = _write(self._request, site, round_number, path, self._report)
         except NotPossible as refusal:
+            logger.debug("round_refused round=%d reason=%r", round_number, refusal.message)
             self.refusals.append(refusal)
             return False
         broken, weak = faults_of(scenario.checks)
         lacks = self._wanted is not None and not scenario.others
         self.made.append(_Attempt(scenario, path, site, (*broken, *weak, *missed), bool(broken), lacks))
-        return not self.made[-1].faults and not lacks
+        faults = self.made[-1].faults
+        logger.debug("round_made round=%d faults=%r lacks_manoeuvre=%s", round_number, faults, lacks)
+        return not faults and not lacks
 
     def script(self) -> None:
         """Script an actor in one of the scenarios if no traffic holds the manoeuvre that was asked for."""
@@ -256,7 +266,7 @@ class _Attempts:
                 self.made.append(made)
                 return
 
-    def _without_manoeuvre(self, wanted: WantedManoeuvre) -> NotPossible:
+    def _without_manoeuvre(self, wanted: AskedManoeuvre) -> NotPossible:
         draws = counted(sum(attempt.lacks for attempt in self.made), "draw")
         scripted_too = ", and no scripted actor finds room for it" if can_be_scripted(wanted) else ""
         return NotPossible(
@@ -269,27 +279,23 @@ class _Attempts:
 
 
 def _write(
-    request: GenerationRequest,
-    spec: TaskSpec,
-    site: SiteNetwork,
-    round_number: int,
-    path: Path,
-    report: ProgressReporter,
+    request: GenerationRequest, site: SiteNetwork, round_number: int, path: Path, report: ProgressReporter
 ) -> tuple[GeneratedScenario, list[str]]:
     """Make one scenario at one site, write it and check the file; and how its ego misses the site, in words.
 
     Raises:
         NotPossible: the site does not hold what was asked for.
     """
+    spec = TaskSpec(request.goal, request.ego, request.duration_s)
     aim = TrafficAim.of(request, site.net)
     lane_km = lane_km_of(site.net)
-    demand = plan_counts(request.density, vehicles_asked(request), lane_km, aim.per_lane_km, fewest=aim.fewest)
-    demand = demand.with_ego(spec.ego_class)
-    traffic = generate_traffic(request, demand, aim, site, round_number, path.parent, report)
+    demand = plan_counts(request.density, request.on_wheels, lane_km, aim.per_lane_km, fewest=aim.fewest)
+    asked_for = demand.with_ego(request.ego.vehicle_class)
+    traffic = generate_traffic(request, asked_for, aim, site, round_number, path.parent, report)
     demand = traffic.demand
     ranked = along_the_site(traffic.vehicles, site)
     report(0.75, "choosing ego and goal")
-    to_choose_from = ranked if spec.ego_index is None else without_spares(ranked, demand)
+    to_choose_from = ranked if request.ego.index is None else without_spares(ranked, demand)
     task = choose_task(spec, to_choose_from, site.network, site.focus, STEP_S)
     people = tuple(person.body for person in traffic.people)
 
@@ -305,7 +311,7 @@ def _write(
         )
     report(0.8, "writing the file")
     obstacle_ids = write_scenario(path, site.metadata, site.network, (*vehicles[1:], *people), task, site.roads)
-    wanted = WantedManoeuvre.of(request.others)
+    wanted = request.others
     if wanted is not None:
         choice = EgoChoice(path, lambda chosen: (*cast_of(chosen)[1:], *people))
         for asked in (wanted, wanted.of_any_class):
@@ -320,28 +326,33 @@ def _write(
             break
     report(0.85, "reading back and checking")
     checks = check_scenario(path, task.ego.body, site.findings)
-    missed = [] if task.focus_passed else [site.focus.missed(only_car=spec.ego_index is not None)]
+    missed = [] if task.focus_passed else [site.focus.missed(only_car=request.ego.index is not None)]
     if task.focus_passed and not task.focus_left:
         missed.append("the goal lies on the site, not behind it: no car that can be the ego leaves it in time")
     if not task.takes_most:
         missed.append("the goal takes less than half of the duration: cars leave the cut before")
     if not task.followable:
         missed.append("the ego's lanes bend more sharply than a planner steers at the mean speed that the goal needs")
-        if spec.ego_class != "car":
+        if request.ego.vehicle_class != "car":
             missed[-1] += ", or leave no room for its body"
-    notes = missed if spec.goal.through_s is None else []  # otherwise other traffic may do better
+    notes = [] if request.goal.is_through else missed  # otherwise other traffic may do better
     if task.stands_in:
-        notes.append(f"{request.ego} has no goal {spec.goal} on its way; a car after it, which has, is the ego")
+        notes.append(
+            f"{request.ego} has no goal {request.goal.in_words()} on its way; a car after it, which has, is the ego"
+        )
     counted = [] if aim.plan is None else flow_notes(aim.plan, vehicles, site)
-    if (on_foot := people_asked(request)) is not None:
-        counted += people_notes(traffic.people, people_wanted(on_foot, request.density, demand.total))
+    walking = 0 if request.people is None else people_wanted(request.people, request.density, demand.total)
+    if request.people is not None:
+        counted += people_notes(traffic.people, walking)
     scenario = record_of(request, site, demand, aim, task, vehicles, people, obstacle_ids, checks, [*notes, *counted])
+    absences = absences_of(request.ego, asked_for, traffic, vehicles, walking, stands_in=task.stands_in)
+    scenario = scenario.model_copy(update={"absences": absences})
     if wanted is not None and (found := found_in(path, wanted, scenario.vehicle_classes)) is not None:
         scenario = scenario.model_copy(update={"others": found.in_words()})
     return scenario, [] if notes else missed
 
 
-def _scripted(base: _Attempt, wanted: WantedManoeuvre, seed: int, numbers: Iterator[int]) -> _Attempt | None:
+def _scripted(base: _Attempt, wanted: AskedManoeuvre, seed: int, numbers: Iterator[int]) -> _Attempt | None:
     """Return the scenario of an attempt with an actor that makes the manoeuvre, or None if none can.
 
     ``numbers``: of the tries that the request still has.

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...schemas.errors import InvalidRequest
-from ...schemas.generation import SiteType
+from ...schemas.generation import AskedManoeuvre, SiteType
 from ...schemas.modification import Edit, ModificationRequest
 from ..commonroad import LoadedScenario, Track, kept_recording
 from ..edits import SCENARIO_FILE, apply_edits
@@ -84,33 +84,12 @@ _DOES = {
 _STAND_IN = "; an ordinary driver was checked in the ego's place and meets nothing"
 
 
-@dataclass(frozen=True)
-class WantedManoeuvre:
-    """The manoeuvre of another road user that is asked for, and the class that is to make it (None: any class)."""
-
-    name: str
-    vehicle_class: str | None
-
-    @classmethod
-    def of(cls, text: str) -> "WantedManoeuvre | None":
-        """Read ``name`` or ``name:class``; return None if nothing is asked for."""
-        name, _, vehicle_class = text.partition(":")
-        return cls(name, vehicle_class or None) if name else None
-
-    @property
-    def of_any_class(self) -> "WantedManoeuvre":
-        """The same manoeuvre, whichever class makes it."""
-        return replace(self, vehicle_class=None)
-
-    def __str__(self) -> str:
-        return self.name if self.vehicle_class is None else f"{self.name}:{self.vehicle_class}"
-
-    def first_of(self, met: Sequence[Manoeuvre], class_of: Callable[[int], str]) -> Manoeuvre | None:
-        """Return the earliest of some manoeuvres that is the one asked for, or None."""
-        fitting = [one for one in met if one.name == self.name]
-        if self.vehicle_class is not None:
-            fitting = [one for one in fitting if class_of(one.obstacle_id) == self.vehicle_class]
-        return min(fitting, key=lambda one: (one.step, one.obstacle_id), default=None)
+def first_of(wanted: AskedManoeuvre, met: Sequence[Manoeuvre], class_of: Callable[[int], str]) -> Manoeuvre | None:
+    """Return the earliest of some manoeuvres that is the one asked for, or None."""
+    fitting = [one for one in met if one.name == wanted.name]
+    if wanted.vehicle_class is not None:
+        fitting = [one for one in fitting if class_of(one.obstacle_id) == wanted.vehicle_class]
+    return min(fitting, key=lambda one: (one.step, one.obstacle_id), default=None)
 
 
 @dataclass(frozen=True)
@@ -146,7 +125,7 @@ class EgoChoice:
         self._pairs = 0
         self._met: dict[str, tuple[tuple[Manoeuvre, ...], tuple[str, ...]]] = {}
 
-    def happens(self, wanted: WantedManoeuvre, task: PlanningTask) -> bool:
+    def happens(self, wanted: AskedManoeuvre, task: PlanningTask) -> bool:
         """Return whether the manoeuvre happens on the way of a task's ego; False if it is not one of the first egos."""
         key = task.ego.vehicle_id
         if key not in self._met:
@@ -159,10 +138,10 @@ class EgoChoice:
             met = manoeuvres_met(self._loaded, self._graph, tracks, problem, task.ego.vehicle_class.name)
             self._met[key] = met, tuple(other.vehicle_class.name for other in others)
         met, classes = self._met[key]
-        return wanted.first_of(met, classes.__getitem__) is not None
+        return first_of(wanted, met, classes.__getitem__) is not None
 
 
-def found_in(path: Path, wanted: WantedManoeuvre, classes: dict[int, str]) -> FoundManoeuvre | None:
+def found_in(path: Path, wanted: AskedManoeuvre, classes: dict[int, str]) -> FoundManoeuvre | None:
     """Return the manoeuvre in a written file, or None.
 
     Args:
@@ -177,7 +156,7 @@ def found_in(path: Path, wanted: WantedManoeuvre, classes: dict[int, str]) -> Fo
         known = class_by_size(tracks[key].kind, tracks[key].length_m)
         return classes.get(key) or (known.name if known is not None else tracks[key].kind)
 
-    one = wanted.first_of(_met(loaded, tracks), class_of)
+    one = first_of(wanted, _met(loaded, tracks), class_of)
     return None if one is None else FoundManoeuvre(one.name, one.obstacle_id, class_of(one.obstacle_id), one.step)
 
 
@@ -215,7 +194,7 @@ class ScriptedScenario:
 def scripted(
     path: Path,
     benchmark_id: str,
-    wanted: WantedManoeuvre,
+    wanted: AskedManoeuvre,
     classes: dict[int, str],
     folder: Path,
     seed: int,
@@ -270,7 +249,7 @@ def scripted(
 
 
 def _tries(
-    loaded: LoadedScenario, tracks: dict[int, Track], wanted: WantedManoeuvre, classes: dict[int, str]
+    loaded: LoadedScenario, tracks: dict[int, Track], wanted: AskedManoeuvre, classes: dict[int, str]
 ) -> Iterator[tuple[Edit, ...]]:
     """Lists of edits that may bring the manoeuvre about, in the order in which they are tried."""
     state = loaded.problem().initial_state
@@ -369,7 +348,7 @@ _TRIES: dict[str, Callable[[_Surroundings], Iterator[tuple[Edit, ...]]]] = {
 """Manoeuvres that edits can make; the others have to be found in the traffic."""
 
 
-def can_be_scripted(wanted: WantedManoeuvre) -> bool:
+def can_be_scripted(wanted: AskedManoeuvre) -> bool:
     """Return whether edits can make a manoeuvre; of vehicles that cross they can make none."""
     return wanted.name in _TRIES and (wanted.name != "crossing" or wanted.vehicle_class in (None, PEDESTRIAN.name))
 

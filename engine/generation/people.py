@@ -12,13 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from ...schemas.errors import NotPossible
-from ...schemas.generation import Density, GenerationRequest, VehicleDemand
+from ...schemas.generation import Density, VehicleDemand
 from ...schemas.text import counted
 from ..geometry import Points
 from ..maps import Pavements
 from ..network import RoadNetwork, SumoNet, WalkNet, draw_walkways, read_walk_net, yield_at_crossings
 from ..traffic import GeneratedVehicle, Pedestrians, WalkedPerson, apart, plan_walks
-from ..vehicles import PEDESTRIAN
 
 PEOPLE: dict[Density, int] = {"low": 8, "medium": 16, "high": 30}
 """People at a site where a request names the class without a number (chosen): no count per km of pavement is known."""
@@ -36,17 +35,6 @@ class Footways:
 
     net: WalkNet
     notes: tuple[str, ...]
-
-
-def people_asked(request: GenerationRequest) -> VehicleDemand | None:
-    """How many people a request asks for; None where it names none, or none are to be there."""
-    asked = next((demand for demand in request.vehicles if demand.vehicle_class == PEDESTRIAN.name), None)
-    return None if asked is None or asked.most == 0 else asked
-
-
-def vehicles_asked(request: GenerationRequest) -> tuple[VehicleDemand, ...]:
-    """What a request asks for beside people."""
-    return tuple(demand for demand in request.vehicles if demand.vehicle_class != PEDESTRIAN.name)
 
 
 def people_wanted(asked: VehicleDemand, density: Density, vehicles: int) -> int:

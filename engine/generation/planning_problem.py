@@ -1,7 +1,6 @@
 """The ego and its goal: one of the recorded vehicles becomes the planning problem, its recorded path shows the goal.
 
-A request names the ego and the goal in words (``first``, ``index:2``; ``through``, ``steps:50``, ``distance_m:40``,
-``lanelet:7:middle``), which become a :class:`TaskSpec`. The ego is a car, or a vehicle of the class that was asked for
+The ego is a car, or a vehicle of the class that was asked for
 (``type:truck``); below, "car" means either. Among the cars that can have such a goal, it chooses one with a
 recorded path that can be driven, passes what the site is about, and runs along lanes that a planner with a reference
 path can follow: maps have corners, and sideways jogs where netconvert joins lanes that do not face each other. Recorded
@@ -10,16 +9,13 @@ cars cut them; a planner that follows the lanes' centre lines may find no trajec
 
 import itertools
 import math
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import get_args
 
 import numpy as np
 
-from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest, with_values
-from ...schemas.generation import TURNS_AT, GenerationRequest, SiteType, Turn
-from ...schemas.vocabulary import EGO_CLASSES
+from ...schemas.errors import NotPossible, UnknownName, closest, with_values
+from ...schemas.generation import AskedEgo, AskedGoal, LaneletGoal, Turn
 from ..geometry import (
     Points,
     Values,
@@ -38,27 +34,6 @@ from ..vehicles import ego_class
 from .sites import SiteFocus
 from .turns import makes
 
-
-@dataclass(frozen=True)
-class _LaneletGoal:
-    """A goal on a lanelet: a position word, fraction or metres along it, and the rectangle (length, width) in m."""
-
-    lanelet_id: int
-    position: str
-    size_m: tuple[float, float] | None
-
-
-MIDDLE = "middle"
-THROUGH = "through"
-"""The goal that lies behind the site, as far on the ego's way as the scenario's duration allows."""
-TURNS: tuple[Turn, ...] = get_args(Turn)
-GOAL_FORMS = (
-    "through (behind the site)",
-    f"through:TURN ({', '.join(TURNS)})",
-    "steps:N (10 to 1000)",
-    "distance_m:X (5 to 2000)",
-    "lanelet:ID:POSITION, also lanelet:ID:POSITION:LENGTHxWIDTH",
-)
 SHORTEST_PATH_M = 10.0
 """To a goal after a number of steps, a car has to drive this far at least (chosen): one that waits has no task."""
 SHORTEST_ASKED_PATH_M = 4.0
@@ -66,98 +41,17 @@ SHORTEST_ASKED_PATH_M = 4.0
 
 
 @dataclass(frozen=True)
-class _GoalSpec:
-    """The goal as asked: after a number of steps, after a distance in m on the ego's own path, or on a lanelet.
+class TaskSpec:
+    """What is asked of a planning problem: the goal, the ego, and how long the scenario lasts."""
 
-    ``through_s``: behind the site, on the ego's own path as far as it comes in a scenario of this duration; ``turn``:
-    what it does at the site, None: anything.
-    """
-
-    steps: int | None = None
-    distance_m: float | None = None
-    lanelet: _LaneletGoal | None = None
-    through_s: float | None = None
-    turn: Turn | None = None
+    goal: AskedGoal
+    ego: AskedEgo
+    duration_s: float
 
     @property
     def shortest_path_m(self) -> float:
         """The least distance that a car has to drive to the goal."""
-        return SHORTEST_PATH_M if self.steps is not None or self.through_s is not None else SHORTEST_ASKED_PATH_M
-
-    def __str__(self) -> str:
-        if self.through_s is not None:
-            return "behind the site" if self.turn is None else f"behind the site with the turn {self.turn!r}"
-        if self.lanelet is not None:
-            return f"on lanelet {self.lanelet.lanelet_id} ({self.lanelet.position})"
-        return f"{self.steps} steps ahead" if self.steps is not None else f"{self.distance_m:g} m ahead"
-
-
-@dataclass(frozen=True)
-class TaskSpec:
-    """Goal and ego as asked: the n-th car (None: any), or any vehicle of ``ego_class``.
-
-    ``other_class``: a requested class that cannot be an ego, so that a car replaces it.
-    """
-
-    goal: _GoalSpec
-    ego_index: int | None = None
-    ego_class: str = "car"
-    other_class: str | None = None
-
-    @classmethod
-    def of(cls, request: GenerationRequest) -> "TaskSpec":
-        """Read the words of a request.
-
-        Raises:
-            InvalidRequest: ego or goal in none of the valid forms, or a turn that no site of the type has.
-        """
-        match = re.fullmatch(r"first|index:(\d{1,3})|type:([a-z_]{1,30})", request.ego)
-        if match is None:
-            forms = ["first", "index:N (cars, from 0)", "type:CLASS"]
-            raise InvalidRequest(f"ego {request.ego!r} cannot be read", valid=forms)
-        index, name = match.groups()
-        goal = parse_goal(request.goal, request.duration_s)
-        if goal.turn is not None and request.scenario_type != "any":
-            _check_turn(goal.turn, request.scenario_type)
-        if name in EGO_CLASSES:
-            return cls(goal, ego_class=name)
-        return cls(goal, int(index) if index else None, other_class=name)
-
-
-def _check_turn(turn: Turn, kind: SiteType) -> None:
-    if turn not in TURNS_AT[kind]:
-        raise InvalidRequest(
-            f"at a site of the type {kind} no ego makes the turn {turn!r}",
-            valid=[f"{THROUGH}:{known}" for known in TURNS_AT[kind]],
-            next_step="choose one of these goals, or another scenario_type",
-            given=f"{THROUGH}:{turn}",
-        )
-
-
-def parse_goal(text: str, duration_s: float) -> _GoalSpec:
-    """Read ``through[:TURN]``, ``steps:N``, ``distance_m:X`` or ``lanelet:ID[:POSITION[:LENGTHxWIDTH]]``.
-
-    ``duration_s`` is that of the scenario. The usual position on a lanelet is the middle.
-
-    Raises:
-        InvalidRequest: none of these, or outside 10 … 1000 steps, 5 … 2000 m, or a rectangle of 0.5 … 500 m.
-    """
-    if text == THROUGH:
-        return _GoalSpec(through_s=duration_s)
-    if (turn := text.removeprefix(f"{THROUGH}:")) in TURNS:
-        return _GoalSpec(through_s=duration_s, turn=turn)
-    if (match := re.fullmatch(r"steps:(\d{1,5})", text)) and 10 <= int(match[1]) <= 1000:
-        return _GoalSpec(steps=int(match[1]))
-    if (match := re.fullmatch(r"distance_m:(\d{1,5}(?:\.\d+)?)", text)) and 5 <= float(match[1]) <= 2000:
-        return _GoalSpec(distance_m=float(match[1]))
-    if match := re.fullmatch(r"lanelet:(\d{1,9})(?::([a-z_]+|[\d.]+m?))?(?::([\d.]+)x([\d.]+))?", text):
-        try:
-            size = (float(match[3]), float(match[4])) if match[3] else None
-        except ValueError:
-            size = (0.0, 0.0)
-        if size is None or all(0.5 <= side <= 500 for side in size):
-            return _GoalSpec(lanelet=_LaneletGoal(int(match[1]), match[2] or MIDDLE, size))
-    raise InvalidRequest(f"goal {text!r} cannot be read", valid=GOAL_FORMS, remedies=[with_values(goal=None)])
+        return SHORTEST_PATH_M if self.goal.steps is not None or self.goal.is_through else SHORTEST_ASKED_PATH_M
 
 
 TIME_MARGIN_S = 1.5
@@ -217,7 +111,7 @@ def choose_task(
         UnknownName: the goal is on a lanelet that the site does not have.
         InvalidRequest: the goal lies beyond its lanelet.
     """
-    goal, index, name = spec.goal, spec.ego_index, spec.ego_class
+    goal, index, name = spec.goal, spec.ego.index, spec.ego.vehicle_class
     top_mps = ego_class(name).vehicle.maximum_speed_mps
     cars = [vehicle for vehicle in vehicles if vehicle.vehicle_class.name == name]
     cars = [vehicle for vehicle in cars if vehicle.motion.speeds_mps[0] <= top_mps]
@@ -231,14 +125,14 @@ def choose_task(
     choice = [cars[index]] if index is not None else cars
     _check_lanelet(goal, network)
     lookup = LaneletLookup(network)
-    if (task := _best_task(choice, goal, network, lookup, focus, step_s, accepts)) is not None:
+    if (task := _best_task(choice, spec, network, lookup, focus, step_s, accepts)) is not None:
         return task
     others = [] if index is None else cars[index + 1 :]
-    if (task := _best_task(others, goal, network, lookup, focus, step_s, accepts)) is not None:
+    if (task := _best_task(others, spec, network, lookup, focus, step_s, accepts)) is not None:
         return replace(task, stands_in=True)
     raise NotPossible(
-        f"none of the {len(choice) + len(others)} {name}(s) to choose from has a goal {goal} on its way (at least "
-        f"{goal.shortest_path_m:g} m within the recording, and not around its start)",
+        f"none of the {len(choice) + len(others)} {name}(s) to choose from has a goal {goal.in_words()} on its way "
+        f"(at least {spec.shortest_path_m:g} m within the recording, and not around its start)",
         valid=_driven_lanelets([*choice, *others], lookup) if goal.lanelet else [],
         next_step="choose another goal, a longer duration_s, another ego or another seed",
         remedies=[with_values(goal=None, ego=None)],
@@ -247,7 +141,7 @@ def choose_task(
 
 def _best_task(
     cars: Sequence[GeneratedVehicle],
-    goal: _GoalSpec,
+    spec: TaskSpec,
     network: RoadNetwork,
     lookup: LaneletLookup,
     focus: SiteFocus,
@@ -257,40 +151,42 @@ def _best_task(
     """The task of the best car, as ``choose_task`` ranks them; None where none has such a goal."""
     best: tuple[tuple[int, ...], PlanningTask] | None = None
     for car in cars:
-        task = _task(car, goal, network, lookup, step_s)
-        if task is None or not _turns_as_asked(task, goal, network, lookup, focus):
+        task = _task(car, spec, network, lookup, step_s)
+        if task is None or not _turns_as_asked(task, spec.goal.turn, network, lookup, focus):
             continue
-        task = _seen_from_the_site(task, goal, focus, step_s)
+        task = _seen_from_the_site(task, spec, focus, step_s)
         merit = (car.feasible, task.focus_passed, task.focus_left, task.takes_most)
         if (best is not None and (*merit, True) <= best[0]) or (accepts is not None and not accepts(task)):
             continue
         # Where a planner has most of the duration, it does not drive as the car did: slowly where that was held up.
-        evenly_mps = task.goal_distance_m / (task.goal_step * step_s) if goal.through_s is not None else 0.0
+        evenly_mps = task.goal_distance_m / (task.goal_step * step_s) if spec.goal.is_through else 0.0
         smooth = car.feasible and follows_smooth_lanes(car, task.goal_step, network, lookup, evenly_mps)
         smooth = smooth and _has_room(car, task.goal_step, network)
         if best is None or (*merit, smooth) > best[0]:
-            best = (*merit, smooth), replace(task, followable=smooth or goal.through_s is None)
+            best = (*merit, smooth), replace(task, followable=smooth or not spec.goal.is_through)
         if best[0] == (True, focus.parts, True, True, True):
             break
     return None if best is None else best[1]
 
 
 def _turns_as_asked(
-    task: PlanningTask, goal: _GoalSpec, network: RoadNetwork, lookup: LaneletLookup, focus: SiteFocus
+    task: PlanningTask, turn: Turn | None, network: RoadNetwork, lookup: LaneletLookup, focus: SiteFocus
 ) -> bool:
-    return goal.turn is None or makes(goal.turn, task.ego, task.goal_step, focus, network, lookup)
+    return turn is None or makes(turn, task.ego, task.goal_step, focus, network, lookup)
 
 
-def _seen_from_the_site(task: PlanningTask, goal: _GoalSpec, focus: SiteFocus, step_s: float) -> PlanningTask:
+def _seen_from_the_site(task: PlanningTask, spec: TaskSpec, focus: SiteFocus, step_s: float) -> PlanningTask:
     """The task with what of the site it passes and, where the goal is to lie behind it, whether it does."""
     passed = focus.parts_passed(task.ego, task.goal_step)
-    if goal.through_s is None:
+    if not spec.goal.is_through:
         return replace(task, focus_passed=passed)
     left = passed > 0 and focus.is_left_by(task.ego, task.goal_step)
-    return replace(task, focus_passed=passed, focus_left=left, takes_most=task.goal_step * step_s >= goal.through_s / 2)
+    return replace(
+        task, focus_passed=passed, focus_left=left, takes_most=task.goal_step * step_s >= spec.duration_s / 2
+    )
 
 
-def _check_lanelet(goal: _GoalSpec, network: RoadNetwork) -> None:
+def _check_lanelet(goal: AskedGoal, network: RoadNetwork) -> None:
     """Refuse a lanelet that the network does not have, or a position beyond it."""
     if goal.lanelet is None:
         return
@@ -316,10 +212,10 @@ def _under(lookup: LaneletLookup, vehicle: GeneratedVehicle, step: int) -> RoadL
 
 
 def _task(
-    car: GeneratedVehicle, goal: _GoalSpec, network: RoadNetwork, lookup: LaneletLookup, step_s: float
+    car: GeneratedVehicle, spec: TaskSpec, network: RoadNetwork, lookup: LaneletLookup, step_s: float
 ) -> PlanningTask | None:
     """The task of a car; None where it is not at such a goal, or lanelets do not lead there."""
-    at_goal = passage(goal, car, network, step_s)
+    goal, at_goal = spec.goal, passage(spec, car, network, step_s)
     if at_goal is None:
         return None
     start = _under(lookup, car, 0)
@@ -338,17 +234,17 @@ def _task(
         center=at_goal.center,
         heading_rad=at_goal.heading_rad,
         size_m=asked or _usual_size(end, at_goal.center, float(car.motion.speeds_mps[at_goal.step])),
-        time_steps=_window(goal, at_goal.step, step_s),
+        time_steps=_window(spec, at_goal.step, step_s),
     )
 
 
-def _window(goal: _GoalSpec, step: int, step_s: float) -> tuple[int, int]:
+def _window(spec: TaskSpec, step: int, step_s: float) -> tuple[int, int]:
     """The first and last step at which a goal may be reached where the recorded car is there at a step."""
     margin = round(TIME_MARGIN_S / step_s)
-    if goal.through_s is None:
+    if not spec.goal.is_through:
         return max(1, step - margin), step + margin
     margin = max(margin, round(THROUGH_MARGIN * step))
-    return max(1, step - margin), min(step + margin, round(goal.through_s / step_s))
+    return max(1, step - margin), min(step + margin, round(spec.duration_s / step_s))
 
 
 def _usual_size(lanelet: RoadLanelet, center: Points, speed_mps: float) -> tuple[float, float]:
@@ -376,18 +272,18 @@ class _Passage:
     heading_rad: float
 
 
-def passage(goal: _GoalSpec, car: GeneratedVehicle, network: RoadNetwork, step_s: float) -> _Passage | None:
+def passage(spec: TaskSpec, car: GeneratedVehicle, network: RoadNetwork, step_s: float) -> _Passage | None:
     """Where and when a car is at the goal; None if it is not there within its recording, or too near to its start."""
-    driven = arc_length(car.motion.positions)
+    goal, driven = spec.goal, arc_length(car.motion.positions)
     if goal.lanelet is not None:
         return _on_lanelet(goal.lanelet, car, network.lanelets[goal.lanelet.lanelet_id], driven)
-    step = _ahead(goal, driven) if goal.through_s is None else _farthest(driven, goal.through_s, step_s)
-    if step is None or driven[step] < goal.shortest_path_m:
+    step = _farthest(driven, spec.duration_s, step_s) if goal.is_through else _ahead(goal, driven)
+    if step is None or driven[step] < spec.shortest_path_m:
         return None
     return _Passage(step, car.motion.positions[step], float(car.motion.headings_rad[step]))
 
 
-def _ahead(goal: _GoalSpec, driven: Values) -> int | None:
+def _ahead(goal: AskedGoal, driven: Values) -> int | None:
     """The step at which the asked steps or metres are behind the car; None beyond its recording."""
     if goal.steps is not None:
         return goal.steps if goal.steps < len(driven) else None
@@ -409,7 +305,7 @@ def _farthest(driven: Values, duration_s: float, step_s: float) -> int | None:
     return int(np.searchsorted(driven, farthest_m - STANDS_WITHIN_M)) if farthest_m > 0 else None
 
 
-def _on_lanelet(goal: _LaneletGoal, car: GeneratedVehicle, lanelet: RoadLanelet, driven: Values) -> _Passage | None:
+def _on_lanelet(goal: LaneletGoal, car: GeneratedVehicle, lanelet: RoadLanelet, driven: Values) -> _Passage | None:
     """The step at which the car is nearest to the position, if it drives over it along the lanelet.
 
     A rectangle that already holds the car at its start is no goal.

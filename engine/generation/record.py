@@ -1,19 +1,33 @@
 """The record of a generated scenario: what was asked beside what came out, with notes where the two differ."""
 
+import logging
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from ...schemas.generation import Checks, DensityFacts, GeneratedEgo, GeneratedScenario, GenerationRequest, SiteFacts
+from ...schemas.generation import (
+    ABSENCE_REASONS,
+    AbsenceCode,
+    AbsenceFate,
+    AskedEgo,
+    Checks,
+    DensityFacts,
+    GeneratedEgo,
+    GeneratedScenario,
+    GenerationRequest,
+    SiteFacts,
+    VehicleAbsence,
+)
 from ..commonroad import kept_recording
-from ..traffic import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, GeneratedVehicle, lane_km_of
+from ..traffic import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, DroppedVehicle, GeneratedVehicle, lane_km_of
 from ..vehicles import PEDESTRIAN
-from .people import people_asked, people_wanted
+from .people import people_wanted
 from .planning_problem import PlanningTask
 from .site_network import SiteNetwork
-from .traffic import TrafficAim
+from .traffic import GeneratedTraffic, TrafficAim
 from .writer import STEP_S
 
+logger = logging.getLogger(__name__)
 MISSED_BY = 0.25
 """Share of the target by which the density may differ before a note tells why (chosen)."""
 
@@ -43,7 +57,7 @@ def record_of(
     counts = Counter(vehicle.vehicle_class.name for vehicle in others)
     density = _density(request, aim, site, vehicles)
     recorded_s = round((max(each.steps for each in (*vehicles, *people)) - 1) * STEP_S, 6)
-    pedestrians, asked = len(people), people_asked(request)
+    pedestrians, asked = len(people), request.people
     wanted = {} if asked is None else {PEDESTRIAN.name: people_wanted(asked, request.density, demand.total)}
     signs = site.network.signs if metadata.speed_sign is None else ()
     limits = {key: round(sign.speed_mps * 3.6, 1) for sign in signs for key in sign.lanelet_ids}
@@ -83,6 +97,62 @@ def record_of(
     )
 
 
+def absences_of(
+    ego: AskedEgo,
+    asked: Demand,
+    traffic: GeneratedTraffic,
+    vehicles: Sequence[GeneratedVehicle],
+    people: int = 0,
+    *,
+    stands_in: bool,
+) -> tuple[VehicleAbsence, ...]:
+    """Return why vehicles that were asked for are not there as asked; by class they add up to those that are missing.
+
+    A recorded vehicle that was taken out counts as replaced where another one of its class, a spare, is there for it.
+
+    Args:
+        ego: as it was asked for.
+        asked: the vehicles that the request comes to at the site.
+        traffic: what was recorded, and the demand that was left of it.
+        vehicles: the ego and the others, as the file has them.
+        people: how many people on foot the request comes to.
+        stands_in: whether the ego is not the car that was asked for by its number.
+    """
+    found = []
+    if stands_in:
+        found.append(_absence("replaced", "no_such_goal", "car", 1))
+    if ego.other_class is not None:
+        found.append(_absence("replaced", "no_ego_class", ego.other_class, 1))
+    here = Counter(vehicle.vehicle_class.name for vehicle in vehicles)
+    for name, wanted in asked.counts.items():
+        missing = wanted - here[name]
+        if (fewer := min(wanted - traffic.demand.counts[name], missing)) > 0:
+            found.append(_absence("never_there", "file_too_large", name, fewer))
+            missing -= fewer
+        gone = [one for one in traffic.dropped if one.vehicle.vehicle_class.name == name]
+        lost = min(len(gone), max(missing, 0))
+        found += [*_absences("left_out", name, gone[:lost]), *_absences("replaced", name, gone[lost:])]
+        if missing > lost:
+            found.append(_absence("never_there", "no_room", name, missing - lost))
+    if people > len(traffic.people):
+        found.append(_absence("never_there", "no_room", PEDESTRIAN.name, people - len(traffic.people)))
+    return tuple(found)
+
+
+def _absences(fate: AbsenceFate, name: str, dropped: Sequence[DroppedVehicle]) -> list[VehicleAbsence]:
+    """The absences of recorded vehicles of a class, together where the code is the same."""
+    by_code: dict[AbsenceCode, list[str]] = {}
+    for one in dropped:
+        by_code.setdefault(one.code, []).append(one.vehicle.vehicle_id)
+    return [_absence(fate, code, name, len(ids), tuple(ids)) for code, ids in by_code.items()]
+
+
+def _absence(fate: AbsenceFate, code: AbsenceCode, name: str, count: int, ids: tuple[str, ...] = ()) -> VehicleAbsence:
+    logger.debug("vehicles_absent fate=%s code=%s class=%s count=%d vehicles=%s", fate, code, name, count, ids)
+    reason = ABSENCE_REASONS[code]
+    return VehicleAbsence(fate=fate, code=code, vehicle_class=name, count=count, vehicles=ids, reason=reason)
+
+
 def with_scripted(scenario: GeneratedScenario, base: Path, path: Path, added: Mapping[int, str]) -> GeneratedScenario:
     """Return the record of a scenario after edits have added and replaced road users.
 
@@ -104,8 +174,12 @@ def with_scripted(scenario: GeneratedScenario, base: Path, path: Path, added: Ma
         "at_start_per_lane_km": round(vehicles / density.lane_km, 2),
         "at_end_per_lane_km": round(density.at_end_per_lane_km + more_stay / density.lane_km, 2),
     }
+    replaced = Counter(classes[key] for key in added if key in classes)
+    ids = {name: tuple(str(key) for key in added if classes.get(key) == name) for name in replaced}
+    absences = [_absence("replaced", "scripted", name, count, ids[name]) for name, count in replaced.items()]
     return scenario.model_copy(
         update={
+            "absences": (*scenario.absences, *absences),
             "vehicles_realised": vehicles,
             "classes_realised": {name: count for name, count in counts.items() if count},
             "vehicle_classes": classes | on_wheels,

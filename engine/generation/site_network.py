@@ -4,6 +4,7 @@ A site's network is judged before traffic is made for it, so that an unfit site 
 """
 
 import math
+import unicodedata
 import weakref
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
@@ -14,10 +15,10 @@ import numpy as np
 from lxml import etree
 
 from ...schemas.errors import NotPossible
-from ...schemas.generation import GenerationRequest
+from ...schemas.generation import GenerationRequest, SiteType
 from ...schemas.scenarios import RuleFinding
 from ...schemas.text import counted
-from ..commonroad import road_document
+from ..commonroad import road_document, speed_limit_number
 from ..execution import ProgressReporter
 from ..maps import (
     LaneletMap,
@@ -47,8 +48,8 @@ from ..network import (
     remove_hairpins,
     summarise_findings,
 )
-from ..traffic import VEHICLES_PER_LANE_KM, WARM_UP_S, lane_km_of
-from .people import Footways, footways_of, nowhere_to_walk, open_footways, people_asked, vehicles_asked, with_walkways
+from ..traffic import VEHICLES_PER_LANE_KM, WARM_UP_S, lane_km_of, sumo_version
+from .people import Footways, footways_of, nowhere_to_walk, open_footways, with_walkways
 from .sites import SiteFocus, classes_for, middle_of, radius_for, why_not_realised
 from .writer import STEP_S, ScenarioMetadata, copy_network, write_network
 
@@ -69,6 +70,18 @@ MOST_WIDENED = 2.5
 WHOLE_LANE_KM = 15.0
 """A lanelet network with no more of lanes is taken whole, whatever the site in it (chosen)."""
 NOT_LOCATED = "the road network does not say where on earth it lies; its positions in degrees are made up, near 0°, 0°"
+_NO_COUNTRY = "ZAM"
+"""Zamunda: CommonRoad's country for places that are in none."""
+_TAGS: dict[SiteType, tuple[str, ...]] = {
+    "highway": ("highway", "multi_lane"),
+    "ramp": ("highway", "slip_road", "merging_lanes"),
+    "rural": ("rural",),
+    "urban": ("urban",),
+    "intersection": ("urban", "intersection"),
+    "signalised_intersection": ("urban", "intersection"),
+    "roundabout": ("urban", "roundabout"),
+}
+_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
 SITE_LOST = "site_lost"
 """Reason of the refusal of a site whose type the net does not show."""
 
@@ -110,7 +123,7 @@ def prepare_site(
     usual_m = radius_for(site, request)
     usual = _known_sites().get(request, osm, site, usual_m, folder, report)
     built = usual.built(request, folder)
-    asked = 1 + sum(demand.needed for demand in vehicles_asked(request))
+    asked = 1 + sum(demand.needed for demand in request.on_wheels)
     share = asked / max(VEHICLES_PER_LANE_KM["high"] * lane_km_of(built.net), 1.0)
     if share <= MOST_CROWDED or isinstance(osm, LaneletMap):
         return usual.judged(request, folder, report)
@@ -154,7 +167,7 @@ class _KnownSites:
         if self._map is None or self._map() is not osm:
             self._map = weakref.ref(osm)
             self._kept.clear()
-        on_foot = people_asked(request) is not None
+        on_foot = request.people is not None
         key = site, radius_m, classes_for(site, request), request.country, on_foot
         known = self._kept.pop(key, None) or _KnownSite.of(request, osm, site, radius_m, folder, report)
         self._kept[key] = known
@@ -230,7 +243,7 @@ class _KnownSite:
             raise _anew(known)
         net_path = folder / "scenario.net.xml"
         net_path.write_bytes(self._net)
-        metadata = replace(ScenarioMetadata.of(request, known.site, known.net), tags=known.metadata.tags)
+        metadata = replace(_metadata_of(request, known.site, known.net), tags=known.metadata.tags)
         return replace(known, net_path=net_path, metadata=metadata)
 
 
@@ -303,7 +316,7 @@ def build_network(
     Raises:
         NotPossible: no road there is open to cars.
     """
-    on_foot = people_asked(request) is not None
+    on_foot = request.people is not None
     if isinstance(osm, LaneletMap):
         if on_foot:
             raise _no_pavements_in_lanelets()
@@ -343,12 +356,37 @@ def build_network(
         open_footways(net_path)
     cap_speeds(net_path)
     net = read_net(net_path)
-    metadata = ScenarioMetadata.of(request, site, net)
+    metadata = _metadata_of(request, site, net)
     footways = footways_of(net_path, net, pavements) if on_foot else None
     if footways is not None:
         network = with_walkways(network, footways)
         notes = [*footways.notes, *notes]
     return SiteNetwork(site, radius_m, net_path, net, network, metadata, warnings, tuple(notes), footways=footways)
+
+
+def _metadata_of(request: GenerationRequest, site: Site, net: SumoNet) -> ScenarioMetadata:
+    """Return the metadata of a scenario; its benchmark id is COUNTRY_Place-number_index_T-1, as in format 2020a."""
+    country = request.country or _NO_COUNTRY
+    return ScenarioMetadata(
+        benchmark_id=f"{country}_{_plain_name(request.place)}-{request.benchmark_number}_{request.index + 1}_T-1",
+        affiliation=f"PlannerForge; map data: {request.attribution}",
+        source=f"PlannerForge MCP, SUMO {sumo_version()}",
+        latitude=site.latitude,
+        longitude=site.longitude,
+        projection=net.projection,
+        offset_m=net.offset_m,
+        tags=("simulated", *_TAGS[site.kind]),
+        speed_sign=speed_limit_number(country),
+        conditions=request.conditions,
+    )
+
+
+def _plain_name(place: str) -> str:
+    """A place's name in ASCII letters and digits, every word with a capital; ``Site`` where nothing is left."""
+    spelled = place.translate(_UMLAUTS)
+    letters = unicodedata.normalize("NFKD", spelled).encode("ascii", "ignore").decode()
+    words = "".join(letter if letter.isalnum() else " " for letter in letters).split()
+    return "".join(word[0].upper() + word[1:] for word in words)[:40] or "Site"
 
 
 def _no_pavements_in_lanelets() -> NotPossible:
@@ -384,7 +422,7 @@ def _fill_lanelets(
         raise _closed_to_cars()
     cap_speeds(net_path)
     net, network, roads = read_net(net_path), lanelets.network, RoadFile.read(lanelets.path)
-    metadata = ScenarioMetadata.of(request, site, net)
+    metadata = _metadata_of(request, site, net)
     metadata = replace(metadata, tags=("simulated", *roads.tags))
     points = np.concatenate([lanelet.polygon for lanelet in network.lanelets.values()])
     reach_m = float(np.linalg.norm(points - middle_of(site, net), axis=1).max())

@@ -85,8 +85,8 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
         InvalidRequest: a ramp without link roads.
     """
     finder = site_finder(osm, request.road_classes)
-    turn = request.goal.removeprefix("through:")
-    any_type = tuple(kind for kind in ANY_ORDER if turn == request.goal or turn in TURNS_AT[kind])
+    turn = request.goal.turn
+    any_type = tuple(kind for kind in ANY_ORDER if turn is None or turn in TURNS_AT[kind])
     wanted = any_type if request.scenario_type == "any" else (request.scenario_type,)
     choice = random.Random(request.seed)  # noqa: S311 - reproducible, not secret
     kinds = [fitting for kind in wanted if (fitting := _fitting(finder.find(kind), request))]
@@ -170,7 +170,7 @@ def classes_for(site: Site, request: GenerationRequest) -> tuple[str, ...]:
     return request.road_classes or (ROADS + LINKS if site.kind in ("ramp", "highway") else ROADS)
 
 
-AT_M, NEAR_M = 40.0, 60.0
+AT_M, JUNCTION_M = 40.0, 60.0
 """From the middle of a site to its road, and to its junction; at the latter distance two sites are one (chosen)."""
 LEAST_ENTRIES = 2
 """Roads that lead into a roundabout (chosen)."""
@@ -190,7 +190,9 @@ def why_not_realised(site: Site, net: SumoNet) -> str | None:
         "ramp": lambda: _ramp_near(net, middle),
         "highway": lambda: _passes(net, middle, AT_M, lambda classes: bool(classes & FAST_ROADS)),
         "rural": lambda: _passes(net, middle, AT_M, lambda classes: bool(classes - (ALL_ROADS - RURAL_CLASSES))),
-        "urban": lambda: _passes(net, middle, NEAR_M, lambda classes: bool(classes - FAST_ROADS - frozenset(LINKS))),
+        "urban": lambda: _passes(
+            net, middle, JUNCTION_M, lambda classes: bool(classes - FAST_ROADS - frozenset(LINKS))
+        ),
     }
     if judges[site.kind]():
         return None
@@ -260,7 +262,7 @@ def _junctions_near(net: SumoNet, middle: Points) -> list[str]:
         line = net.lanes[edge.lane_ids[0]].shape
         for junction, end in ((edge.from_junction, line[0]), (edge.to_junction, line[-1])):
             around.setdefault(junction, []).append(edge)
-            if float(np.linalg.norm(end - middle)) < NEAR_M:
+            if float(np.linalg.norm(end - middle)) < JUNCTION_M:
                 near[junction] = None
     return [key for key in near if _is_crossing(key, around[key])]
 
@@ -283,7 +285,7 @@ def _ramp_near(net: SumoNet, middle: Points) -> bool:
     for turn in net.connections:
         before, after = (road_classes(net.edges[key]) for key in (turn.from_edge, turn.to_edge))
         joins = (before & FAST_ROADS and after & RAMP_LINKS) or (after & FAST_ROADS and before & RAMP_LINKS)
-        if joins and float(np.linalg.norm(net.lanes[turn.from_lane].shape[-1] - middle)) < NEAR_M:
+        if joins and float(np.linalg.norm(net.lanes[turn.from_lane].shape[-1] - middle)) < JUNCTION_M:
             return True
     return False
 

@@ -4,6 +4,7 @@ Vehicles are ordered by how much the site matters to them, so that "the first ca
 the map.
 """
 
+import logging
 import random
 from collections import Counter
 from collections.abc import Mapping
@@ -26,6 +27,7 @@ from ..traffic import (
     WARM_UP_S,
     Demand,
     DrivingStyle,
+    DroppedVehicle,
     GeneratedVehicle,
     TooFewFoundRoom,
     TripMaker,
@@ -38,11 +40,12 @@ from ..traffic import (
 )
 from ..vehicles import vehicle_classes
 from .flows import FlowPlan, FlowTrips, plan_flows
-from .people import pedestrians_for, people_among, people_asked, people_wanted
+from .people import pedestrians_for, people_among, people_wanted
 from .site_network import SiteNetwork
 from .sites import middle_of, road_classes
 from .writer import STEP_S
 
+logger = logging.getLogger(__name__)
 ATTEMPTS = 3
 """Simulations before a class that falls short is refused (chosen)."""
 MOST_STATES = 100_000
@@ -92,12 +95,16 @@ class TrafficAim:
 
 
 @dataclass(frozen=True)
-class _GeneratedTraffic:
-    """Smoothed vehicles at a site, spare ones among them, and the demand that they meet; the people beside them."""
+class GeneratedTraffic:
+    """Smoothed vehicles at a site, spare ones among them, and the demand that they meet; the people beside them.
+
+    ``dropped``: recorded vehicles that are not among them.
+    """
 
     vehicles: tuple[GeneratedVehicle, ...]
     demand: Demand
     people: tuple[WalkedPerson, ...] = ()
+    dropped: tuple[DroppedVehicle, ...] = ()
 
 
 def generate_traffic(
@@ -108,7 +115,7 @@ def generate_traffic(
     round_number: int,
     scratch: Path,
     report: ProgressReporter,
-) -> _GeneratedTraffic:
+) -> GeneratedTraffic:
     """Traffic without overlaps that holds all vehicles that were asked for: the first of several attempts.
 
     ``round_number`` draws other traffic with the same seed.
@@ -119,7 +126,7 @@ def generate_traffic(
     lasting_s = min(WARM_UP_S + request.duration_s, LASTING_S)
     needed = {demand.ego_class: 1} | {name: count for name, count in demand.needed.items() if count}
     shortfalls: list[dict[str, int]] = []
-    asked = people_asked(request)
+    asked = request.people
     people = 0 if asked is None else people_wanted(asked, request.density, demand.total)
     most_people = 0
     more: Counter[str] = Counter()
@@ -163,12 +170,13 @@ def generate_traffic(
         part(1.0, "smoothing motion")
         smoothed = generated_vehicles(recorded, STEP_S)
         part(1.0, "looking for overlaps")
-        kept = drop_infeasible(smoothed, needed)
+        kept, dropped = drop_infeasible(smoothed, needed)
         absent = _absent(demand, Counter(vehicle.vehicle_class.name for vehicle in kept))
         walked = () if pedestrians is None else people_among(pedestrians, kept, people)
         most_people = max(most_people, len(walked))
         if not absent and (len(walked) == people or (walked and attempt == ATTEMPTS - 1 and not _is_counted(asked))):
-            return _GeneratedTraffic(kept, demand, walked)
+            return GeneratedTraffic(kept, demand, walked, dropped)
+        logger.debug("traffic_drawn_again attempt=%d absent=%s people=%d", attempt, absent, len(walked))
         if not absent:
             continue
         shortfalls.append(absent)
@@ -202,8 +210,8 @@ def _trips(
 
 def _asked_ramps(request: GenerationRequest, net: SumoNet) -> tuple[frozenset[str], frozenset[str]]:
     """Links of motorways where more trips are to begin, if the ego or another merges, or to lead, if the ego exits."""
-    begins = request.goal == "through:merge" or request.others.startswith("merging")
-    if not begins and request.goal != "through:exit":
+    begins = request.goal.turn == "merge" or (request.others is not None and request.others.name == "merging")
+    if not begins and request.goal.turn != "exit":
         return frozenset(), frozenset()
     roads = (edge for edge in net.edges.values() if not edge.internal)
     links = frozenset(edge.edge_id for edge in roads if road_classes(edge) & RAMP_LINKS)

@@ -5,7 +5,6 @@ exponents, and the date is fixed, because a date would make every file differ.
 """
 
 import textwrap
-import unicodedata
 from collections.abc import Iterable, Iterator
 from copy import deepcopy
 from dataclasses import dataclass
@@ -13,12 +12,12 @@ from pathlib import Path
 
 from lxml import etree
 
-from ...schemas.generation import GenerationRequest, SiteType, TrafficConditions
-from ..commonroad import ego_class_instruction, speed_limit_number
+from ...schemas.generation import TrafficConditions
+from ..commonroad import ego_class_instruction
 from ..geometry import Points, wrap_angle
-from ..maps import RoadFile, Site
-from ..network import Incoming, RoadLanelet, RoadNetwork, SpeedSign, SumoNet, TrafficLight, Walkway
-from ..traffic import DECIMALS, NIGHT_HOURS, GeneratedVehicle, sumo_version
+from ..maps import RoadFile
+from ..network import Incoming, RoadLanelet, RoadNetwork, SpeedSign, TrafficLight, Walkway
+from ..traffic import DECIMALS, NIGHT_HOURS, GeneratedVehicle
 from ..vehicles import Motion
 from .planning_problem import HEADING_MARGIN_RAD, PlanningTask
 
@@ -27,21 +26,9 @@ _ROAD_DECIMALS = 4
 """Of coordinates of the road network in m: a tenth of a millimetre, finer than any map."""
 STEP_S = 0.1
 """Time step of all generated scenarios: that of nearly all scenarios of CommonRoad's collection."""
-_NO_COUNTRY = "ZAM"
-"""Zamunda: CommonRoad's country for places that are in none."""
 _PROBLEM = b" <planningProblem"
 """Where the planning problem begins: the obstacles stand before it."""
-_TAGS: dict[SiteType, tuple[str, ...]] = {
-    "highway": ("highway", "multi_lane"),
-    "ramp": ("highway", "slip_road", "merging_lanes"),
-    "rural": ("rural",),
-    "urban": ("urban",),
-    "intersection": ("urban", "intersection"),
-    "signalised_intersection": ("urban", "intersection"),
-    "roundabout": ("urban", "roundabout"),
-}
 _NOON = 12
-_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
 
 
 @dataclass(frozen=True)
@@ -62,31 +49,6 @@ class ScenarioMetadata:
     tags: tuple[str, ...]
     speed_sign: str | None
     conditions: TrafficConditions | None = None
-
-    @classmethod
-    def of(cls, request: GenerationRequest, site: Site, net: SumoNet) -> "ScenarioMetadata":
-        """Those of a scenario at a site; the benchmark id is COUNTRY_Place-number_index_T-1, as in format 2020a."""
-        country = request.country or _NO_COUNTRY
-        return cls(
-            benchmark_id=f"{country}_{_plain_name(request.place)}-{request.benchmark_number}_{request.index + 1}_T-1",
-            affiliation=f"PlannerForge; map data: {request.attribution}",
-            source=f"PlannerForge MCP, SUMO {sumo_version()}",
-            latitude=site.latitude,
-            longitude=site.longitude,
-            projection=net.projection,
-            offset_m=net.offset_m,
-            tags=("simulated", *_TAGS[site.kind]),
-            speed_sign=speed_limit_number(country),
-            conditions=request.conditions,
-        )
-
-
-def _plain_name(place: str) -> str:
-    """A place's name in ASCII letters and digits, every word with a capital; ``Site`` where nothing is left."""
-    spelled = place.translate(_UMLAUTS)
-    letters = unicodedata.normalize("NFKD", spelled).encode("ascii", "ignore").decode()
-    words = "".join(letter if letter.isalnum() else " " for letter in letters).split()
-    return "".join(word[0].upper() + word[1:] for word in words)[:40] or "Site"
 
 
 def write_scenario(

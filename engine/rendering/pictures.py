@@ -98,7 +98,7 @@ def _search(request: RenderRequest) -> Drawing:
     return study_chart(request.study)
 
 
-_NEAR_M = 5.0
+_DECIDING_GAP_M = 5.0
 """A closest encounter that is farther away than this decides nothing (chosen)."""
 
 
@@ -115,7 +115,7 @@ def _decisive_moment(request: RenderRequest, view: ScenarioView) -> Moment | Non
     path = view.paths[0]
     chosen = tuple(source for source in request.runs if source.record.run_id == path.record.run_id)
     closest = review_runs(ReviewRequest(runs=chosen, scenarios=request.scenarios), silent).reviews[0].closest
-    if closest is None or closest.gap_m > _NEAR_M:
+    if closest is None or closest.gap_m > _DECIDING_GAP_M:
         return None
     step = path.first_step + round(closest.time_s / path.record.step_s)
     return Moment(step, f"closest, {closest.gap_m:.2f} m to {closest.other} {closest.place}")

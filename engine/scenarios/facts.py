@@ -40,7 +40,7 @@ from ..network import LaneletGraph, read_net
 from ..scene import EgoRoute, ego_route, lanelets_of_pose, path_ahead
 from ..traffic import words_of_hour
 from ..vehicles import ego_class
-from .features import NEAR_M, along_line, features, may_be_beside
+from .features import AHEAD_OF_START_M, along_line, features, may_be_beside
 from .manoeuvres import Manoeuvre, manoeuvres, unprotected_left
 
 if TYPE_CHECKING:
@@ -241,7 +241,7 @@ def _manoeuvres(
     network, graph, step_s = recording.scenario.lanelet_network, recording.graph, recording.loaded.step_s
     driven_m = ego.speed_mps * step_s * max(recording.last_step - start_step, 0)
     route_m = sum(graph.length_m[key] for key in ego.route)
-    way = path_ahead(network, graph, start, ego.route, min(max(driven_m + NEAR_M, route_m), _FARTHEST_M))
+    way = path_ahead(network, graph, start, ego.route, min(max(driven_m + AHEAD_OF_START_M, route_m), _FARTHEST_M))
     length_m = ego_class(ego.vehicle_class).vehicle.size_m[0]
     found = manoeuvres(network, graph, recording.tracks, ego, length_m, way, start_step, step_s)
     return found, unprotected_left(network, route, way)

@@ -28,16 +28,15 @@ from ..geometry import (
 )
 from ..network import LaneletGraph
 from ..scene import EgoRoute, center_line, path_ahead
+from ..vehicles import TIME_GAP_MPS
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
 
-NEAR_M = 100.0
+AHEAD_OF_START_M = 100.0
 """From the ego's start, crossings and oncoming traffic count up to here (chosen)."""
 LEAD_M, LEAD_ASIDE_M = 50.0, 1.5
 """A lead vehicle is at most this far ahead, and this far beside the path (chosen; half a lane is 1.5 to 1.9 m)."""
-STANDING_MPS = 0.5
-"""Below it an ego stands (chosen)."""
 CROSSING_RAD = math.radians(25.0)
 """Lanelets that meet at a smaller angle merge or part (chosen)."""
 ONCOMING_RAD, ONCOMING_BESIDE_M = math.radians(135.0), 12.0
@@ -65,7 +64,7 @@ def features(
         "ramp": not crossing and not circle and _has_ramp(network, graph, start_point, ego.route),
         "multi_lane": ego.lanes >= 2,
         "single_lane": ego.lanes == 1,
-        "ego_stands_at_start": ego.speed_mps < STANDING_MPS,
+        "ego_stands_at_start": ego.speed_mps < TIME_GAP_MPS,
     }
     if route is not None:
         holding["ego_changes_lane"] = route.changes_lane
@@ -75,7 +74,7 @@ def features(
         holding["ego_turns_back"] = "back" in route.turns
     start = (ego.route or ego.lanelets or (None,))[0]
     if start is not None:
-        line, _ = path_ahead(network, graph, start, ego.route, NEAR_M)
+        line, _ = path_ahead(network, graph, start, ego.route, AHEAD_OF_START_M)
         if len(line) > 1:
             here = project(line, start_point)[0]
             holding["oncoming_traffic"] = _has_oncoming(line, here, tracks)
@@ -100,7 +99,7 @@ def _has_crossing(network: "LaneletNetwork", graph: LaneletGraph, point: Points,
         if not _share_an_end(graph, keys[one], keys[two]):
             crossing = np.asarray(shapes[one].intersection(shapes[two]).centroid.coords[0])
             on_route = keys[one] in route or keys[two] in route
-            if (on_route or np.linalg.norm(crossing - point) <= NEAR_M) and _cross_at_angle(
+            if (on_route or np.linalg.norm(crossing - point) <= AHEAD_OF_START_M) and _cross_at_angle(
                 lines[keys[one]], lines[keys[two]], crossing
             ):
                 return True
@@ -152,7 +151,7 @@ def _has_lead(line: Points, here_m: float, tracks: dict[int, Track], start_step:
 
 
 def _is_near(vertices: Points, point: Points) -> bool:
-    low, high = vertices.min(axis=0) - NEAR_M, vertices.max(axis=0) + NEAR_M
+    low, high = vertices.min(axis=0) - AHEAD_OF_START_M, vertices.max(axis=0) + AHEAD_OF_START_M
     return bool(np.all(point >= low) and np.all(point <= high))
 
 

@@ -20,7 +20,7 @@ from ..commonroad import Track, has_light
 from ..geometry import Points, Values, arc_length, point_at, project, wrap_angle, wrap_angles
 from ..network import LaneletGraph
 from ..scene import NOT_DRIVEN, TURN_RAD, EgoRoute, center_line, lanelets_at
-from .features import NEAR_M, along_line, may_be_beside
+from .features import AHEAD_OF_START_M, along_line, may_be_beside
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
@@ -94,7 +94,7 @@ class _Ego:
     @property
     def reach_m(self) -> float:
         """Return the station that the ego reaches within the recording, at least the distance that counts as near."""
-        return max(float(self.stations[-1]), float(self.stations[0]) + NEAR_M)
+        return max(float(self.stations[-1]), float(self.stations[0]) + AHEAD_OF_START_M)
 
     def gap_m(self, seen: "_Seen", index: int) -> float:
         """Return the gap from the ego's front to a vehicle's rear at a sample; negative unless it is ahead."""

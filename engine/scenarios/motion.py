@@ -26,8 +26,6 @@ SMOOTHED_S = 0.3
 """Standard deviation of the smoothing before speeds become accelerations (chosen: files round their speeds)."""
 BRAKES_MPS2, LOST_MPS = 1.0, 1.0
 """A phase of braking: smoothed deceleration above this, over which the vehicle loses this much speed (chosen)."""
-STANDS_MPS = 0.3
-"""A slower vehicle stands (chosen)."""
 AHEAD_S = 3.0
 """What a vehicle brakes for is met within this time at its speed, or where it comes to a halt (as the headway)."""
 EVENTS = 8

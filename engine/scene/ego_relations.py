@@ -16,6 +16,7 @@ import numpy as np
 from ..commonroad import Track
 from ..geometry import Points, arc_length, point_at, project, without_repeats, wrap_angle
 from ..network import Digraph, LaneletGraph
+from ..vehicles import STANDING_MPS
 from .poses import lanelets_of_pose
 from .routing import center_line, goal_center_lanelets, path_ahead
 from .scene import NOT_DRIVEN, Ego, Scene
@@ -143,8 +144,6 @@ _ALONGSIDE_M = 3.0
 _MOST_LANES_BESIDE = 8
 """Lanes to one side that are looked at (chosen): rings of neighbours in broken files end there."""
 _OWN, _ONCOMING = "same lane", "oncoming"
-_STANDING_MPS = 0.1
-"""As in CommonRoad's own monitor of traffic rules: a slower vehicle stands, and is not oncoming then."""
 
 
 @dataclass(frozen=True)
@@ -184,7 +183,7 @@ class EgoLane:
         ahead = station - self.here_m
         round_about = abs(ahead) > max(_ALONGSIDE_M, _ROUND_ABOUT * float(np.linalg.norm(point - self.position)))
         lane = self._lane(track, index, lanelet, (station, offset))
-        stands = float(track.speeds_mps[index]) < _STANDING_MPS
+        stands = float(track.speeds_mps[index]) < STANDING_MPS
         if lane is None or (round_about and lane == _ONCOMING):
             return _Where(self._elsewhere(point, heading, stands=stands), None, None)
         if lane == _ONCOMING and stands:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..commonroad import Track
 from ..geometry import Points, Values, wrap_angles
 from ..network import NetLayout
+from ..vehicles import HEADING_MPS
 from .poses import COST_OF_NO_DIFFERENCE, COST_PER_M_BESIDE, COST_PER_M_OUTSIDE, COST_PER_RAD, REACH_M
 
 if TYPE_CHECKING:
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 
 _LARGEST_TURN_RAD = 1.2
 """A vehicle that moves is on no lanelet that it is turned farther from (chosen: 69°, short of driving across it)."""
-_STANDING_MPS = 0.5
-"""The heading of a vehicle that is no faster does not count (chosen): standing ones are recorded with any."""
 _SAMPLES = 40
 """About how many positions of a track are looked at (chosen): one every half second of a usual recording."""
 _COST_OF_A_STEP, _COST_OF_A_LEAP = 0.3, 8.0
@@ -141,7 +140,7 @@ class MapMatcher:
             beside, direction = _offsets(self.layout.table.lanes[self.keys[place]].center, positions[samples])
             turn = np.abs(wrap_angles(direction - headings_rad[samples]))
             costs = COST_PER_M_OUTSIDE * outside + COST_PER_M_BESIDE * beside + COST_PER_RAD * turn
-            fits = (turn <= _LARGEST_TURN_RAD) | (speeds_mps[samples] <= _STANDING_MPS)
+            fits = (turn <= _LARGEST_TURN_RAD) | (speeds_mps[samples] <= HEADING_MPS)
             for sample, cost in zip(samples[fits].tolist(), costs[fits].tolist(), strict=True):
                 near[sample].append((self.keys[place], cost))
         return near

@@ -36,7 +36,8 @@
 ``WARM_UP_S``: How long vehicles drive before the first recorded step, in s.
 ``GeneratedVehicle``: A generated vehicle from step 0 on: class, motion of the centre, and whether it can be driven.
 ``generated_vehicles``: The recorded vehicles with smoothed, drivable motions.
-``drop_infeasible``: The vehicles without the fewest whose removal leaves all drivable and no two overlapping.
+``drop_infeasible``: The vehicles without the fewest whose removal leaves all drivable and apart; and those.
+``DroppedVehicle``: A recorded vehicle that is left out, and why.
 ``DECIMALS``: Decimal places of the motions.
 """
 
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
         words_of_hour,
     )
     from .demand import OpenEdges, TripMaker, lane_km_of
-    from .motions import DECIMALS, GeneratedVehicle, drop_infeasible, generated_vehicles
+    from .motions import DECIMALS, DroppedVehicle, GeneratedVehicle, drop_infeasible, generated_vehicles
     from .pedestrians import WALKING_SOURCE, Pedestrians, WalkedPerson, apart, plan_walks
     from .simulation import WARM_UP_S, DrivingStyle, TooFewFoundRoom, simulate_traffic
     from .sumo import NO_LANE, LaneChanges, LaneHint, Sumo, sumo_pose, sumo_running, sumo_version, vehicle_type

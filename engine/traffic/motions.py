@@ -7,10 +7,12 @@ drivable it is (:func:`generated_vehicles`). Motions that still cannot be driven
 (:func:`drop_infeasible`).
 """
 
+import logging
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -18,6 +20,7 @@ from ..geometry import BoxTrack, Points, Values, first_overlaps
 from ..vehicles import SMOOTHINGS, Motion, VehicleClass, center_track, check_kinematics, drivable_motion
 from .simulation import RawTrack
 
+logger = logging.getLogger(__name__)
 DECIMALS = 4
 """Decimal places in scenario files: 0.1 mm, and 20 seconds of arc."""
 FARTHEST_ASTRAY_M = 4.0
@@ -54,20 +57,38 @@ def generated_vehicles(tracks: Iterable[RawTrack], step_s: float) -> tuple[Gener
     return tuple(_generated_vehicle(track, step_s) for track in tracks)
 
 
-def drop_infeasible(everyone: Sequence[GeneratedVehicle], needed: Mapping[str, int]) -> tuple[GeneratedVehicle, ...]:
-    """The vehicles without those that cannot be driven or overlap others; as few as possible are taken out.
+@dataclass(frozen=True)
+class DroppedVehicle:
+    """A recorded vehicle that is left out, and why."""
+
+    vehicle: GeneratedVehicle
+    code: Literal["not_drivable", "overlap"]
+
+
+def drop_infeasible(
+    everyone: Sequence[GeneratedVehicle], needed: Mapping[str, int]
+) -> tuple[tuple[GeneratedVehicle, ...], tuple[DroppedVehicle, ...]]:
+    """Return the vehicles without those that cannot be driven or overlap others, and those; as few as possible go.
 
     ``needed``: how many of a class must stay, even where their motion cannot be driven.
     """
     counts = Counter(vehicle.vehicle_class.name for vehicle in everyone)
     kept: list[GeneratedVehicle] = []
+    dropped: list[DroppedVehicle] = []
     for vehicle in everyone:
         name = vehicle.vehicle_class.name
         if vehicle.feasible or counts[name] <= needed.get(name, 0):
             kept.append(vehicle)
         else:
             counts[name] -= 1
-    return _apart(kept, counts, needed)
+            dropped.append(DroppedVehicle(vehicle, "not_drivable"))
+    apart = _apart(kept, counts, needed)
+    stay = {vehicle.vehicle_id for vehicle in apart}
+    dropped += [DroppedVehicle(vehicle, "overlap") for vehicle in kept if vehicle.vehicle_id not in stay]
+    for one in dropped:
+        name = one.vehicle.vehicle_class.name
+        logger.debug("vehicle_left_out vehicle=%s class=%s code=%s", one.vehicle.vehicle_id, name, one.code)
+    return apart, tuple(dropped)
 
 
 def _apart(

@@ -31,7 +31,7 @@ INSERTED_S = WARM_UP_S - 4.0
 FIRST_AT_S, LAST_AT_SHARE = 0.0, 0.35
 """A person is to be at the corner before the crossing this long after step 0 at the earliest, at this share of the
 recording at the latest (chosen): the way over the corner, and vehicles or red lights, take a while more."""
-NEAR_M = 40.0
+HALF_AS_LIKELY_M = 40.0
 """A crossing this much farther from the middle of the site is half as likely to be taken (chosen)."""
 MOST_EDGES = 12
 """Pavements of a walk, at most (chosen)."""
@@ -63,7 +63,7 @@ def plan_walks(
     Crossings near ``middle`` (2,) are taken more often. Where there is none, people walk along.
     """
     crossings = [one for one in net.crossings.values() if _approaches(net, one)]
-    weights = [0.5 ** (float(np.linalg.norm(one.line.mean(axis=0) - middle)) / NEAR_M) for one in crossings]
+    weights = [0.5 ** (float(np.linalg.norm(one.line.mean(axis=0) - middle)) / HALF_AS_LIKELY_M) for one in crossings]
     along = sorted(net.pavements)
     metres = [net.pavements[edge].length_m for edge in along]
     walks = []

@@ -1,5 +1,6 @@
 """Traffic made by SUMO: a site is filled with vehicles, they drive for a while, and what follows is recorded."""
 
+import logging
 import random
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -18,6 +19,7 @@ from .demand import TripMaker
 from .sumo import Sumo, heading_of_angle_rad, sumo_running, vehicle_type, vehicle_type_distribution
 from .vehicle_counts import Demand
 
+logger = logging.getLogger(__name__)
 WARM_UP_S = 20.0
 """Simulated before the first recorded step, so that vehicles have met and stand at lights (chosen)."""
 LAST_INSERTION_S = 18.5
@@ -183,6 +185,7 @@ class _Source:
         """Insert what is missing; vehicles that find no place are taken back and tried again elsewhere."""
         here = set(self._sumo.vehicles())
         for waiting in [key for key in self.classes if key not in here]:
+            logger.debug("vehicle_waits_or_left vehicle=%s class=%s", waiting, self.classes[waiting].name)
             self._sumo.withdraw(waiting)
             del self.classes[waiting]
         known = vehicle_classes()

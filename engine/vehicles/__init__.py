@@ -34,6 +34,15 @@
 ``hardest_braking_mps2``: What tyres hold, along and across, on a road of some friction, in m/s².
 ``refused_by_planners``: Why the built-in planners refuse an ego of a class; empty if they drive it.
 ``vehicle_of``: The vehicle of some settings and an ego's class.
+``ARC_LENGTH_MPS``: Slower, derivatives by time say nothing about those by arc length.
+``CUT_IN_REACTION_S``: The reaction time of a vehicle that is cut in on, as UN Regulation 157 has it.
+``HAND_OVER_S``: How long before a collision a vehicle is handed over to SUMO.
+``HARD_BRAKING_REACTION_S``: The least time after which a driver brakes hard.
+``HEADING_MPS``: The recorded heading of a slower vehicle does not count.
+``MONITOR_REACTION_S``: The reaction time of CommonRoad's monitor of traffic rules.
+``REST_OF_SMOOTHING_MPS``: Speeds below this are written as 0.
+``STANDING_MPS``: A slower road user stands.
+``TIME_GAP_MPS``: A slower follower has no time gap.
 ``Feasibility``: Whether a motion can be driven, the share of its steps that can, and the first that cannot.
 ``Motion``: Positions in m, headings in rad, speeds in m/s and accelerations in m/s² of a centre.
 ``SMOOTHINGS``: Smoothings (steps, metres) of a driven track, the stronger the later, tried until it can be driven.
@@ -89,6 +98,17 @@ if TYPE_CHECKING:
         drivable_steps,
         steering_angles,
         tractrix,
+    )
+    from .motion_thresholds import (
+        ARC_LENGTH_MPS,
+        CUT_IN_REACTION_S,
+        HAND_OVER_S,
+        HARD_BRAKING_REACTION_S,
+        HEADING_MPS,
+        MONITOR_REACTION_S,
+        REST_OF_SMOOTHING_MPS,
+        STANDING_MPS,
+        TIME_GAP_MPS,
     )
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 
 from ..geometry import Points, Values, arc_length, gaussian, interpolate, without_repeats, wrap_angle, wrap_angles
 from .models import BMW_320I
+from .motion_thresholds import REST_OF_SMOOTHING_MPS
 
 SMOOTHINGS = ((3.0, 2.0), (5.0, 3.0), (8.0, 4.0))
 """(steps, metres) tried in this order until a motion is drivable (chosen): stronger smoothing moves it more."""
-_STANDING_M, _STANDING_MPS = 0.3, 0.02
-"""Chosen: a shorter track, and a slower motion, is that of a vehicle that stands."""
+_SHORTEST_TRACK_M = 0.3
+"""Chosen: a shorter track is that of a vehicle that stands."""
 _BEHIND_START_M = 1.0
 """Chosen: the path begins this much behind the rear of a vehicle at its first point."""
 _CELL_M = 0.25
@@ -78,7 +79,7 @@ def drivable_motion(
     front = np.asarray(front, dtype=float)
     count = len(front)
     stations = arc_length(front)
-    if stations[-1] < _STANDING_M:
+    if stations[-1] < _SHORTEST_TRACK_M:
         heading = np.full(count, first_heading_rad)
         direction = np.array([math.cos(first_heading_rad), math.sin(first_heading_rad)])
         still = np.repeat(front[:1], count, axis=0) - length_m / 2 * direction
@@ -88,7 +89,7 @@ def drivable_motion(
     direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
     rear = guide - (length_m / 2 + rear_axle_m) * direction
     speed = np.gradient(arc_length(rear), step_s)
-    speed[speed < _STANDING_MPS] = 0.0
+    speed[speed < REST_OF_SMOOTHING_MPS] = 0.0
     return Motion(guide - length_m / 2 * direction, heading, speed, np.gradient(speed, step_s))
 
 

@@ -4,13 +4,12 @@ from collections import defaultdict
 
 import pytest
 
-from plannerforge.engine.maps.index import built_in_maps
 from plannerforge.engine.tuning import changed_configuration, preset_configuration
 from plannerforge.engine.vehicles import vehicle_classes
 from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.generation import GenerateScenariosArguments
 from plannerforge.schemas.vocabulary import preset_of, synonyms, vehicle_class_of
-from plannerforge.workflows.generation.requests import plan_maps
+from plannerforge.workflows.generation.specification import read_specification
 
 
 def test_every_word_means_one_thing() -> None:
@@ -45,7 +44,7 @@ def test_words_for_presets(word: str, meant: str | None) -> None:
 
 def test_a_class_by_another_word_is_generated_and_said() -> None:
     arguments = GenerateScenariosArguments(place="Musterstadt", vehicles=["van=2", "police car", "truck"])
-    notes = plan_maps(arguments, built_in_maps()).notes
+    notes = read_specification(arguments).notes
     assert notes == ("'van' is taken as delivery", "'police car' is taken as emergency")
 
 

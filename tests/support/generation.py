@@ -21,6 +21,7 @@ def request_for(place: str, folder: Path, **changes: object) -> GenerationReques
         "attribution": entry.facts.attribution,
         "duration_s": 6.0,
         "folder": str(folder),
+        "goal": "steps:50",
         "seed": 3,
     }
     return GenerationRequest.model_validate(wish | changes)

@@ -20,13 +20,13 @@ from plannerforge.schemas.generation import (
     VehicleDemand,
 )
 from plannerforge.workflows.context import Services, WorkflowContext
-from plannerforge.workflows.generation.conditions import (
+from plannerforge.workflows.generation.flow_tables import with_tables_read
+from plannerforge.workflows.generation.specification import (
     circumstances_of,
     read_conditions,
+    read_specification,
     with_natural_mix,
-    with_tables_read,
 )
-from plannerforge.workflows.generation.requests import demands_of
 
 
 @pytest.fixture
@@ -200,7 +200,7 @@ def test_flows_that_cannot_be_are_refused(text: str, named: str) -> None:
 def test_a_table_of_counts_is_read(call: WorkflowContext, allowed: Path, text: str, key: str, flows: list[str]) -> None:
     path = allowed / "counts.csv"
     path.write_text(text, encoding="utf-8")
-    read = read_conditions(with_tables_read(arguments(f"{key}={path}"), call)).conditions
+    read = read_conditions(arguments(*with_tables_read([f"{key}={path}"], call))).conditions
     assert read is not None
     assert [str(flow) for flow in read.flows] == flows
 
@@ -223,13 +223,13 @@ def test_a_table_that_cannot_be_read_is_refused(
     path = allowed / "counts.csv"
     path.write_bytes(content)
     with pytest.raises(InvalidRequest) as refusal:
-        with_tables_read(arguments(f"counts={path}"), call)
+        with_tables_read([f"counts={path}"], call)
     assert named in refusal.value.text
 
 
 def test_a_table_lies_where_tools_may_read(call: WorkflowContext) -> None:
     with pytest.raises(OutsideRoots):
-        with_tables_read(arguments("counts=/etc/hosts.csv"), call)
+        with_tables_read(["counts=/etc/hosts.csv"], call)
 
 
 def test_all_faults_of_the_conditions_are_told_at_once() -> None:
@@ -257,7 +257,7 @@ def test_a_recipe_without_conditions_is_that_of_before() -> None:
 )
 def test_a_manoeuvre_of_others_is_understood_by_name_and_in_words(text: str, asked: str) -> None:
     read = read_conditions(arguments(f"others={text}"))
-    assert (read.others, read.conditions) == (asked, None)
+    assert (str(read.others), read.conditions) == (asked, None)
 
 
 @pytest.mark.parametrize(
@@ -278,7 +278,7 @@ def test_a_manoeuvre_that_others_cannot_make_is_refused_with_what_is_near(text: 
 def test_the_class_that_is_to_make_a_manoeuvre_joins_the_traffic() -> None:
     def classes(*vehicles: str) -> list[str]:
         call = arguments("others=cut_in:truck", vehicles=list(vehicles))
-        return [demand.vehicle_class for demand in demands_of(call, read_conditions(call).others)]
+        return [demand.vehicle_class for demand in read_specification(call).vehicles]
 
     assert classes() == ["truck"]
     assert classes("truck=3", "bus=1") == ["truck", "bus"]

@@ -15,7 +15,8 @@ from plannerforge.engine.maps.index import MapMatch, built_in_maps
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GenerateScenariosArguments, GenerationRequest
 from plannerforge.workflows.context import WorkflowContext
-from plannerforge.workflows.generation.requests import AssignedSite, request_for, share_sites
+from plannerforge.workflows.generation.map_choice import AssignedSite, request_for, share_sites
+from plannerforge.workflows.generation.specification import read_specification
 from plannerforge.workflows.operations import GENERATE_SCENARIO
 
 MAPS = {entry.facts.place: MapMatch(entry) for entry in built_in_maps()}
@@ -42,7 +43,7 @@ def test_a_site_that_fails_is_replaced_by_one_that_no_other_scenario_takes(
         {"place": "Quadratstadt", "scenario_type": "intersection", "duration_s": 5, "count": 3}
     )
     order = share_sites([MAPS["Quadratstadt"]], [21], arguments.count)[0]
-    request = request_for(arguments, order, 0)
+    request = request_for(read_specification(arguments), order, 0)
     asked: list[tuple[float, float]] = []
 
     def fails_once(*given: object) -> SiteNetwork:
@@ -63,7 +64,7 @@ def test_a_country_named_for_a_map_without_one_reaches_the_engine_as_its_code(sp
     entry = MAPS["Fahrhausen"].entry
     nowhere = replace(entry, facts=entry.facts.model_copy(update={"country": None}))
     arguments = GenerateScenariosArguments.model_validate({"country": spelled})
-    assert request_for(arguments, AssignedSite(MapMatch(nowhere)), 0).country == "GBR"
+    assert request_for(read_specification(arguments), AssignedSite(MapMatch(nowhere)), 0).country == "GBR"
 
 
 @pytest.mark.parametrize(
@@ -79,7 +80,7 @@ def test_a_country_named_for_a_map_without_one_reaches_the_engine_as_its_code(sp
 )
 def test_a_class_without_a_number_is_asked_for_by_its_share(wish: dict[str, object], demands: list[object]) -> None:
     arguments = GenerateScenariosArguments.model_validate(wish)
-    request = request_for(arguments, AssignedSite(MAPS["Fahrhausen"]), 0)
+    request = request_for(read_specification(arguments), AssignedSite(MAPS["Fahrhausen"]), 0)
     assert request.model_dump(mode="json")["vehicles"] == demands
 
 

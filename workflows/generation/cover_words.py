@@ -20,12 +20,23 @@ from ...engine.vehicles import PEDESTRIAN, vehicle_classes
 from ...engine.workspace import Recipe, versions_of
 from ...schemas.base import problems_of
 from ...schemas.errors import InvalidRequest, UnknownName, closest, instead
-from ...schemas.generation import TURNS_AT, Combination, Density, GenerateScenariosArguments, PlanFactor, SiteType, Turn
+from ...schemas.generation import (
+    THROUGH,
+    TURNS_AT,
+    AskedGoal,
+    Combination,
+    Density,
+    GenerateScenariosArguments,
+    GenerationSpec,
+    PlanFactor,
+    SiteType,
+    Turn,
+)
 from ...schemas.text import quoted
 from ..context import WorkflowContext
 from .making import shape_of
-from .online import maps_for
-from .requests import AssignedSite, request_for
+from .map_choice import AssignedSite, maps_for, request_for
+from .specification import read_specification
 
 MOST_FACTORS, MOST_LEVELS, MOST_COMBINATIONS = 10, 60, 20_000
 """Of a plan (chosen): choosing its rows takes seconds then."""
@@ -129,9 +140,19 @@ class AskedPlan:
 
     @classmethod
     async def of(
-        cls, arguments: GenerateScenariosArguments, context: WorkflowContext, entries: Sequence[MapEntry]
+        cls,
+        arguments: GenerateScenariosArguments,
+        spec: GenerationSpec,
+        context: WorkflowContext,
+        entries: Sequence[MapEntry],
     ) -> "AskedPlan":
-        """Read the arguments, find or fetch the maps, and try each level once.
+        """Read what is to be varied, find or fetch the maps, and try each level once.
+
+        Args:
+            arguments: the call in words, because levels are values of its arguments.
+            spec: what it asks for, where a part of a map was cut out for it in the words that are left.
+            context: the use of the workflow.
+            entries: the maps at hand.
 
         Raises:
             InvalidRequest: arguments that contradict each other, or a level that cannot be meant.
@@ -144,13 +165,15 @@ class AskedPlan:
             raise InvalidRequest(
                 "trial_run is for single scenarios", next_step="leave it out, and give the plan's id to run_planner"
             )
-        if arguments.goal.startswith("lanelet:"):
-            raise InvalidRequest("a goal on a lanelet means one site; a plan has many", valid=["through", "steps:50"])
-        if "turn" in names and arguments.goal != "through":
-            raise InvalidRequest(f"cover varies the turn; goal {quoted(arguments.goal)} has none", valid=["through"])
-        asked = cls(arguments, factors, strength)
+        if spec.goal.lanelet is not None:
+            raise InvalidRequest("a goal on a lanelet means one site; a plan has many", valid=[THROUGH, "steps:50"])
+        if "turn" in names and spec.goal != AskedGoal():
+            raise InvalidRequest(f"cover varies the turn; goal {quoted(spec.goal)} has none", valid=[THROUGH])
+        bbox = None if spec.bbox is None else list(spec.bbox)
+        left = {"place": spec.place, "country": spec.country, "bbox": bbox}
+        asked = cls(arguments.model_copy(update=left), factors, strength)
         for group in asked.groups("place", "country"):
-            found = await maps_for(asked.row_arguments(group), context, entries)
+            found = await maps_for(asked.row_spec(group), context, entries)
             asked.shown[tuple(group.items())] = found.matches
             asked.notes.update(dict.fromkeys(found.notes))
         for factor, levels in enumerate(one.levels for one in factors):
@@ -165,14 +188,22 @@ class AskedPlan:
             InvalidRequest: a level that cannot be meant.
             UnknownName: no such vehicle class, or no map shows the place.
         """
-        request = request_for(self.row_arguments(levels), AssignedSite(self.matches(levels)[0]), 0)
+        request = request_for(self.row_spec(levels), AssignedSite(self.matches(levels)[0]), 0)
         known = (*vehicle_classes(), PEDESTRIAN.name)
         for demand in request.vehicles:
             if demand.vehicle_class not in known:
                 name = demand.vehicle_class
                 raise UnknownName(f"there is no vehicle class {quoted(name)}", valid=closest(name, known))
 
-    def row_arguments(self, levels: Mapping[int, int]) -> GenerateScenariosArguments:
+    def row_spec(self, levels: Mapping[int, int]) -> GenerationSpec:
+        """What is asked of a scenario with some levels.
+
+        Raises:
+            InvalidRequest: a level that cannot be meant.
+        """
+        return read_specification(self._row_arguments(levels))
+
+    def _row_arguments(self, levels: Mapping[int, int]) -> GenerateScenariosArguments:
         """The arguments of a scenario with some levels.
 
         Raises:
@@ -185,7 +216,7 @@ class AskedPlan:
             if name == "vehicles":
                 vehicles += [] if value == "cars" else [part.strip() for part in value.split("+")]
             elif name == "turn":
-                changed["goal"] = f"through:{value}"
+                changed["goal"] = f"{THROUGH}:{value}"
             elif name == "duration_s":
                 changed[name] = float(value) if re.fullmatch(r"\d+(\.\d+)?", value) else value
             else:
@@ -335,13 +366,11 @@ class HeldLevels:
 
     def _shape(self, levels: Mapping[int, int]) -> dict[str, Any]:
         match = self._asked.matches(levels)[0]
-        return shape_of(request_for(self._asked.row_arguments(levels), AssignedSite(match), 0))
+        return shape_of(request_for(self._asked.row_spec(levels), AssignedSite(match), 0))
 
     def _spots(self, levels: Mapping[int, int]) -> set[str]:
-        arguments = self._asked.row_arguments(levels)
-        return {
-            _spot_of(shape_of(request_for(arguments, AssignedSite(match), 0))) for match in self._asked.matches(levels)
-        }
+        spec = self._asked.row_spec(levels)
+        return {_spot_of(shape_of(request_for(spec, AssignedSite(match), 0))) for match in self._asked.matches(levels)}
 
 
 def _spot_of(shape: Mapping[str, Any]) -> str:

@@ -23,6 +23,7 @@ from ...schemas.generation import (
     CoverageRequest,
     GenerateScenariosArguments,
     GenerateScenariosResult,
+    GenerationSpec,
     PlanRecord,
     PlanSummary,
     ScenarioType,
@@ -33,7 +34,7 @@ from ..context import WorkflowContext
 from ..operations import COUNT_SITES, PLAN_COVERAGE
 from .cover_words import AskedPlan, held_before, impossible_turns
 from .making import make_scenario
-from .requests import AssignedSite, nth_site, request_for
+from .map_choice import AssignedSite, nth_site, request_for
 
 logger = logging.getLogger(__name__)
 WAIT_S = 45.0
@@ -102,7 +103,11 @@ class Spot:
 
 
 async def cover_combinations(
-    arguments: GenerateScenariosArguments, context: WorkflowContext, entries: Sequence[MapEntry], notes: Sequence[str]
+    arguments: GenerateScenariosArguments,
+    spec: GenerationSpec,
+    context: WorkflowContext,
+    entries: Sequence[MapEntry],
+    notes: Sequence[str],
 ) -> GenerateScenariosResult:
     """Carry a coverage plan on until so many scenarios are made, and answer with how far it is after 45 s at most.
 
@@ -110,8 +115,8 @@ async def cover_combinations(
         InvalidRequest: a plan that cannot be meant.
         UnknownName: no map shows the place.
     """
-    asked = await AskedPlan.of(arguments, context, entries)
-    notes = [*asked.notes, *notes]
+    asked = await AskedPlan.of(arguments, spec, context, entries)
+    notes = [*spec.notes, *asked.notes, *notes]
     context.made("plan", asked.plan_id)
     rows = PlanRows(context.workspace.database, asked.plan_id)
     job: Job | None = None
@@ -195,30 +200,24 @@ class _PlanWork:
 
     async def _sites(self, group: Mapping[int, int]) -> tuple[tuple[str, int], ...]:
         """The maps that hold sites for some levels, and how many: as the index says, or counted on the map."""
-        arguments = self._asked.row_arguments(group)
-        kind, found = arguments.scenario_type, []
+        spec = self._asked.row_spec(group)
+        kind, found = spec.scenario_type, []
         for match in self._asked.matches(group):
             facts = match.entry.facts
-            if (
-                kind == "any"
-                or arguments.road_classes is not None
-                or arguments.bbox is not None
-                or match.streets
-                or match.box
-            ):
-                count = await self._counted(arguments, match)
+            if kind == "any" or spec.road_classes or spec.bbox is not None or match.streets or match.box:
+                count = await self._counted(spec, match)
             else:
                 count = facts.sites.get(kind, 0)
             if count:
                 found.append((facts.map_id, count))
         return tuple(found)
 
-    async def _counted(self, arguments: GenerateScenariosArguments, match: MapMatch) -> int:
-        kind: ScenarioType = arguments.scenario_type
+    async def _counted(self, spec: GenerationSpec, match: MapMatch) -> int:
+        kind: ScenarioType = spec.scenario_type
         if kind not in ("any", *match.entry.facts.sites):
             return 0
         try:
-            return (await self._call.run(COUNT_SITES, request_for(arguments, AssignedSite(match), 0))).count
+            return (await self._call.run(COUNT_SITES, request_for(spec, AssignedSite(match), 0))).count
         except NotPossible:
             return 0
 
@@ -274,8 +273,8 @@ class _PlanWork:
 
     async def _make(self, row: PlanRow, match: MapMatch) -> tuple[RowState, bool]:
         """Make a row's scenario and note what became of it; that, and whether it was made before."""
-        arguments = self._asked.row_arguments(dict(enumerate(row.levels))).model_copy(update={"seed": row.seed})
-        request = request_for(arguments, AssignedSite(match, row.site_index), 0)
+        spec = self._asked.row_spec(dict(enumerate(row.levels))).model_copy(update={"seed": row.seed})
+        request = request_for(spec, AssignedSite(match, row.site_index), 0)
         if row.lap:  # all is covered: a row that fails, or that could be better, costs more than another one
             request = request.model_copy(update={"most_sites": 1, "most_rounds": _ROUNDS_BEYOND})
         try:

@@ -3,15 +3,14 @@
 from ...engine.catalog import open_catalogue
 from ...engine.maps import MapMatch
 from ...schemas.errors import InvalidRequest, NotPossible, ServiceFailure, UnknownName, WorkerFailure
-from ...schemas.generation import GenerateScenariosArguments, GenerateScenariosResult, ScenarioSummary
+from ...schemas.generation import GenerateScenariosArguments, GenerateScenariosResult, GenerationSpec, ScenarioSummary
 from ..context import WorkflowContext
 from ..maps import map_of_scenario, maps_at_hand
-from .conditions import read_conditions, with_tables_read
 from .coverage import cover_combinations
-from .cuts import with_cuts
+from .flow_tables import with_tables_read
 from .making import make_scenario, with_trial_run
-from .online import maps_for
-from .requests import AssignedSite, SiteAssignment, assign_sites, request_for
+from .map_choice import AssignedSite, SiteAssignment, assign_sites, maps_for, request_for, with_cuts
+from .specification import read_specification
 
 MOST_SINGLY = 50
 """Scenarios of a call without a coverage plan: it waits for all of them."""
@@ -32,29 +31,32 @@ async def generate_scenarios(
     )  # first, or a starter would be the latest
     if arguments.place and (filled := await map_of_scenario(context, arguments.place)) is not None:
         arguments = arguments.model_copy(update={"place": filled})
-    arguments = with_tables_read(arguments, context)
+    if arguments.conditions:
+        conditions = with_tables_read(arguments.conditions, context)
+        arguments = arguments.model_copy(update={"conditions": conditions})
+    spec = read_specification(arguments)
     at_hand = await maps_at_hand(context)
-    choice = await with_cuts(arguments, context, at_hand.entries)
-    arguments, told = choice.arguments, (*choice.notes, *at_hand.notes)
+    choice = await with_cuts(spec, context, at_hand.entries)
+    spec, told = choice.spec, (*choice.notes, *at_hand.notes)
     if arguments.cover:
-        return await cover_combinations(arguments, context, choice.entries, told)
-    if arguments.count > MOST_SINGLY:
+        return await cover_combinations(arguments, spec, context, choice.entries, told)
+    if spec.count > MOST_SINGLY:
         raise InvalidRequest(
-            f"count {arguments.count:,} is more than one call makes without a plan",
+            f"count {spec.count:,} is more than one call makes without a plan",
             valid=[f"1 to {MOST_SINGLY}; to 5,000 with cover"],
             next_step="say by cover what is to be varied, such as ['density=low|high', 'turn=left|right|straight']",
         )
-    conditions = read_conditions(arguments)
+    spec.check_turn()
     try:
-        plan = await maps_for(arguments, context, choice.entries)
+        plan = await maps_for(spec, context, choice.entries)
     except (UnknownName, NotPossible, ServiceFailure) as refusal:
         raise choice.with_failures(refusal) from refusal
-    sites = await assign_sites(arguments, context, plan.matches)
-    made, failures = await _make_all(arguments, context, sites)
+    sites = await assign_sites(spec, context, plan.matches)
+    made, failures = await _make_all(spec, context, sites)
     context.made("scenario", *(summary.scenario_id for summary in made))
-    notes = [*conditions.notes, *plan.notes, *told, *failures]
-    if len(sites.planned) < arguments.count:
-        notes.append(f"only {len(sites.planned)} different site(s) fit; {arguments.count} were asked for")
+    notes = [*spec.notes, *plan.notes, *told, *failures]
+    if len(sites.planned) < spec.count:
+        notes.append(f"only {len(sites.planned)} different site(s) fit; {spec.count} were asked for")
     if notice := context.services.workers.notice:
         notes.append(notice)
     used = {summary.map_id for summary in made}
@@ -63,7 +65,7 @@ async def generate_scenarios(
 
 
 async def _make_all(
-    arguments: GenerateScenariosArguments, context: WorkflowContext, sites: SiteAssignment
+    spec: GenerationSpec, context: WorkflowContext, sites: SiteAssignment
 ) -> tuple[list[ScenarioSummary], list[str]]:
     """The scenarios that could be made, and notes on those that could not.
 
@@ -77,8 +79,8 @@ async def _make_all(
     for index, site in enumerate(sites.planned):
         share = (index / len(sites.planned), (index + 1) / len(sites.planned))
         try:
-            summary, given_up = await _make_somewhere(arguments, context, site, spare, index, share)
-            made.append(await with_trial_run(context, summary) if arguments.trial_run else summary)
+            summary, given_up = await _make_somewhere(spec, context, site, spare, index, share)
+            made.append(await with_trial_run(context, summary) if spec.trial_run else summary)
             notes += [f"another map was taken: {refusal.message}" for refusal in given_up]
         except NotPossible as refusal:
             refusals.append(refusal)
@@ -94,7 +96,7 @@ async def _make_all(
 
 
 async def _make_somewhere(
-    arguments: GenerateScenariosArguments,
+    spec: GenerationSpec,
     context: WorkflowContext,
     site: AssignedSite,
     spare: list[MapMatch],
@@ -111,10 +113,10 @@ async def _make_somewhere(
     refusals: list[NotPossible] = []
     while True:
         try:
-            request = request_for(arguments, site, index)
+            request = request_for(spec, site, index)
             return await make_scenario(context, request, share), refusals
         except NotPossible as refusal:
             refusals.append(refusal)
-        if not spare or arguments.goal.startswith("lanelet:"):  # an id means another lanelet elsewhere
+        if not spare or spec.goal.lanelet is not None:  # an id means another lanelet elsewhere
             raise refusals[0]
         site = AssignedSite(spare.pop(0))

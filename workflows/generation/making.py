@@ -1,23 +1,38 @@
-"""One scenario: made in a worker and stored, or found by its recipe; and the default planner's run on it."""
+"""One scenario: made in a worker and stored, or found by its recipe; its words in the answer; and the default planner's
+run on it.
+"""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from ...engine.catalog import ID_TAKEN
 from ...engine.tuning import DEFAULT_CONFIGURATION
+from ...engine.vehicles import PEDESTRIAN, ego_class, refused_by_planners
 from ...engine.workspace import Recipe, content_digest, versions_of
 from ...schemas.errors import NotPossible
-from ...schemas.generation import GeneratedScenario, GenerationRequest, ScenarioSummary
+from ...schemas.generation import (
+    NATURAL_SHARES,
+    SHARES_SOURCE,
+    DensityFacts,
+    GeneratedEgo,
+    GeneratedScenario,
+    GenerationRequest,
+    ScenarioSummary,
+)
 from ...schemas.runs import NO_TRAJECTORY
+from ...schemas.text import cited_all, counted
 from ..configurations import resolve_configuration, store_configuration
 from ..context import WorkflowContext
 from ..operations import GENERATE_SCENARIO
 from ..runs import Cell, run_grid
 from ..scenario_storage import store_scenario
-from .conditions import circumstances_of
-from .record import REPORT, summarise
+from .record import REPORT, verdicts
+from .specification import circumstances_of
 
 CHECK = "planner can run"
+_SHOWN_STREETS = 4
+"""Streets of a site that an answer names (chosen)."""
 _ADVICE = "the default planner cannot run here; another seed makes other traffic and another ego"
 
 
@@ -67,9 +82,91 @@ async def _made(
     return summarise(scenario, request, artifact.artifact_id, reused=False)
 
 
+def summarise(
+    scenario: GeneratedScenario, request: GenerationRequest, scenario_id: str, *, reused: bool
+) -> ScenarioSummary:
+    """What was asked beside what came out, for one scenario."""
+    site, ego = scenario.site, scenario.ego
+    streets = cited_all(site.streets[:_SHOWN_STREETS], " / ") or "unnamed roads"
+    passed, failed = verdicts(scenario.checks)
+    return ScenarioSummary(
+        scenario_id=scenario_id,
+        reused=reused,
+        map_id=request.map_id,
+        place=request.place,
+        site=f"{site.scenario_type} at {streets}" + _unlike(site.scenario_type, request.scenario_type),
+        latitude=site.latitude,
+        longitude=site.longitude,
+        osm_id=site.osm_id,
+        vehicles_asked=scenario.vehicles_asked,
+        vehicles_realised=scenario.vehicles_realised,
+        classes_asked=scenario.classes_asked,
+        classes_realised=scenario.classes_realised,
+        density=_density(scenario.density),
+        recorded_s=scenario.recorded_s,
+        ego=_ego_words(ego, request),
+        goal=(
+            f"{ego.goal_distance_m:.0f} m ahead on lanelet {ego.goal_lanelet} within "
+            f"{ego.goal_time_s[0]:g} to {ego.goal_time_s[1]:g} s ({request.goal})"
+        ),
+        feasible_share=scenario.checks.feasible_share,
+        checks_passed=passed,
+        checks_failed=failed,
+        planners_refuse=refused_by_planners(ego.vehicle_class),
+        others=scenario.others,
+        absences=scenario.absences,
+        notes=[*_shares(scenario, request), *scenario.notes],
+    )
+
+
+def _ego_words(ego: GeneratedEgo, request: GenerationRequest) -> str:
+    """Return which vehicle of its class the ego is and its speed; if it is not a car, also its size and limits."""
+    one_of = f"one of {counted(ego.cars_to_choose_from, ego.vehicle_class)} ({request.ego})"
+    if ego.vehicle_class == "car":
+        return f"Ego: {one_of}, at {ego.speed_mps:.1f} m/s"
+    known = ego_class(ego.vehicle_class)
+    return f"Ego: {known.in_words}, {one_of}, at {ego.speed_mps:.1f} m/s, limits: {known.source}"
+
+
+def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator[str]:
+    """What the share of each class was that was asked for without a number, and whose statistics say so."""
+    for demand in request.vehicles:
+        name, share = demand.vehicle_class, demand.share
+        if share is None or (name == PEDESTRIAN.name and not share):  # as many people as the density asks for
+            continue
+        if share == NATURAL_SHARES.get(name):
+            yield f"{name}: its share of traffic, {100 * share:g} % of all vehicles ({SHARES_SOURCE}), one at least"
+        elif share == 0:
+            yield f"{name}: one at least; how many there are in traffic is not known here, {name}=30% asks for a share"
+        else:
+            realised = scenario.classes_realised.get(name, 0) / max(scenario.vehicles_realised, 1)
+            yield f"{name}: {share:.0%} of all vehicles asked, {realised:.0%} realised"
+
+
+def _unlike(realised: str, asked: str) -> str:
+    """What was asked for, where it is another type of site."""
+    return "" if asked in ("any", realised) else f" (for the {asked} that was asked for)"
+
+
+def _density(density: DensityFacts) -> str:
+    return (
+        f"{density.at_start_per_lane_km:g} vehicles per lane-km at the start, "
+        f"{density.at_end_per_lane_km:g} at the end ({density.at_time or density.wish}: {density.target_per_lane_km:g})"
+    )
+
+
+_RECORDED = (
+    *("map_id", "place", "country", "attribution", "scenario_type", "streets", "bbox", "road_classes", "density"),
+    *("vehicles", "duration_s", "ego", "goal", "index", "site_index", "site_step", "most_sites", "most_rounds"),
+    *("conditions", "others"),
+)
+"""The fields of a request that a recipe holds, in the order in which recipes have always held them."""
+
+
 def recipe_of(request: GenerationRequest) -> Recipe:
     """The resolved request without paths; the map counts by its content."""
-    arguments = request.model_dump(mode="json", exclude={"map_path", "folder", "benchmark_number", "seed"})
+    dumped = request.model_dump(mode="json")
+    arguments = {name: dumped[name] for name in _RECORDED if name in dumped}
     arguments["map_content"] = content_digest(Path(request.map_path))
     is_built_in = Path(request.map_path).parent.name == "library"
     parents = () if is_built_in else (request.map_id,)

@@ -1,103 +1,18 @@
-"""A generated scenario in the words of the answer, and the report on it that is kept for ``describe_scenario``."""
+"""The report on a generated scenario that is kept with it, and its words for ``describe_scenario``."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
-from ...engine.vehicles import PEDESTRIAN, ego_class, refused_by_planners
 from ...engine.workspace import Artifact
-from ...schemas.generation import (
-    NATURAL_SHARES,
-    SHARES_SOURCE,
-    Checks,
-    DensityFacts,
-    GeneratedEgo,
-    GeneratedScenario,
-    GenerationRequest,
-    RoadFlow,
-    ScenarioSummary,
-    TrafficConditions,
-)
+from ...schemas.generation import Checks, GeneratedScenario, RoadFlow, TrafficConditions
 from ...schemas.scenarios import DescribedGeneration, DescribedVehicle, Detail
-from ...schemas.text import cited_all, counted
 from ..context import WorkflowContext
 
 REPORT = "generation.json"
 """What came out of the generation, kept with the scenario for when it is asked for again."""
 _IN_FULL: tuple[Detail, ...] = ("checks", "recipe")
 """Details that list notes and warnings."""
-_SHOWN_STREETS, _SHOWN_FLOWS = 4, 8
-"""Streets of a site, and counted flows, that an answer names (chosen)."""
-
-
-def summarise(
-    scenario: GeneratedScenario, request: GenerationRequest, scenario_id: str, *, reused: bool
-) -> ScenarioSummary:
-    """What was asked beside what came out, for one scenario."""
-    site, ego = scenario.site, scenario.ego
-    streets = cited_all(site.streets[:_SHOWN_STREETS], " / ") or "unnamed roads"
-    passed, failed = verdicts(scenario.checks)
-    return ScenarioSummary(
-        scenario_id=scenario_id,
-        reused=reused,
-        map_id=request.map_id,
-        place=request.place,
-        site=f"{site.scenario_type} at {streets}" + _unlike(site.scenario_type, request.scenario_type),
-        latitude=site.latitude,
-        longitude=site.longitude,
-        osm_id=site.osm_id,
-        vehicles_asked=scenario.vehicles_asked,
-        vehicles_realised=scenario.vehicles_realised,
-        classes_asked=scenario.classes_asked,
-        classes_realised=scenario.classes_realised,
-        density=_density(scenario.density),
-        recorded_s=scenario.recorded_s,
-        ego=_ego_words(ego, request),
-        goal=(
-            f"{ego.goal_distance_m:.0f} m ahead on lanelet {ego.goal_lanelet} within "
-            f"{ego.goal_time_s[0]:g} to {ego.goal_time_s[1]:g} s ({request.goal})"
-        ),
-        feasible_share=scenario.checks.feasible_share,
-        checks_passed=passed,
-        checks_failed=failed,
-        planners_refuse=refused_by_planners(ego.vehicle_class),
-        others=scenario.others,
-        notes=[*_shares(scenario, request), *scenario.notes],
-    )
-
-
-def _ego_words(ego: GeneratedEgo, request: GenerationRequest) -> str:
-    """Return which vehicle of its class the ego is and its speed; if it is not a car, also its size and limits."""
-    one_of = f"one of {counted(ego.cars_to_choose_from, ego.vehicle_class)} ({request.ego})"
-    if ego.vehicle_class == "car":
-        return f"Ego: {one_of}, at {ego.speed_mps:.1f} m/s"
-    known = ego_class(ego.vehicle_class)
-    return f"Ego: {known.in_words}, {one_of}, at {ego.speed_mps:.1f} m/s, limits: {known.source}"
-
-
-def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator[str]:
-    """What the share of each class was that was asked for without a number, and whose statistics say so."""
-    for demand in request.vehicles:
-        name, share = demand.vehicle_class, demand.share
-        if share is None or (name == PEDESTRIAN.name and not share):  # as many people as the density asks for
-            continue
-        if share == NATURAL_SHARES.get(name):
-            yield f"{name}: its share of traffic, {100 * share:g} % of all vehicles ({SHARES_SOURCE}), one at least"
-        elif share == 0:
-            yield f"{name}: one at least; how many there are in traffic is not known here, {name}=30% asks for a share"
-        else:
-            realised = scenario.classes_realised.get(name, 0) / max(scenario.vehicles_realised, 1)
-            yield f"{name}: {share:.0%} of all vehicles asked, {realised:.0%} realised"
-
-
-def _unlike(realised: str, asked: str) -> str:
-    """What was asked for, where it is another type of site."""
-    return "" if asked in ("any", realised) else f" (for the {asked} that was asked for)"
-
-
-def _density(density: DensityFacts) -> str:
-    return (
-        f"{density.at_start_per_lane_km:g} vehicles per lane-km at the start, "
-        f"{density.at_end_per_lane_km:g} at the end ({density.at_time or density.wish}: {density.target_per_lane_km:g})"
-    )
+_SHOWN_FLOWS = 8
+"""Counted flows that an answer names (chosen)."""
 
 
 def verdicts(checks: Checks) -> tuple[list[str], list[str]]:
@@ -140,6 +55,7 @@ def described_generation(report: GeneratedScenario, artifact: Artifact, detail: 
         network_warnings=report.checks.network_warnings if full else (),
         netconvert_warnings=report.netconvert_warnings if full else (),
         conditions=_conditions(artifact),
+        absences=report.absences if full else (),
     )
 
 

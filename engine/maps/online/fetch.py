@@ -37,7 +37,7 @@ CORE_M = 600.0
 """From a site to the edge of the core that is fetched about it (chosen): room for the site and for some more."""
 LEAST_CORE_M = 250.0
 """From the middle of the smallest core to its edge (chosen)."""
-_NEAR_M: Mapping[ScenarioType, float] = {"highway": 5000.0, "ramp": 5000.0, "rural": 3000.0}
+_AROUND_MIDDLE_M: Mapping[ScenarioType, float] = {"highway": 5000.0, "ramp": 5000.0, "rural": 3000.0}
 """How far from a settlement people look for it (chosen); for other types CLOSE_M."""
 _CLOSE_M = 150.0
 _MARGIN_M: Mapping[ScenarioType, float] = {"highway": 900.0, "ramp": 900.0, "rural": 900.0}
@@ -162,7 +162,7 @@ class _Area:
             raise NotPossible("neither a place nor a box was named", next_step="name one")
         box = self._place.box
         if self._place.is_settlement and not self._hinted:
-            return _at_least(widened(box, _NEAR_M.get(self._kind, _CLOSE_M)))
+            return _at_least(widened(box, _AROUND_MIDDLE_M.get(self._kind, _CLOSE_M)))
         return _at_least(box)
 
     def _fits(self, core: Box) -> bool:
@@ -241,7 +241,7 @@ class _Area:
             UnknownName: there is no such road.
         """
         middle = self._middle(whole)
-        box = _bounded(widened(whole, _NEAR_M["highway"]), middle)
+        box = _bounded(widened(whole, _AROUND_MIDDLE_M["highway"]), middle)
         roads = self._place.roads if self._place is not None else ()
         for selector in (_MAIN_ROADS, _NAMED_ROADS):
             found = self._found([selector], box)

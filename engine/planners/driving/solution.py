@@ -16,13 +16,10 @@ from ....schemas.runs import RunSteps
 from ...commonroad import read_scenario
 from ...execution import ProgressReporter
 from ...geometry import Points
-from ...vehicles import commonroad_vehicle
+from ...vehicles import STANDING_MPS, commonroad_vehicle
 
 if TYPE_CHECKING:
     from commonroad.scenario.scenario import ScenarioID
-
-_STANDING_MPS = 0.1
-"""Below it the heading says nothing about the steering angle, which then stays as it is."""
 
 
 def write_solution(request: SolutionRequest, report: ProgressReporter) -> FileWritten:
@@ -121,7 +118,7 @@ def steering_of(headings_rad: Points, speed: Points, step_s: float, wheelbase_m:
     """Steering angle in rad at every state (n,) that the turns before and after it need on average, without a limit."""
     turned = np.diff(np.unwrap(headings_rad))
     mean_speed = 0.5 * (speed[1:] + speed[:-1])
-    moving = mean_speed > _STANDING_MPS
+    moving = mean_speed > STANDING_MPS
     between = np.zeros(len(turned))
     between[moving] = np.arctan(wheelbase_m * turned[moving] / (mean_speed[moving] * step_s))
     for index in np.flatnonzero(~moving):

@@ -33,7 +33,7 @@ import numpy as np
 
 from ....schemas.planning import PlannerSettings
 from ...geometry import Points, Values, wrap_angle
-from ...vehicles import VehicleParameters
+from ...vehicles import ARC_LENGTH_MPS, VehicleParameters
 from ..driving.following import FOLLOWED_WITHIN_M, is_on_plan
 from ..interface import EgoState, PlannedTrajectory, PredictedObstacle
 from ..reference_path import ReferencePath
@@ -47,7 +47,6 @@ _SHORTEST_SHARE, _DURATIONS = 0.6, 5
 _HARDEST_MPS2, BRISKEST_MPS2 = 8.0, 4.0
 """Limits that the core's authors plan with: 8 m/s² of braking and across (0.8 g), 4 m/s² of accelerating; but no more
 than the vehicle's own."""
-_STANDING_MPS = 1e-3
 _BEHIND_M, _BESIDE_M = 80.0, 60.0
 """The core looks at obstacles from 80 m behind the ego to 60 m beyond what it can reach."""
 _LINE_SPACING_M = 2.0
@@ -171,10 +170,10 @@ class PathLine:
         """
         speed = max(ego.speed_mps, 0.0)
         sideways = vehicle.rear_axle_behind_center_m * ego.yaw_rate_radps
-        turned = math.atan2(sideways, max(speed, _STANDING_MPS)) if speed > _STANDING_MPS else 0.0
-        center_mps = math.hypot(speed, sideways) if speed > _STANDING_MPS else speed
+        turned = math.atan2(sideways, max(speed, ARC_LENGTH_MPS)) if speed > ARC_LENGTH_MPS else 0.0
+        center_mps = math.hypot(speed, sideways) if speed > ARC_LENGTH_MPS else speed
         steepest = math.tan(vehicle.maximum_steering_rad) / vehicle.wheelbase_m
-        curvature = min(max(ego.yaw_rate_radps / max(center_mps, _STANDING_MPS), -steepest), steepest)
+        curvature = min(max(ego.yaw_rate_radps / max(center_mps, ARC_LENGTH_MPS), -steepest), steepest)
         x, y = ego.position.tolist()
         state = fiss_planner.EgoState(
             x, y, ego.heading_rad + turned, center_mps, ego.acceleration_mps2, curvature if speed > 0 else 0.0
@@ -300,8 +299,8 @@ def braking_trajectory(
     speed = np.maximum(start.s_d - deceleration_mps2 * times, 0.0)
     stopped = np.minimum(times, start.s_d / deceleration_mps2)
     way = start.s_d * stopped - deceleration_mps2 * stopped**2 / 2
-    slope = start.d_d / max(start.s_d, _STANDING_MPS)
-    fade_m = max(way[-1], _STANDING_MPS)
+    slope = start.d_d / max(start.s_d, ARC_LENGTH_MPS)
+    fade_m = max(way[-1], ARC_LENGTH_MPS)
     share = np.minimum(way / fade_m, 1.0)
     offset = start.d + slope * fade_m * (share - share**2 / 2)
     turned = slope * (1.0 - share)

@@ -25,7 +25,7 @@ import fiss_planner
 import numpy as np
 
 from ...geometry import Points
-from ...vehicles import rear_axle
+from ...vehicles import STANDING_MPS, rear_axle
 from ..driving.desired_speed import DesiredSpeed
 from ..driving.drivability import violated_limit
 from ..driving.following import FOLLOWED_WITHIN_M, follow
@@ -47,8 +47,6 @@ from .core import (
 )
 from .corridor import lane_bands
 
-_STANDSTILL_MPS = 0.1
-"""Chosen: an ego as slow as this that has no safe candidate stands still."""
 _SHORT_HORIZON_S = 2.5
 """The core's default: how far collisions count where nothing is free for longer."""
 _BRAKING_SHARES = (1.0, 0.75, 0.5, 0.35, 0.2)
@@ -262,7 +260,7 @@ class Fiss:
         ego, task = step.observation.ego, self._task
         self._driven, self._has_braked = None, True
         horizon_s = task.configuration.settings.horizon_s
-        if ego.speed_mps <= _STANDSTILL_MPS:
+        if ego.speed_mps <= STANDING_MPS:
             count = round(horizon_s / task.step_s) + 1
             positions, headings = np.repeat(ego.position[None, :], count, axis=0), np.full(count, ego.heading_rad)
             still = PlannedTrajectory(positions, headings, np.zeros(count), np.zeros(count))

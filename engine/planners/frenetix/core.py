@@ -38,7 +38,7 @@ import numpy as np
 
 from ....schemas.planning import PlannerSettings
 from ...geometry import Points, Values, arc_length, headings, wrap_angle
-from ...vehicles import VehicleParameters, centers, rear_axle
+from ...vehicles import ARC_LENGTH_MPS, VehicleParameters, centers, rear_axle
 from ..driving.following import is_on_plan
 from ..interface import EgoState, Observation, PlannedTrajectory, PredictedObstacle
 from ..reference_path import FASTEST_MPS
@@ -55,8 +55,6 @@ _SHORTEST_REST_S = 0.2
 """Chosen: what is left of the driven plan is an end state as long as it lasts this long."""
 FINAL_SPEED, FINAL_OFFSET = 5, 10
 """Columns of the sampling matrix."""
-_STANDING_MPS = 1e-3
-"""Slower, derivatives by time say nothing about those by arc length."""
 CONSTRAINTS = {
     "Yaw rate Constraint": "yaw_rate",
     "Acceleration Constraint": "acceleration",
@@ -180,7 +178,7 @@ class CurvilinearState:
         offset, first, second = self.lateral
         if not low_speed:
             lateral = [offset, first * speed, second * speed**2 + first * acceleration]
-        elif speed > _STANDING_MPS:
+        elif speed > ARC_LENGTH_MPS:
             slope = first / speed
             lateral = [offset, slope, (second - slope * acceleration) / speed**2]
         else:
@@ -195,7 +193,7 @@ def initial_state(
     rear = frame.inwards(rear_axle(ego.position, ego.heading_rad, vehicle))
     steering = ego.steering_rad
     if steering is None:
-        steering = float(np.arctan2(vehicle.wheelbase_m * ego.yaw_rate_radps, max(ego.speed_mps, _STANDING_MPS)))
+        steering = float(np.arctan2(vehicle.wheelbase_m * ego.yaw_rate_radps, max(ego.speed_mps, ARC_LENGTH_MPS)))
         steering = float(np.clip(steering, -vehicle.maximum_steering_rad, vehicle.maximum_steering_rad))
     heading = frame.heading_inwards(ego.heading_rad)
     present = frenetix.CartesianPlannerState(

@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...geometry import Points, Values, wrap_angle, wrap_angles
-from ...vehicles import HARDEST_BRAKING_MPS2
+from ...vehicles import HARDEST_BRAKING_MPS2, STANDING_MPS
 from ..interface import PredictedObstacle
 from ..lanes import Corridor, LaneCenters, LaneCorridors
 
@@ -45,8 +45,6 @@ _SCALE_M = 2.0
 """Chosen: over this gap the cost falls to 1/e."""
 _EVERY_S = 0.2
 """Chosen: the gaps are looked at in steps of this duration."""
-_STANDING_MPS = 0.1
-"""Chosen: a slower obstacle stands."""
 _ACCELERATION_MPS2 = 3.0
 """Chosen: what another may accelerate with; that of a brisk car."""
 _SIDE_BY_SIDE_RAD = math.radians(30.0)
@@ -179,7 +177,7 @@ class _Conflict:
         reach = _reach_m(other.speed_mps, horizon_s)
         legal = self.batch.corridors.from_here(there, float(other.headings_rad[0]), reach)
         in_own_lane, before_ego = _inside(self.own, there)
-        if other.speed_mps < _STANDING_MPS:
+        if other.speed_mps < STANDING_MPS:
             return np.full(len(self.near), (there - self.here) @ _direction(self.heading_rad) > 0.0) | self._in_front()
         if in_own_lane and before_ego > 0.0:
             return np.full(len(self.near), abs(turn) < math.pi / 2)

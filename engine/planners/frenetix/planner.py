@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...geometry import Points
+from ...vehicles import STANDING_MPS
 from ..driving.desired_speed import DesiredSpeed
 from ..driving.drivability import Limit, violated_limit
 from ..driving.following import FollowedPlan, follow
@@ -47,8 +48,6 @@ from .screening import Screening
 
 _LOW_SPEED_MPS = 2.0
 """Chosen: under it the core plans with lateral derivatives by arc length (``CurvilinearState``)."""
-_STANDSTILL_MPS = 0.1
-"""Chosen: an ego as slow as this that has no safe candidate stands still."""
 COMPLETED_AT_ONCE = 16
 """Chosen: candidates for which our own cost terms are computed together; the core's are computed one by one."""
 _MADE_AT_ONCE = 16
@@ -186,7 +185,7 @@ class Frenetix:
                 sample.add_cost_value_to_list(name, value, weight * value)
 
     def _fallback(self, feasible: Iterable["frenetix.TrajectorySample"], offset_m: float, step: PlanningStep) -> Plan:
-        if step.ego.speed_mps <= _STANDSTILL_MPS:
+        if step.ego.speed_mps <= STANDING_MPS:
             self._driven = None
             count = round(self._settings.horizon_s / self._task.step_s) + 1
             positions = np.repeat(step.ego.position[None, :], count, axis=0)

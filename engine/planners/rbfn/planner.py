@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...geometry import Points, Values, wrap_angles
-from ...vehicles import centers, rear_axle
+from ...vehicles import STANDING_MPS, centers, rear_axle
 from ..driving.desired_speed import DesiredSpeed
 from ..driving.drivability import broken_limits
 from ..driving.following import FollowedPlan, follow
@@ -24,8 +24,6 @@ from .candidates import Candidates, Driven, PathTable, Samples, Start, candidate
 from .costs import CHANNELS, ChannelBatch, RoadEdge
 from .network import PrimitiveNetwork
 
-_STANDSTILL_MPS = 0.1
-"""Chosen: an ego as slow as this that has no safe candidate stands still."""
 _SLOWEST_TURNING_MPS = 0.1
 """Chosen: slower, a yaw rate tells nothing about the steering angle."""
 _COSTED_S = 0.3
@@ -181,7 +179,7 @@ class RadialBasisPrimitives:
         return Plan(followed.trajectory, weighted, dict(step.rejected), step.found.count, kind)
 
     def _fallback(self, step: _Step) -> Plan:
-        if step.ego.speed_mps <= _STANDSTILL_MPS:
+        if step.ego.speed_mps <= STANDING_MPS:
             self._driven = None
             count = len(self._times)
             positions = np.repeat(step.ego.position[None, :], count, axis=0)

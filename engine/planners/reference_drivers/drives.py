@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...commonroad import Track
 from ...geometry import Values, arc_length, headings, resample, without_repeats
-from ...vehicles import COMFORTABLE_MPS2
+from ...vehicles import COMFORTABLE_MPS2, STANDING_MPS
 from ..driving.desired_speed import curve_speeds_mps
 from .models import Brakes, Moment, ReferenceDriver, Seen
 from .paths import DriverPath, OnPath, rectangles, with_hidden
@@ -26,8 +26,6 @@ WANDERING_M = 0.375
 """How far the centre of a vehicle deviates from the middle of the way before it is seen to leave it (UN R157)."""
 _MEAN_OVER_S, _BRAKES_MPS2 = 0.5, 1.0
 """Whether a road user brakes as its track ends: its mean deceleration over the last half second is above 1 m/s²."""
-_STANDS_MPS = 0.1
-"""Slower than this is standing, as in the time headway."""
 _LEAST_WAY_M = 5.0
 """Bends cannot be determined on a way that is shorter than a car."""
 
@@ -181,7 +179,7 @@ class DriverScene:
             felt = (speed - speeds[-1]) / self.step_s
             stations.append(station)
             speeds.append(speed)
-            if brakes_from is not None and speed < _STANDS_MPS:
+            if brakes_from is not None and speed < STANDING_MPS:
                 return Driven(np.array(stations), np.array(speeds), brakes_from, stands=True)
         return Driven(np.array(stations), np.array(speeds), brakes_from, stands=False)
 

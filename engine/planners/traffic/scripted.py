@@ -16,14 +16,12 @@ from ...commonroad import LoadedScenario, Track, script_texts
 from ...cosimulation import Script, ScriptPart, SpeedAct, beyond, scripted_track
 from ...geometry import Points, oriented_rectangle, rectangles_overlap
 from ...scene import Scene
-from ...vehicles import VehicleParameters
+from ...vehicles import STANDING_MPS, VehicleParameters
 from ..interface import EgoState
 from .recorded import GrowingTrack
 
 _LOOK_S, _LOOK_EVERY_S = 1.0, 0.2
 """One that dodges looks so far beyond its braking time, at this interval (chosen)."""
-_STANDING_MPS = 0.1
-"""Slower ones stand (chosen)."""
 _ROOM_M = 1.0
 """Room around the ego that one that dodges keeps in length and width together (chosen)."""
 
@@ -174,7 +172,7 @@ class ScriptedActor:
         If both meet the ego at the same time, it brakes for an ego ahead and not for one that comes from behind.
         """
         step_s, hardest = self._scene.step_s, self._vehicle.hardest_braking_mps2
-        speed = max(float(self._motion.speeds_mps[self.index]), _STANDING_MPS)
+        speed = max(float(self._motion.speeds_mps[self.index]), STANDING_MPS)
         faster = min(self._pace + self._vehicle.comfortable_mps2 * step_s / speed, 1.0)
         going_s, braking_s = (self._meets_after_s(ego, faster), self._meets_after_s(ego, self._pace, hardest))
         place, heading, _ = self._pose(self._clock)
@@ -188,7 +186,7 @@ class ScriptedActor:
     def _meets_after_s(self, ego: _Ego, pace: float, braking_mps2: float = 0.0) -> float:
         """Return when it meets the ego, which keeps its speed and heading; infinite if not within the time to brake."""
         step_s, state, motion = self._scene.step_s, ego.state, self._motion
-        speed = max(float(motion.speeds_mps[self.index]) * pace, _STANDING_MPS)
+        speed = max(float(motion.speeds_mps[self.index]) * pace, STANDING_MPS)
         forward = np.array([math.cos(state.heading_rad), math.sin(state.heading_rad)])
         own_size = (motion.length_m + _ROOM_M, motion.width_m + _ROOM_M)
         reach_m = math.hypot(*own_size) / 2 + math.hypot(*ego.track.size_m) / 2

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from lxml import etree
 
-from ....schemas.artifacts import NEAR_M, RoadGeometry
+from ....schemas.artifacts import SAME_BOUND_M, RoadGeometry
 from ...geometry import Points, Values
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def geometry_error(text: bytes, network: "LaneletNetwork") -> RoadGeometry:
                 count += len(line)
                 continue
             away = np.concatenate([_distances(line, pair[side]), _distances(pair[side], line)])
-            near, count = near + int((away <= NEAR_M).sum()), count + len(away)
+            near, count = near + int((away <= SAME_BOUND_M).sum()), count + len(away)
             farthest_m = max(farthest_m, float(away.max()))
     return RoadGeometry(points=count, within_share=near / max(count, 1), max_m=round(farthest_m, 4))
 

@@ -100,7 +100,8 @@ def test_a_halt_that_cures_nothing_leaves_the_motion_as_it_was(
     assert len(without.outcome.collisions) == 1
 
     def halt_too_late(plans: dict[int, DrivePlan], *_: Any) -> dict[int, DrivePlan]:
-        return {key: replace(plan, halts=(*plan.halts, Halt(0, 100, 10.0))) for key, plan in plans.items()}
+        halt = Halt(0, 100, 10.0)
+        return {key: replace(plan, halts=(*plan.halts, halt), gives_way=True) for key, plan in plans.items()}
 
     monkeypatch.setattr(GIVING_WAY, halt_too_late)
     applied = apply_to(base, tmp_path / "with", SPEEDS_UP, keep_simulation=True)

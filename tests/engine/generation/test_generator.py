@@ -23,7 +23,7 @@ from plannerforge.engine.vehicles import ego_class
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
 from plannerforge.schemas.generation import VehicleDemand
 from plannerforge.schemas.vocabulary import EGO_CLASSES
-from plannerforge.workflows.generation.record import summarise
+from plannerforge.workflows.generation.making import summarise
 
 
 @pytest.mark.parametrize(

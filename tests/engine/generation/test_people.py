@@ -11,7 +11,7 @@ from benchmarks.maps.people import judge_file
 from plannerforge.engine.commonroad.reader import read_recorded
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation import generate_scenario
-from plannerforge.engine.generation.people import PEOPLE, open_footways, people_asked, people_wanted, vehicles_asked
+from plannerforge.engine.generation.people import PEOPLE, open_footways, people_wanted
 from plannerforge.engine.generation.site_network import prepare_site
 from plannerforge.engine.generation.sites import fitting_sites
 from plannerforge.engine.maps.map_file import read_map_file
@@ -180,13 +180,13 @@ def test_drawn_ways_cover_pavements_and_crossings_of_the_net(tmp_path: Path) -> 
 
 def test_how_many_people_are_wanted() -> None:
     request = request_for("Musterstadt", Path(), vehicles=[ON_FOOT, VehicleDemand(vehicle_class="truck", least=1)])
-    assert people_asked(request) == ON_FOOT
-    assert [demand.vehicle_class for demand in vehicles_asked(request)] == ["truck"]
+    assert request.people == ON_FOOT
+    assert [demand.vehicle_class for demand in request.on_wheels] == ["truck"]
     bare = VehicleDemand(vehicle_class="pedestrian", share=0.0)
     assert people_wanted(bare, "high", 40) == PEOPLE["high"]
     assert people_wanted(bare.model_copy(update={"share": 0.25}), "low", 40) == 10
     assert people_wanted(ON_FOOT, "low", 40) == 6
-    assert people_asked(request_for("Musterstadt", Path())) is None
+    assert request_for("Musterstadt", Path()).people is None
     assert set(MAPS) >= {"Musterstadt"}
 
 

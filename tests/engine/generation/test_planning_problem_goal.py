@@ -7,15 +7,20 @@ import numpy as np
 import pytest
 from support.roads import network_of_streets, street
 
-from plannerforge.engine.generation.planning_problem import TaskSpec, choose_task, parse_goal, passage
+from plannerforge.engine.generation.planning_problem import TaskSpec, choose_task, passage
 from plannerforge.engine.generation.sites import SiteFocus
 from plannerforge.engine.network.road_network import RoadNetwork
 from plannerforge.engine.traffic.motions import GeneratedVehicle
 from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.engine.vehicles.motion import Motion
 from plannerforge.schemas.errors import NotPossible
+from plannerforge.schemas.generation import AskedEgo, AskedGoal
 
 LENGTH_M = 200.0
+
+
+def asked(goal: str, duration_s: float, ego: str = "first") -> TaskSpec:
+    return TaskSpec(AskedGoal.of(goal), AskedEgo.of(ego), duration_s)
 
 
 def road() -> RoadNetwork:
@@ -43,7 +48,7 @@ def car() -> GeneratedVehicle:
     ],
 )
 def test_a_goal_around_the_start_is_none(goal: str, step: int | None) -> None:
-    found = passage(parse_goal(goal, 20.0), car(), road(), 0.1)
+    found = passage(asked(goal, 20.0), car(), road(), 0.1)
     assert (found.step if found else None) == step
 
 
@@ -69,23 +74,21 @@ def waiting(number: str) -> GeneratedVehicle:
 
 def test_a_car_behind_stands_in_for_one_that_waits() -> None:
     driving, focus = replace(car(), vehicle_id="driving"), cast("SiteFocus", WholeRoad())
-    cars, goal = (
-        [driving, waiting("a"), waiting("b"), replace(driving, vehicle_id="later")],
-        parse_goal("steps:50", 20.0),
-    )
-    chosen = [choose_task(TaskSpec(goal, index), cars, road(), focus, 0.1) for index in (0, 1, 3)]
+    cars = [driving, waiting("a"), waiting("b"), replace(driving, vehicle_id="later")]
+    specs = [asked("steps:50", 20.0, f"index:{index}") for index in (0, 1, 3)]
+    chosen = [choose_task(spec, cars, road(), focus, 0.1) for spec in specs]
     assert [(task.ego.vehicle_id, task.stands_in) for task in chosen] == [
         ("driving", False),
         ("later", True),
         ("later", False),
     ]
     with pytest.raises(NotPossible, match="none of the 2 car"):
-        choose_task(TaskSpec(goal, 1), cars[:3], road(), focus, 0.1)
+        choose_task(specs[1], cars[:3], road(), focus, 0.1)
 
 
 @pytest.mark.parametrize(("duration_s", "step"), [(30.0, 160), (18.0, 165), (10.0, 85)])
 def test_a_goal_behind_the_site_is_as_far_as_time_and_cut_allow(duration_s: float, step: int) -> None:
-    found = passage(parse_goal("through", duration_s), car(), road(), 0.1)
+    found = passage(asked("through", duration_s), car(), road(), 0.1)
     assert found is not None
     assert abs(found.step - step) <= 1
 
@@ -94,7 +97,7 @@ def test_a_goal_behind_the_site_is_where_a_car_that_waits_came_to_stand() -> Non
     driving = car().motion
     positions = np.concatenate([driving.positions[:100], np.repeat(driving.positions[99:100], 81, axis=0)])
     stops = replace(car(), motion=replace(driving, positions=positions))
-    found = passage(parse_goal("through", 18.0), stops, road(), 0.1)
+    found = passage(asked("through", 18.0), stops, road(), 0.1)
     assert found is not None
     assert found.step == 99
 
@@ -107,9 +110,9 @@ def shortened(number: str, steps: int) -> GeneratedVehicle:
 
 def test_the_ego_of_a_goal_behind_the_site_leaves_it_and_drives_long() -> None:
     cars = [shortened("on the site", 60), shortened("short", 100), car(), replace(car(), vehicle_id="later")]
-    goal = parse_goal("through", 18.0)
-    task = choose_task(TaskSpec(goal), cars, road(), cast("SiteFocus", WholeRoad()), 0.1)
+    spec = asked("through", 18.0)
+    task = choose_task(spec, cars, road(), cast("SiteFocus", WholeRoad()), 0.1)
     assert (task.ego.vehicle_id, task.focus_left, task.takes_most) == ("1", True, True)
     assert task.time_steps[0] < task.goal_step <= task.time_steps[1] <= 180
-    second = choose_task(TaskSpec(goal), cars[:2], road(), cast("SiteFocus", WholeRoad()), 0.1)
+    second = choose_task(spec, cars[:2], road(), cast("SiteFocus", WholeRoad()), 0.1)
     assert (second.ego.vehicle_id, second.focus_left, second.takes_most) == ("short", True, False)

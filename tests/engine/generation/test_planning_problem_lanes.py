@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from support.roads import network_of_streets, street
 
-from plannerforge.engine.generation.planning_problem import TaskSpec, choose_task, follows_smooth_lanes, parse_goal
+from plannerforge.engine.generation.planning_problem import TaskSpec, choose_task, follows_smooth_lanes
 from plannerforge.engine.generation.sites import SiteFocus
 from plannerforge.engine.geometry.polyline import Points, headings
 from plannerforge.engine.network.road_network import LaneletLookup
 from plannerforge.engine.traffic.motions import GeneratedVehicle
 from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.engine.vehicles.motion import Motion
+from plannerforge.schemas.generation import AskedEgo, AskedGoal
 
 ALONG_M = np.arange(0.0, 121.0)
 
@@ -98,7 +99,7 @@ def test_a_jog_that_was_driven_slowly_cannot_be_followed_fast() -> None:
 def test_a_task_whose_lanes_cannot_be_followed_at_an_even_pace_says_so() -> None:
     roads, focus = network_of_streets(street(1, road_with_jog(3.0, 3.0))), cast("SiteFocus", WholeRoad())
     through, steps = (
-        choose_task(TaskSpec(parse_goal(goal, 18.0)), [held_up()], roads, focus, 0.1)
+        choose_task(TaskSpec(AskedGoal.of(goal), AskedEgo(), 18.0), [held_up()], roads, focus, 0.1)
         for goal in ("through", "steps:130")
     )
     assert (through.followable, steps.followable) == (False, True)

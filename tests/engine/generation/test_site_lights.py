@@ -33,7 +33,6 @@ def test_a_junction_with_a_signal_on_one_arm_gets_lights_and_the_answer_says_so(
         **dict.fromkeys(("map_path", "map_id", "attribution", "folder"), ""),
         **dict.fromkeys(("streets", "vehicles", "road_classes"), ()),
         **dict.fromkeys(("country", "bbox"), None),
-        **dict.fromkeys(("ego", "goal"), "any"),
     }
     request = GenerationRequest(
         place="Crossing", scenario_type=site.kind, density="medium", duration_s=20.0, seed=1, index=0, **wish

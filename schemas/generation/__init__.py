@@ -3,36 +3,47 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Literal, get_args
+from typing import Literal
 
 from pydantic import Field
 
-from .base import DRIVEN_OTHERWISE, Answer, Arguments, Model, Result, first_of
-from .jobs import JobState
-from .maps import Box, MapServices, NamedPlace
-from .text import cited, cited_all, counted, shown_name
+from ..base import DRIVEN_OTHERWISE, Answer, Arguments, Model, Result, first_of
+from ..jobs import JobState
+from ..maps import Box, MapServices, NamedPlace
+from ..text import cited, cited_all, counted, shown_name
+from .specification import COMPASS_DEG as COMPASS_DEG
+from .specification import EGO_FORMS as EGO_FORMS
+from .specification import GOAL_FORMS as GOAL_FORMS
+from .specification import MIDDLE as MIDDLE
+from .specification import NATURAL_SHARES as NATURAL_SHARES
+from .specification import SHARES_SOURCE as SHARES_SOURCE
+from .specification import THROUGH as THROUGH
+from .specification import TRIP_KINDS as TRIP_KINDS
+from .specification import TURNS_AT as TURNS_AT
+from .specification import USUAL_DENSITY as USUAL_DENSITY
+from .specification import USUAL_DURATION_S as USUAL_DURATION_S
+from .specification import USUAL_EGO as USUAL_EGO
+from .specification import USUAL_GOAL as USUAL_GOAL
+from .specification import WEATHER_WORDS as WEATHER_WORDS
+from .specification import WEATHERS as WEATHERS
+from .specification import AskedEgo as AskedEgo
+from .specification import AskedGoal as AskedGoal
+from .specification import AskedManoeuvre as AskedManoeuvre
+from .specification import Density as Density
+from .specification import GenerationRequest as GenerationRequest
+from .specification import GenerationSpec as GenerationSpec
+from .specification import LaneletGoal as LaneletGoal
+from .specification import MapChoice as MapChoice
+from .specification import RoadFlow as RoadFlow
+from .specification import ScenarioSpec as ScenarioSpec
+from .specification import ScenarioType as ScenarioType
+from .specification import SiteType as SiteType
+from .specification import TrafficConditions as TrafficConditions
+from .specification import TripKind as TripKind
+from .specification import Turn as Turn
+from .specification import VehicleDemand as VehicleDemand
+from .specification import Weather as Weather
 
-SiteType = Literal["highway", "urban", "intersection", "signalised_intersection", "roundabout", "rural", "ramp"]
-ScenarioType = Literal["any", SiteType]
-MapChoice = Literal["auto", "local", "online"]
-"""Which maps are used: ``auto``: local ones that show the place, otherwise one from the net."""
-Density = Literal["low", "medium", "high"]
-Turn = Literal["left", "right", "straight", "lane_change", "merge", "exit", "unprotected_left", "u_turn"]
-_AT_JUNCTIONS: tuple[Turn, ...] = ("left", "right", "straight", "lane_change")
-_WITHOUT_LIGHTS: tuple[Turn, ...] = (*_AT_JUNCTIONS, "unprotected_left")
-_ON_ROADS: tuple[Turn, ...] = ("straight", "lane_change")
-TURNS_AT: Mapping[SiteType, tuple[Turn, ...]] = MappingProxyType(
-    {
-        "roundabout": (*_AT_JUNCTIONS, "u_turn"),
-        "signalised_intersection": _AT_JUNCTIONS,
-        "intersection": _WITHOUT_LIGHTS,
-        "urban": _WITHOUT_LIGHTS,
-        "ramp": ("merge", "exit", *_ON_ROADS),
-        "highway": _ON_ROADS,
-        "rural": _ON_ROADS,
-    }
-)
-"""What an ego can be asked to do at a site of each type; ``engine/generation/turns.py`` says when it does."""
 _SHOWN, _MOST_NOTES = 10, 2
 """Scenarios of many, and notes on one, that an answer shows (chosen)."""
 _SHOWN_PLACES, _SHOWN_CANNOT = 5, 3
@@ -247,141 +258,6 @@ class CutOfExtract(Model):
     words: str = ""
 
 
-NATURAL_SHARES: Mapping[str, float] = MappingProxyType({"delivery": 0.101, "truck": 0.022, "bus": 0.0025})
-"""Of all motor vehicles in use, by class: 28.0 million vans, 6.2 million lorries and 0.69 million buses beside 242.7
-million cars (:data:`SHARES_SOURCE`). Of the other classes no count is known here."""
-SHARES_SOURCE = "ACEA, Vehicles in use in Europe: EU, 2019"
-
-
-class VehicleDemand(Model):
-    """How many vehicles of a class have to be there beside the ego.
-
-    ``least``: with a number no more are aimed for, except cars, which fill up the traffic. ``most`` None: no upper
-    bound. ``share``: of all vehicles, in [0, 1], one at least. With neither number nor share the class gets a fifth of
-    the traffic, as scenarios did that were made before shares were known; a recipe does not hold a share of None.
-    """
-
-    vehicle_class: str
-    least: int | None = None
-    most: int | None = None
-    share: float | None = Field(None, ge=0, le=1, exclude_if=lambda share: share is None)
-
-    @property
-    def needed(self) -> int:
-        """How many have to be there: one of a class that was only named."""
-        return 1 if self.least is None else self.least
-
-
-Weather = Literal["light_rain", "heavy_rain", "fog", "snow", "hail"]
-WEATHERS: tuple[Weather, ...] = get_args(Weather)
-"""CommonRoad's words for bad weather; for good weather its schema and commonroad-io have no word in common."""
-WEATHER_WORDS: Mapping[str, Weather] = MappingProxyType({"rain": "light_rain", "mist": "fog", "snowfall": "snow"})
-"""Everyday words for weather, by what they are taken as."""
-
-
-TripKind = Literal["usual", "fringe", "uniform", "length", "lanes", "speed"]
-"""On which roads more trips begin: long, wide and fast ones (usual); those on which traffic enters; every one alike;
-long ones; long and wide ones; fast ones."""
-TRIP_KINDS: tuple[TripKind, ...] = get_args(TripKind)
-
-
-COMPASS_DEG: Mapping[str, float] = MappingProxyType(
-    {
-        "north": 90.0,
-        "northeast": 45.0,
-        "east": 0.0,
-        "southeast": -45.0,
-        "south": -90.0,
-        "southwest": -135.0,
-        "west": 180.0,
-        "northwest": 135.0,
-    }
-)
-"""Directions of the compass as headings in degrees, counter-clockwise from east."""
-
-
-class RoadFlow(Model):
-    """Vehicles that were counted in an hour: on a road, in one direction of the compass if any, or from it to another.
-
-    ``road``, ``to``: a street's name, an OSM way's id or, for a flow from somewhere to somewhere, a direction.
-    """
-
-    road: str
-    per_h: float = Field(gt=0)
-    direction: str = Field("", exclude_if=lambda word: not word)
-    to: str = Field("", exclude_if=lambda word: not word)
-
-    def __str__(self) -> str:
-        if self.to:
-            return f"{self.road} to {self.to}"
-        return f"{self.road} ({self.direction}bound)" if self.direction else self.road
-
-
-class TrafficConditions(Model):
-    """Under which conditions traffic drives.
-
-    ``time``: of day, ``HH:MM``, empty where it is not given; ``drivers``: the preset that all drivers have, or the
-    published calibrations that hold for them, joined by ``+``;
-    ``natural_mix``: all classes at their natural shares. ``per_lane_km``: vehicles per kilometre of lane at the start
-    that stand in the place of the density's, None where the density counts. ``flows``: counted traffic that stands in
-    the place of both; ``trips``: on which roads more trips begin.
-    """
-
-    time: str = ""
-    weather: Weather | None = None
-    drivers: str = ""
-    natural_mix: bool = False
-    per_lane_km: float | None = None
-    flows: tuple[RoadFlow, ...] = Field((), exclude_if=lambda flows: not flows)
-    trips: TripKind = Field("usual", exclude_if=lambda kind: kind == "usual")
-
-    @property
-    def calibrations(self) -> tuple[str, ...]:
-        """The names in ``drivers``, none where it is empty; where it is a preset, that is the only one."""
-        return tuple(self.drivers.split("+")) if self.drivers else ()
-
-
-class GenerationRequest(Model):
-    """Everything that makes one scenario; the same request gives the same bytes.
-
-    ``index`` counts the scenarios of one call, ``site_index`` those on this map: no site is taken twice. When a site
-    fails its checks, the one ``site_step`` further on is tried.
-
-    ``most_sites``: after so many sites without a scenario the request is refused; ``most_rounds``: after so many rounds
-    of traffic the best scenario is taken, its faults in the notes. None: as many as the generator tries.
-
-    ``streets``: for every road that the site must carry its names or numbers, as the map has them. ``road_classes``:
-    OSM's ``highway`` values; empty: all roads, with links where the site is a ramp or a motorway. A recipe does not
-    hold ``conditions`` of None. ``others``: a manoeuvre that another road user has to make on the ego's way, such as
-    ``cut_in`` or ``cut_in:truck``.
-    """
-
-    map_path: str
-    map_id: str
-    place: str
-    country: str | None
-    attribution: str
-    scenario_type: ScenarioType = "any"
-    streets: tuple[tuple[str, ...], ...] = ()
-    bbox: tuple[float, float, float, float] | None = None
-    road_classes: tuple[str, ...] = ()
-    density: Density = "low"
-    vehicles: tuple[VehicleDemand, ...] = ()
-    duration_s: float = 20.0
-    ego: str = "first"
-    goal: str = "steps:50"
-    seed: int = 0
-    index: int = 0
-    site_index: int = 0
-    site_step: int = 1
-    most_sites: int | None = Field(None, ge=1, exclude_if=lambda sites: sites is None)
-    most_rounds: int | None = Field(None, ge=1, exclude_if=lambda rounds: rounds is None)
-    benchmark_number: int = 1
-    conditions: TrafficConditions | None = Field(None, exclude_if=lambda conditions: conditions is None)
-    others: str = Field("", exclude_if=lambda manoeuvre: not manoeuvre)
-    folder: str
-
-
 Combination = tuple[tuple[int, int], ...]
 """Levels of some factors of a coverage plan together: (index of the factor, index of its level), ascending."""
 
@@ -505,12 +381,50 @@ class Checks(Model):
     network_warnings: tuple[str, ...] = ()
 
 
+AbsenceFate = Literal["never_there", "left_out", "replaced"]
+AbsenceCode = Literal[
+    "no_room", "file_too_large", "not_drivable", "overlap", "no_such_goal", "no_ego_class", "scripted"
+]
+ABSENCE_REASONS: Mapping[AbsenceCode, str] = MappingProxyType(
+    {
+        "no_room": "there was no room for it at the site by the start, or it had left by then",
+        "file_too_large": "a recording of so many vehicles is too large for a file",
+        "not_drivable": "the motion that SUMO gave it cannot be driven by a vehicle of its class",
+        "overlap": "it would overlap another road user",
+        "no_such_goal": "it has no such goal on its way, so a car after it is the ego",
+        "no_ego_class": "no ego can be of this class, so a car is the ego; it drives in the traffic",
+        "scripted": "an edit put the actor of the manoeuvre that was asked for in its place",
+    }
+)
+"""Why a road user that was asked for is not there as asked; docs/generation.md lists them."""
+
+
+class VehicleAbsence(Model):
+    """Road users of a class that were asked for and are not there as asked, and why.
+
+    ``fate``: they were never there at the start, were left out of what SUMO recorded, or were replaced. ``vehicles``:
+    SUMO's ids of those that were there, otherwise empty.
+    """
+
+    fate: AbsenceFate = Field(description="what became of them")
+    code: AbsenceCode = Field(description="why")
+    vehicle_class: str
+    count: int
+    vehicles: tuple[str, ...] = ()
+    reason: str = Field(description="why, in words")
+
+    def in_words(self) -> str:
+        """Return how many of which class, what became of them, and why."""
+        return f"{counted(self.count, self.vehicle_class)} {self.fate.replace('_', ' ')} ({self.code}): {self.reason}"
+
+
 class GeneratedScenario(Model):
     """One scenario: files, and what was asked beside what came out.
 
     ``vehicle_classes``: the class of the request by CommonRoad's obstacle id, because CommonRoad has fewer types.
     ``unsigned_limits_kmh``: posted limits by lanelet, where CommonRoad has no sign for them in the country.
     ``others``: the manoeuvre that was asked for of another road user: who makes it, when, and how it came about.
+    ``absences``: why those that were asked for are not there as asked.
     """
 
     benchmark_id: str
@@ -532,6 +446,7 @@ class GeneratedScenario(Model):
     vehicle_classes: dict[int, str] = Field(default_factory=dict)
     unsigned_limits_kmh: dict[int, float] = Field(default_factory=dict)
     others: str = Field("", exclude_if=lambda words: not words)
+    absences: tuple[VehicleAbsence, ...] = Field((), exclude_if=lambda absences: not absences)
 
 
 class GenerateScenariosArguments(Arguments):
@@ -543,7 +458,7 @@ class GenerateScenariosArguments(Arguments):
     scenario_type: ScenarioType = "any"
     """The type of site that is looked for on the map."""
     road_classes: list[str] | None = Field(None, description="roads, link, all or OSM highway values")
-    density: Density = "low"
+    density: Density = USUAL_DENSITY
     """How much traffic, in vehicles per kilometre of lane."""
     vehicles: list[str] = Field(
         [],
@@ -552,11 +467,11 @@ class GenerateScenariosArguments(Arguments):
             "motorcycle bicycle pedestrian trailer delivery coach taxi emergency moped"
         ),
     )
-    duration_s: float = Field(20, ge=5, le=120)
+    duration_s: float = Field(USUAL_DURATION_S, ge=5, le=120)
     """How long the scenario lasts, in s."""
-    ego: str = Field("first", description="first, index:N (cars, from 0), type:CLASS")
+    ego: str = Field(USUAL_EGO, description="first, index:N (cars, from 0), type:CLASS")
     goal: str = Field(
-        "through",
+        USUAL_GOAL,
         description="through[:left, unprotected_left, merge …], steps:N, distance_m:X on its track, "
         "lanelet:ID:POSITION",
     )
@@ -601,6 +516,9 @@ class ScenarioSummary(Model):
         exclude_if=lambda words: not words,
         description="who makes the manoeuvre asked of others, when, and whether scripted",
     )
+    absences: tuple[VehicleAbsence, ...] = Field(
+        (), exclude_if=lambda absences: not absences, description="asked for and not there as asked, and why"
+    )
     notes: list[str]
 
     @property
@@ -613,6 +531,11 @@ class ScenarioSummary(Model):
         differs = self.vehicles_realised != self.vehicles_asked
         wanted = f" of {self.vehicles_asked} that the request comes to" if differs else ""
         return f"{counted(self.vehicles_realised, 'vehicle')}{wanted}: {classes}{beside}"
+
+    @property
+    def missing(self) -> list[str]:
+        """Why some that were asked for are not there, a line each; those that another one replaced are not missing."""
+        return [f"Missing: {absence.in_words()}." for absence in self.absences if absence.fate != "replaced"]
 
     @property
     def where(self) -> str:
@@ -631,7 +554,7 @@ class ScenarioSummary(Model):
                 f"{self.ego[0].upper()}{self.ego[1:]}; goal {self.goal}.",
                 *([f"Others: {self.others}."] if self.others else []),
             ],
-            figures=[f"Traffic: {self.density}.", *(f"Note: {note}" for note in (*remarks, *notes))],
+            figures=[f"Traffic: {self.density}.", *self.missing, *(f"Note: {note}" for note in (*remarks, *notes))],
             warnings=[
                 *([self.planners_refuse] if self.planners_refuse else []),
                 *([f"failed checks: {', '.join(self.checks_failed)}"] if self.checks_failed else []),

@@ -1,0 +1,526 @@
+"""Which maps a call uses, and which site of them each of its scenarios is made at.
+
+Maps at hand that show the place come first; where none does, the part of a country's extract that shows it is cut out,
+or a map is fetched. A map that was fetched for a request is kept, but used by the same request alone: so it gives the
+same bytes whatever else was fetched since. One that a person fetched to have it at hand counts like any other. Maps
+that are assigned no site may stand in for one that fails.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...engine.maps import (
+    NOT_SHOWN,
+    Closeness,
+    MapEntry,
+    MapMatch,
+    country_name,
+    file_stem,
+    find_maps,
+    fold,
+    is_map,
+    match_fetched,
+    place_parts,
+    settlements_called,
+    stored_name,
+)
+from ...engine.workspace import Recipe, content_digest
+from ...schemas.errors import (
+    InvalidRequest,
+    NotPossible,
+    PlannerForgeError,
+    ResourceFailure,
+    ServiceFailure,
+    UnknownName,
+)
+from ...schemas.generation import (
+    CutExtractRequest,
+    CutOfExtract,
+    FetchMapRequest,
+    GenerationRequest,
+    GenerationSpec,
+    MapFacts,
+    ScenarioSpec,
+    ScenarioType,
+)
+from ...schemas.maps import Box, NamedPlace
+from ...schemas.text import cited, cited_all, shown_name
+from ..context import WorkflowContext
+from ..extracts import extract_index
+from ..maps import map_entry
+from ..operations import COUNT_SITES, CUT_EXTRACT
+from .online import fetch_maps, find_place
+
+_SHOWN_PLACES = 4
+"""Places that a note or refusal names; chosen to keep it short."""
+_MOST_SPARE_MAPS = 3
+"""Four extracts meet at a corner; trying more would only make the caller wait for the refusal."""
+
+
+@dataclass(frozen=True)
+class GenerationPlan:
+    """The maps that hold what was asked, in the order in which they are used, and notes for the answer."""
+
+    matches: tuple[MapMatch, ...]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class AssignedSite:
+    """Where a scenario is made: the map, and the number of the site on it.
+
+    Where the site fails, the one ``site_step`` further on is tried: the number of scenarios that the call makes on this
+    map, so that no site is another scenario's.
+    """
+
+    match: MapMatch
+    site_index: int = 0
+    site_step: int = 1
+
+
+@dataclass(frozen=True)
+class SiteAssignment:
+    """A site for every scenario, and the maps without one, which may stand in for a map that fails."""
+
+    planned: tuple[AssignedSite, ...]
+    spare: tuple[MapMatch, ...]
+
+
+def plan_maps(spec: GenerationSpec, maps: Sequence[MapEntry], closeness: Closeness = Closeness.PART) -> GenerationPlan:
+    """The maps for a call; those that lack the asked type are left out unless none holds it.
+
+    The seed rotates them, so that another seed is another map where several fit.
+
+    Raises:
+        UnknownName: no map shows the place, country or box.
+        NotPossible: several do, but none holds the asked type.
+    """
+    return plan_matches(
+        spec,
+        find_maps(
+            maps,
+            place=spec.place,
+            country=spec.country,
+            bbox=spec.bbox,
+            scenario_type=spec.scenario_type,
+            closeness=closeness,
+        ),
+    )
+
+
+def plan_matches(spec: GenerationSpec, matches: Sequence[MapMatch]) -> GenerationPlan:
+    """The same for maps that are known to show what was asked for.
+
+    Raises:
+        NotPossible: of several maps none holds the asked type.
+    """
+    holding = [m for m in matches if spec.scenario_type in ("any", *m.entry.facts.sites)]
+    if not holding and len(matches) > 1:
+        raise _held_nowhere(spec.scenario_type, matches)
+    holding = holding or list(matches)
+    turn = spec.seed % len(holding)
+    unnamed = sorted({word for match in holding for word in match.unnamed})
+    notes = [f"the map does not name {word!r}; its street was found" for word in unnamed]
+    notes += list(dict.fromkeys(text for match in holding for text in match.understood))[:_SHOWN_PLACES]
+    if spec.bbox is not None:
+        notes += _beyond_the_maps(spec.bbox, holding)
+    return GenerationPlan((*holding[turn:], *holding[:turn]), tuple(notes))
+
+
+def _held_nowhere(scenario_type: ScenarioType, matches: Sequence[MapMatch]) -> NotPossible:
+    facts = [match.entry.facts for match in matches]
+    names = [f"{cited(f.place)} ({f.map_id})" for f in facts[:_SHOWN_PLACES]]
+    more = f" nor any of {len(facts) - _SHOWN_PLACES} more" * (len(facts) > _SHOWN_PLACES)
+    return NotPossible(
+        f"none of {len(facts)} maps holds any {scenario_type} site: not {', '.join(names)}{more}",
+        valid=sorted({kind for f in facts for kind in f.sites}),
+        next_step="choose one of these scenario types, or another place",
+        reason="no_such_site",
+    )
+
+
+def _beyond_the_maps(box: Box, matches: Sequence[MapMatch]) -> list[str]:
+    """A note for a box that no map shows whole, such as that of a country: what of it was looked at."""
+    shown = [match.entry.facts for match in matches]
+    south, west, north, east = box
+    if any(f.south <= south and f.west <= west and north <= f.north and east <= f.east for f in shown):
+        return []
+    places = list(dict.fromkeys(facts.place for facts in shown))
+    named = cited_all(places[:_SHOWN_PLACES]) + (
+        f" and {len(places) - _SHOWN_PLACES} more" * (len(places) > _SHOWN_PLACES)
+    )
+    return [f"no map shows the whole bbox; sites were looked for where the maps lie in it: {named}"]
+
+
+async def assign_sites(spec: GenerationSpec, context: WorkflowContext, matches: tuple[MapMatch, ...]) -> SiteAssignment:
+    """Sites for as many scenarios as were asked for, or as many as there are.
+
+    Raises:
+        NotPossible: no map holds a fitting site; the reason of the first one.
+    """
+    if spec.count == 1:
+        return SiteAssignment((AssignedSite(matches[0]),), matches[1 : 1 + _MOST_SPARE_MAPS])
+    counts: list[int] = []
+    refusals: list[NotPossible] = []
+    for match in matches:
+        try:
+            request = request_for(spec, AssignedSite(match), 0)
+            counts.append((await context.run(COUNT_SITES, request, share=(0.0, 0.0))).count)
+        except NotPossible as refusal:
+            refusals.append(refusal)
+            counts.append(0)
+    if not any(counts):
+        raise refusals[0]
+    planned = share_sites(matches, counts, spec.count)
+    taken = {site.match.entry.facts.map_id for site in planned}
+    held = [match for match, count in zip(matches, counts, strict=True) if count]
+    spare = [match for match in held if match.entry.facts.map_id not in taken]
+    return SiteAssignment(planned, tuple(spare[:_MOST_SPARE_MAPS]))
+
+
+def request_for(spec: GenerationSpec, site: AssignedSite, index: int) -> GenerationRequest:
+    """Return what the engine is asked for the scenario number ``index`` of a call."""
+    facts = site.match.entry.facts
+    asked = {name: getattr(spec, name) for name in ScenarioSpec.model_fields}
+    asked["bbox"] = _meant_box(spec, site.match)
+    return GenerationRequest(
+        **asked,
+        map_path=str(site.match.entry.path),
+        map_id=facts.map_id,
+        place=facts.place,
+        country=facts.country or spec.country_code,
+        attribution=facts.attribution,
+        streets=site.match.streets,
+        index=index,
+        site_index=site.site_index,
+        site_step=site.site_step,
+        folder="",
+    )
+
+
+def _meant_box(spec: GenerationSpec, match: MapMatch) -> Box | None:
+    """Where sites are looked for: the asked box, the asked part of the map, or what both have in common."""
+    asked, meant = spec.bbox, match.box
+    if asked is None or meant is None:
+        return asked or meant
+    south, west, north, east = zip(asked, meant, strict=True)
+    return max(south), max(west), min(north), min(east)
+
+
+def share_sites(matches: Sequence[MapMatch], counts: Sequence[int], wanted: int) -> tuple[AssignedSite, ...]:
+    """At most ``wanted`` sites, maps in turn, none twice; ``counts``: how many sites fit on every map."""
+    turns = [(site_index, place) for place, count in enumerate(counts) for site_index in range(count)]
+    chosen = sorted(turns)[:wanted]
+    on_map = Counter(place for _, place in chosen)
+    return tuple(AssignedSite(matches[place], site_index, on_map[place]) for site_index, place in chosen)
+
+
+def nth_site(counts: Sequence[int], turn: int) -> tuple[int, int, int]:
+    """The map and the site number ``turn`` where maps take turns, and how often all sites were taken before.
+
+    ``counts``: how many sites each map holds. All first sites come before all second ones, as in :func:`share_sites`.
+    """
+    lap, left = divmod(turn, sum(counts))
+    done = 0
+    while True:
+        holding = [place for place, count in enumerate(counts) if count > done]
+        more = min(counts[place] for place in holding) - done
+        if left < more * len(holding):
+            return holding[left % len(holding)], done + left // len(holding), lap
+        left -= more * len(holding)
+        done += more
+
+
+async def maps_for(spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry]) -> GenerationPlan:
+    """The maps that a call uses.
+
+    Raises:
+        InvalidRequest: no map shows what was asked for, here or on the net; or several places have the name.
+        ServiceFailure: the net would have to be asked, and cannot be.
+    """
+    beside = [entry for entry in entries if entry.facts.source is None or entry.facts.source.beside]
+    online = context.services.online
+    if spec.source != "online":
+        if online.mode == "offline" or spec.source == "local":
+            return plan_maps(spec, entries)
+        try:
+            return plan_maps(spec, beside, Closeness.HEARD)
+        except UnknownName as refusal:
+            if refusal.reason != NOT_SHOWN or not _names_somewhere(spec):
+                raise
+            return await _fetched_or_at_hand(spec, context, entries, refusal)
+    if online.mode == "offline":
+        raise NotPossible(
+            "source=online asks for a map from the net, and maps_online is offline",
+            next_step="leave source out, or have maps_online set to online at the server's start",
+        )
+    if not _names_somewhere(spec):
+        raise InvalidRequest("source=online needs a place, a country or a bbox", next_step="name one")
+    return await _fetched(spec, context, await _located(spec, context))
+
+
+def _names_somewhere(spec: GenerationSpec) -> bool:
+    """Whether a call names a place on earth: the id of a map or a file is none."""
+    if spec.place is not None:
+        return not spec.place.startswith("map_") and not is_map(Path(spec.place))
+    return spec.bbox is not None or spec.country is not None
+
+
+async def _fetched_or_at_hand(
+    spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry], refusal: UnknownName
+) -> GenerationPlan:
+    """A fetched map; where the net cannot be asked, one that was fetched for another request and shows the place.
+
+    Where the net does not know the words, or cannot be asked, they may be a part of what a map at hand shows.
+    ``refusal``: why no map at hand is used.
+    """
+    is_located = False
+    try:
+        place = await _located(spec, context)
+        is_located = True
+        return await _fetched(spec, context, place)
+    except UnknownName as unknown:
+        half_typed = _half_typed(spec, entries)
+        if half_typed is None:
+            raise _with_names_at_hand(unknown, refusal) from unknown
+        return half_typed
+    except (ServiceFailure, NotPossible) as failure:
+        if isinstance(failure, NotPossible) and failure.reason != "not_asked":
+            raise
+        try:
+            plan = plan_maps(spec, [entry for entry in entries if _is_called_so(entry.facts, spec.place)])
+        except InvalidRequest:
+            half_typed = _half_typed(spec, entries)
+            if half_typed is None:
+                raise _told_with(failure, refusal, None if is_located else spec.place) from failure
+            return half_typed
+        note = f"{failure.message.rstrip('.')}; a map that was fetched for another request is used"
+        return GenerationPlan(plan.matches, (*plan.notes, note))
+
+
+def _half_typed(spec: GenerationSpec, entries: Sequence[MapEntry]) -> GenerationPlan | None:
+    """A plan for the maps that the user added and that the words are a part of; None if there are none."""
+    try:
+        return plan_maps(spec, [entry for entry in entries if entry.facts.source is None])
+    except (UnknownName, NotPossible):
+        return None
+
+
+def _is_called_so(facts: MapFacts, place: str | None) -> bool:
+    """Whether a fetched map shows what was asked for by its very names: one that is only called like it is another."""
+    if facts.source is None or place is None:
+        return facts.source is not None
+    names = {fold(name) for name in (facts.place, *facts.source.place.split(","), *facts.streets, *facts.refs)}
+    return all(fold(part) in names for part in place_parts(place))
+
+
+def _with_names_at_hand(unknown: UnknownName, refusal: UnknownName) -> UnknownName:
+    """What the net does not know either: with the names at hand that are like it."""
+    told = unknown if unknown.valid else refusal
+    return UnknownName(
+        unknown.message,
+        valid=told.valid,
+        next_step=told.next_step,
+        reason=unknown.reason,
+        remedies=(*unknown.remedies, *refusal.remedies),
+    )
+
+
+def _told_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: str | None) -> PlannerForgeError:
+    """The failure of the net behind what is at hand; ``unlocated``: the words that could not be looked up.
+
+    Where the net must not be asked, the refusal is what counts; likewise where GeoNames does not know the place that
+    could not be looked up, because asking again later would hardly find it.
+    """
+    if isinstance(failure, NotPossible):
+        message = f"{refusal.message.rstrip('.')}; {failure.message}"
+        return UnknownName(
+            message, valid=refusal.valid, next_step=failure.next_step, reason=refusal.reason, remedies=refusal.remedies
+        )
+    if unlocated is not None and not any(settlements_called(part) for part in place_parts(unlocated)):
+        message = (
+            f"{refusal.message.rstrip('.')}, GeoNames knows no settlement of 5,000 inhabitants of that name, "
+            f"and a smaller one could not be looked up: {failure.message}"
+        )
+        return UnknownName(
+            message, valid=refusal.valid, next_step=refusal.next_step, reason=refusal.reason, remedies=refusal.remedies
+        )
+    message = f"{refusal.message.rstrip('.')}, and {failure.message}"
+    return ServiceFailure(message, valid=refusal.valid, reason=failure.reason)
+
+
+async def _located(spec: GenerationSpec, context: WorkflowContext) -> NamedPlace | None:
+    """The place that a request means, looked up on the net; None where its box says all."""
+    code = spec.country_code
+    words = spec.place or (country_name(code) if code is not None and spec.bbox is None else None)
+    return None if words is None else await find_place(context, words, code)
+
+
+async def _fetched(spec: GenerationSpec, context: WorkflowContext, place: NamedPlace | None) -> GenerationPlan:
+    """A plan for the map that is fetched for the request."""
+    box = spec.bbox
+    if box is not None and place is not None and not _overlap(place.box, box):
+        raise UnknownName(
+            f"{cited(place.label)} does not lie in the box {list(box)}",
+            next_step="leave place or bbox out",
+            reason=NOT_SHOWN,
+        )
+    entries, notes = await fetch_maps(
+        context,
+        FetchMapRequest(
+            services=context.services.online,
+            folder="",
+            place=place,
+            bbox=box,
+            country=spec.country_code,
+            scenario_type=spec.scenario_type,
+            road_classes=spec.road_classes,
+            count=spec.count,
+        ),
+    )
+    asked = spec.place if box is None else None
+    matches = [match_fetched(entry, place, asked) for entry in entries]
+    plan = plan_matches(spec.model_copy(update={"bbox": None}), matches)
+    return GenerationPlan(plan.matches, (*plan.notes, *notes))
+
+
+@dataclass(frozen=True)
+class MapChoice:
+    """The maps that a request is looked up on, in the words that are left of it, and notes for the answer.
+
+    ``failures``: of extracts that might show it too, but could not be read.
+    """
+
+    spec: GenerationSpec
+    entries: tuple[MapEntry, ...]
+    note: str = ""
+    failures: tuple[ResourceFailure, ...] = ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was cut out, and what was left out."""
+        left_out = [f"an extract was left out: {failure.message}; {failure.next_step}" for failure in self.failures]
+        return (*([self.note] if self.note else []), *left_out)
+
+    def with_failures(self, refusal: PlannerForgeError) -> PlannerForgeError:
+        """Why nothing was found: where an extract could not be read, that it might have been there."""
+        if not self.failures:
+            return refusal
+        first = self.failures[0]
+        return ResourceFailure(f"{refusal.message.rstrip('.')}; {first.message}", next_step=first.next_step)
+
+
+async def with_cuts(spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry]) -> MapChoice:
+    """The maps for a request; where no map shows what it means but an extract does, the part that is cut out of it.
+
+    Without a place, a country or a box, extracts are not looked at. One whose index is gone or damaged is left out, and
+    the notes say so; one that the request names is refused then.
+
+    Raises:
+        ResourceFailure: the index of the extract that is named cannot be read.
+    """
+    whole = [entry for entry in entries if entry.facts.extract is None]
+    if spec.source == "online":
+        return MapChoice(spec, tuple(whole))
+    extracts = [entry for entry in entries if entry.facts.extract is not None]
+    earlier = _named_cut(spec, context)
+    if earlier is not None:
+        return MapChoice(spec, (earlier,))
+    named = [entry for entry in extracts if _is_named(entry.facts, spec.place)]
+    failures: list[ResourceFailure] = []
+    for entry in named or _fitting(spec, whole, extracts):
+        with context.workspace.scratch() as folder:
+            request = CutExtractRequest(
+                index=str(extract_index(context, entry.facts.map_id)),
+                folder=str(folder),
+                facts=entry.facts,
+                place=spec.place,
+                bbox=spec.bbox,
+                scenario_type=spec.scenario_type,
+                seed=spec.seed,
+            )
+            try:
+                cut = await context.run(CUT_EXTRACT, request, share=(0.0, 0.2))
+            except ResourceFailure as failure:
+                if named:
+                    raise
+                failures.append(failure)
+                continue
+            if cut.facts is not None:
+                return _chosen(spec, _stored(context, cut, cut.facts), cut, entry.facts, failures)
+    return MapChoice(spec, tuple(whole), failures=tuple(failures))
+
+
+def _named_cut(spec: GenerationSpec, context: WorkflowContext) -> MapEntry | None:
+    """The part of an extract whose id is the place that was asked for."""
+    artifact = context.workspace.find("map", spec.place) if spec.place is not None else None
+    return None if artifact is None or not artifact.read(MapFacts).cut_of else map_entry(context, artifact)
+
+
+def _is_named(facts: MapFacts, place: str | None) -> bool:
+    """Whether a part of the words is an extract's id, its place or its file's name."""
+    names = (facts.map_id, facts.place, facts.file_name, file_stem(facts.file_name))
+    own = {fold(name) for name in names}
+    return any(fold(part) in own for part in place_parts(place or ""))
+
+
+def _fitting(spec: GenerationSpec, whole: Sequence[MapEntry], extracts: Sequence[MapEntry]) -> list[MapEntry]:
+    """The extracts that may show what no other map does: those of the country and the box."""
+    if not extracts or (spec.place, spec.country, spec.bbox) == (None, None, None):
+        return []
+    try:
+        usable = [one for one in whole if one.facts.source is None or one.facts.source.beside]
+        plan_maps(spec, usable, Closeness.HEARD)
+    except (UnknownName, NotPossible) as refusal:
+        if refusal.reason != NOT_SHOWN:
+            return []
+    except InvalidRequest:
+        return []  # it is told by the plan itself
+    else:
+        return []
+    country, box = spec.country_code, spec.bbox
+    return [
+        entry
+        for entry in extracts
+        if country in (None, entry.facts.country, *entry.facts.countries_near)
+        and (box is None or _overlap(box, _box(entry.facts)))
+    ]
+
+
+def _box(facts: MapFacts) -> Box:
+    return facts.south, facts.west, facts.north, facts.east
+
+
+def _overlap(one: Box, other: Box) -> bool:
+    return one[0] <= other[2] and other[0] <= one[2] and one[1] <= other[3] and other[1] <= one[3]
+
+
+def _stored(context: WorkflowContext, cut: CutOfExtract, facts: MapFacts) -> MapEntry:
+    """The part as a map, told by its content: cut out again, it is the same."""
+    path = Path(cut.path)
+    arguments = {"content": content_digest(path), "extract": facts.cut_of, "place": facts.place}
+    recipe = Recipe(tool="cut_extract", arguments=arguments | {"country": facts.country})
+    map_id = f"map_{recipe.digest}"
+    record = facts.model_copy(update={"map_id": map_id})
+    name = stored_name(path)
+    return map_entry(
+        context,
+        context.workspace.put("map", map_id, recipe=recipe, record=record, files={name: path}, name=facts.place),
+    )
+
+
+def _chosen(
+    spec: GenerationSpec, entry: MapEntry, cut: CutOfExtract, extract: MapFacts, failures: Sequence[ResourceFailure]
+) -> MapChoice:
+    """The part alone, with the words that name roads on it and the box in which its roads are whole."""
+    asked = spec.bbox
+    core = cut.core
+    if asked is not None:
+        core = max(asked[0], core[0]), max(asked[1], core[1]), min(asked[2], core[2]), min(asked[3], core[3])
+    narrowed = spec.model_copy(update={"place": cut.words or None, "bbox": core})
+    if entry.facts.country is not None:
+        narrowed = narrowed.model_copy(update={"country": None, "country_code": None})
+    note = f"{cited(cut.label)} was cut out of {shown_name(extract.file_name)} ({extract.map_id})"
+    return MapChoice(narrowed, (entry,), note, tuple(failures))

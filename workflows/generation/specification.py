@@ -1,0 +1,521 @@
+"""The words of a call for scenarios, read once into a :class:`GenerationSpec`.
+
+That is the door: what stands behind it gets typed values and reads no words. Conditions (``time=rush_hour``,
+``weather=snow``) make some of them: a density, classes of vehicles, counted flows.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import get_args
+
+from ...engine.catalog import manoeuvres_in
+from ...engine.cosimulation import presets
+from ...engine.maps import country_code, resolve_road_classes
+from ...engine.traffic import (
+    SHARES_OF_DAY_SOURCE,
+    SPEED_FACTORS,
+    SPEED_FACTORS_SOURCE,
+    heavy_factor,
+    published_calibrations,
+    vehicles_per_lane_km,
+    words_of_hour,
+)
+from ...engine.vehicles import PEDESTRIAN, vehicle_classes
+from ...schemas.errors import (
+    Faults,
+    InvalidRequest,
+    Remedy,
+    UnknownName,
+    calling,
+    closest,
+    instead,
+    misspelt,
+    with_values,
+)
+from ...schemas.generation import (
+    COMPASS_DEG,
+    NATURAL_SHARES,
+    SHARES_SOURCE,
+    TRIP_KINDS,
+    WEATHER_WORDS,
+    WEATHERS,
+    AskedEgo,
+    AskedGoal,
+    AskedManoeuvre,
+    GenerateScenariosArguments,
+    GenerationSpec,
+    RoadFlow,
+    TrafficConditions,
+    TripKind,
+    Turn,
+    VehicleDemand,
+    Weather,
+)
+from ...schemas.grammar import parse_condition
+from ...schemas.maps import Box
+from ...schemas.vocabulary import MANOEUVRES, vehicle_class_of
+from .flow_tables import NAMING
+
+MOST_VEHICLES = 300
+"""A site of a few hundred metres holds fewer; more would only make the caller wait for the refusal."""
+MOST_PEOPLE = 100
+"""Pedestrians at a site (chosen): the pavements near a junction hold hardly more."""
+_TIMES = {"night": "02:30", "morning_rush": "07:30", "morning": "09:30", "noon": "12:30", "day": "11:30"}
+_TIMES |= {"afternoon": "14:30", "rush_hour": "17:30", "evening_rush": "17:30", "evening": "20:30"}
+"""Times that words stand for: the middle of an hour."""
+_GOODS = ("truck", "trailer")
+"""Classes whose share changes with the hour as that of goods vehicles does."""
+_KEYS = ("time", "weather", "drivers", "mix", "others", "counts", "od", "trips")
+_FIELDS = {"mix": "natural_mix"}
+MOST_FLOWS = 2_000
+MOST_PER_H = 20_000
+"""More vehicles in an hour than any road carries."""
+
+
+def read_specification(arguments: GenerateScenariosArguments) -> GenerationSpec:
+    """Read what a call asks for; all that is wrong with its words is told at once.
+
+    Args:
+        arguments: the call, the content of its tables in the place of their names.
+
+    Raises:
+        UnknownName: a class of vehicles or roads, or a condition, that does not exist.
+        InvalidRequest: a goal, an ego, a box, a condition, or numbers of vehicles that cannot be meant.
+    """
+    faults = Faults()
+    read = _ReadConditions()
+    goal, ego, bbox = AskedGoal(), AskedEgo(), None
+    road_classes: tuple[str, ...] = ()
+    vehicles: tuple[VehicleDemand, ...] = ()
+    taken: list[str] = []
+    with faults.collecting():
+        read = read_conditions(arguments)
+    with faults.collecting():
+        goal = AskedGoal.of(arguments.goal)
+    with faults.collecting():
+        ego = _ego(arguments.ego)
+    with faults.collecting():
+        bbox = _box(arguments.bbox)
+    with faults.collecting():
+        road_classes = () if arguments.road_classes is None else resolve_road_classes(arguments.road_classes)
+    with faults.collecting():
+        vehicles, taken = read_vehicles(arguments.vehicles, ego, read.others)
+    faults.raise_all()
+    return GenerationSpec(
+        scenario_type=arguments.scenario_type,
+        bbox=bbox,
+        road_classes=road_classes,
+        density=arguments.density,
+        vehicles=with_natural_mix(vehicles, read.conditions),
+        duration_s=arguments.duration_s,
+        ego=ego,
+        goal=goal,
+        seed=arguments.seed,
+        conditions=read.conditions,
+        others=read.others,
+        place=arguments.place,
+        country=arguments.country,
+        country_code=_code_of(arguments.country),
+        count=arguments.count,
+        source=arguments.source,
+        trial_run=arguments.trial_run,
+        notes=(*read.notes, *taken),
+    )
+
+
+def _code_of(country: str | None) -> str | None:
+    """Return the country's code, however the caller spelled it."""
+    return None if country is None else country_code(country) or country.upper()
+
+
+@dataclass(frozen=True)
+class _ReadConditions:
+    """Conditions as they act, None where there are none; a manoeuvre of another road user; what is told of them."""
+
+    conditions: TrafficConditions | None = None
+    notes: tuple[str, ...] = ()
+    others: AskedManoeuvre | None = None
+
+
+def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
+    """The conditions of a call.
+
+    Raises:
+        InvalidRequest: an unknown condition or value, or one twice; all faults at once.
+    """
+    faults, read = Faults(), dict[str, object]()
+    notes: list[str] = []
+    for text in arguments.conditions:
+        with faults.collecting():
+            key, value = _parted(text)
+            if key in read:
+                raise InvalidRequest(f"{key} stands twice in conditions", next_step="name every condition once")
+            read[key], note = _READERS[key](value)
+            notes += [note] if note else []
+    faults.raise_all()
+    others = AskedManoeuvre.of(str(read.pop("others", "")))
+    if not read:
+        return _ReadConditions(others=others)
+    flows = tuple(flow for key in NAMING for flow in _flows_in(read.pop(key, ())))
+    if flows:
+        read["flows"] = flows
+    conditions = TrafficConditions.model_validate({_FIELDS.get(key, key): value for key, value in read.items()})
+    if not flows and conditions.hour is not None and "density" not in arguments.model_fields_set:
+        per_lane_km = vehicles_per_lane_km(conditions.hour)
+        conditions = conditions.model_copy(update={"per_lane_km": per_lane_km})
+        notes.append(
+            f"{conditions.time}: {per_lane_km:g} vehicles per lane-km (medium at noon, other hours by their share of a "
+            f"working day, {SHARES_OF_DAY_SOURCE}); density wins where it is given"
+        )
+    return _ReadConditions(conditions, tuple(notes), others)
+
+
+def with_natural_mix(
+    demands: tuple[VehicleDemand, ...], conditions: TrafficConditions | None
+) -> tuple[VehicleDemand, ...]:
+    """The demands with the classes of natural traffic, where that was asked for, at their share of the hour."""
+    if conditions is None:
+        return demands
+    named = {demand.vehicle_class for demand in demands}
+    if conditions.natural_mix:
+        more = [VehicleDemand(vehicle_class=n, share=s) for n, s in NATURAL_SHARES.items() if n not in named]
+        demands = (*demands, *more)
+    factor = 1.0 if conditions.hour is None else heavy_factor(conditions.hour)
+    return tuple(
+        demand.model_copy(update={"share": round(demand.share * factor, 5)})
+        if demand.share is not None
+        and demand.vehicle_class in _GOODS
+        and demand.share == NATURAL_SHARES.get(demand.vehicle_class)
+        else demand
+        for demand in demands
+    )
+
+
+def circumstances_of(conditions: TrafficConditions | None) -> tuple[str, ...]:
+    """What a catalogue calls the time and the weather of conditions."""
+    if conditions is None:
+        return ()
+    weather = () if conditions.weather is None else (conditions.weather,)
+    return (*weather, *(() if conditions.hour is None else words_of_hour(conditions.hour)))
+
+
+def _parted(text: str) -> tuple[str, str]:
+    key, mark, value = (part.strip() for part in text.partition("="))
+    key = key.lower()
+    if not mark or key not in _KEYS:
+        raise UnknownName(
+            f"conditions {text!r}: {key or 'nothing'} is no condition",
+            valid=[f"{known}=…" for known in closest(key, _KEYS)],
+            remedies=misspelt(key, _KEYS),
+            next_step="give conditions such as time=rush_hour, weather=snow, drivers=aggressive, mix=natural",
+        )
+    if key in NAMING:
+        return key, value
+    value = value.lower().replace(" ", "_")
+    return key, value.replace("-", "_") if key != "time" else value
+
+
+def _time(value: str) -> tuple[str, str]:
+    if value in _TIMES:
+        return _TIMES[value], ""
+    found = re.fullmatch(r"(\d{1,2})(?:[:h.](\d{2}))?(?:_?(am|pm))?", value)
+    hour = -1 if found is None else int(found[1]) % 12 + 12 * (found[3] == "pm") if found[3] else int(found[1])
+    minute = 0 if found is None or found[2] is None else int(found[2])
+    if not (0 <= hour < 24 and 0 <= minute < 60):
+        raise InvalidRequest(f"time={value} is no time of day", valid=[*_TIMES, "17:30"], given=value)
+    return f"{hour:02d}:{minute:02d}", ""
+
+
+def _weather(value: str) -> tuple[Weather, str]:
+    name = WEATHER_WORDS.get(value, value)
+    known = next((weather for weather in WEATHERS if weather == name), None)
+    if known is None:
+        raise UnknownName(
+            f"there is no weather {value!r}; without a condition it is good", valid=closest(value, WEATHERS) or WEATHERS
+        )
+    taken = f"{value!r} is taken as {known}" if known != value else ""
+    factor = SPEED_FACTORS.get(known)
+    effect = (
+        f"{known}: vehicles drive {1 - factor:.1%} slower where they are free ({SPEED_FACTORS_SOURCE})"
+        if factor is not None
+        else f"{known} stands in the file; how it changes driving is not known here"
+    )
+    return known, "; ".join(part for part in (taken, effect) if part)
+
+
+def _drivers(value: str) -> tuple[str, str]:
+    known = {name.lower(): name for name in presets()}
+    if value in known:
+        return known[value], f"all drivers are {known[value]} (the paper's preset)"
+    published = published_calibrations()
+    names = value.split("+")
+    for name in names:
+        if name not in published:
+            near = closest(name, [*presets(), *published])
+            raise UnknownName(
+                f"there is no driver preset or published calibration {name!r}",
+                valid=near,
+                remedies=[*misspelt(name, near), calling("describe_catalog", facet="behaviours")],
+                next_step="name one preset, or calibrations joined by +, such as drivers=gb_motorway+m25_gaps",
+            )
+    read = [published[name] for name in names]
+    for one, other in combinations(range(len(read)), 2):
+        if both := read[one].parameter_names & read[other].parameter_names:
+            raise InvalidRequest(
+                f"drivers={value}: {names[one]} and {names[other]} both set {' and '.join(sorted(both))}",
+                next_step="name one of them",
+            )
+    return value, "; ".join(
+        f"drivers as {name}: {one.sets} ({one.source})" for name, one in zip(names, read, strict=True)
+    )
+
+
+def _mix(value: str) -> tuple[bool, str]:
+    if value != "natural":
+        raise InvalidRequest(f"mix={value} cannot be meant", valid=["mix=natural"], given=f"mix={value}")
+    shares = ", ".join(f"{name} {share:.2%}" for name, share in NATURAL_SHARES.items())
+    return True, f"mix: {shares}, one each at least, of goods vehicles as the hour has them ({SHARES_SOURCE})"
+
+
+def _trips(value: str) -> tuple[TripKind, str]:
+    kind = next((kind for kind in TRIP_KINDS if kind == value), None)
+    if kind is None:
+        raise UnknownName(f"there are no trips {value!r}", valid=TRIP_KINDS)
+    return kind, ""
+
+
+def _others(value: str) -> tuple[str, str]:
+    """Read a manoeuvre of another road user, and the class that makes it if one is named on either side of it."""
+    word, _, rest = value.partition(":")
+    if word not in MANOEUVRES:
+        said = manoeuvres_in(re.sub(r"[_:]", " ", value))
+        word, _, rest = (said[0] if len(said) == 1 else value).partition(":")
+    if word in get_args(Turn):
+        raise InvalidRequest(
+            f"others={value}: the ego makes this manoeuvre, and no other road user",
+            valid=[f"goal=through:{word}"],
+            next_step="ask for it by goal",
+        )
+    if word not in MANOEUVRES:
+        raise UnknownName(
+            f"there is no manoeuvre {word!r} of another road user",
+            valid=closest(word, MANOEUVRES) or MANOEUVRES,
+            next_step="name one, such as others=cut_in, or others=cut_in:truck",
+        )
+    name = vehicle_class_of(rest) if rest else ""
+    if name is None:
+        raise UnknownName(f"others={value}: there is no vehicle class {rest!r}", valid=closest(rest, vehicle_classes()))
+    if name == PEDESTRIAN.name and word != "crossing":
+        raise InvalidRequest(f"others={value}: a pedestrian does not do that", valid=["others=crossing:pedestrian"])
+    return f"{word}:{name}" if name else word, ""
+
+
+def _counts(value: str) -> tuple[tuple[RoadFlow, ...], str]:
+    flows = _flows(value, "counts", "counts=Main Street:600; 4711:250:north (street or OSM way id: vehicles an hour)")
+    return flows, "counts stand in the place of the density; roads without a count carry what turns into them"
+
+
+def _origins(value: str) -> tuple[tuple[RoadFlow, ...], str]:
+    flows = _flows(value, "od", "od=north>Main Street:300; west>east:120 (road or direction > road or direction)")
+    return flows, "flows from origin to destination stand in the place of the density"
+
+
+def _flows(value: str, key: str, example: str) -> tuple[RoadFlow, ...]:
+    parts = [part.strip() for part in value.split(";") if part.strip()]
+    if not 0 < len(parts) <= MOST_FLOWS:
+        raise InvalidRequest(f"{key} holds {len(parts):,} flows", valid=[f"1 to {MOST_FLOWS:,}", example])
+    return tuple(_flow(part, key, example) for part in parts)
+
+
+def _flows_in(read: object) -> tuple[RoadFlow, ...]:
+    return tuple(flow for flow in read if isinstance(flow, RoadFlow)) if isinstance(read, tuple) else ()
+
+
+def _flow(text: str, key: str, example: str) -> RoadFlow:
+    found = re.fullmatch(r"(.+?)\s*:\s*(\d+(?:\.\d+)?)(?:\s*:\s*([a-zA-Z-]*))?", text)
+    road, mark, to = ("", "", "") if found is None else (part.strip() for part in found[1].partition(">"))
+    direction = "" if found is None else (found[3] or "").lower().replace("-", "").removesuffix("bound")
+    if found is None or not road or (key == "od") != bool(mark and to) or (direction and direction not in COMPASS_DEG):
+        raise InvalidRequest(f"{key}: {text!r} is no flow", valid=[example, f"directions: {', '.join(COMPASS_DEG)}"])
+    per_h = float(found[2])
+    if not 0 < per_h <= MOST_PER_H:
+        raise InvalidRequest(f"{key}: {text!r} has no flow that can be", valid=[f"above 0 to {MOST_PER_H:,} an hour"])
+    return RoadFlow(road=road, to=to, per_h=per_h, direction=direction)
+
+
+def read_vehicles(
+    texts: list[str], ego: AskedEgo, others: AskedManoeuvre | None
+) -> tuple[tuple[VehicleDemand, ...], list[str]]:
+    """Read the vehicles of a call, with the classes of its ego and of whoever makes a manoeuvre; and what words meant.
+
+    Raises:
+        UnknownName: a vehicle class that does not exist.
+        InvalidRequest: numbers of vehicles that cannot be meant.
+    """
+    in_our_words = [_in_our_words(text) for text in texts]
+    demands = _vehicle_demands(texts, [words for words, _ in in_our_words])
+    demands = _with_the_ego_s_class(_with_the_actor_s_class(demands, others), ego)
+    _check_classes(demands, texts)
+    return demands, [taken for _, taken in in_our_words if taken]
+
+
+def _check_classes(demands: Sequence[VehicleDemand], texts: Sequence[str]) -> None:
+    known = list(dict.fromkeys([*vehicle_classes(), PEDESTRIAN.name]))
+    for name in (demand.vehicle_class for demand in demands):
+        if name not in known:
+            near = closest(name, known)
+            raise UnknownName(
+                f"there is no vehicle class {name!r}",
+                valid=near,
+                reason="unknown_class",
+                remedies=[*misspelt(name, near), *_without_class(name, texts)],
+            )
+
+
+def _without_class(name: str, texts: Sequence[str]) -> list[Remedy]:
+    """Return the call without the vehicles of a class; no remedy if ``vehicles`` does not name it."""
+    others = [text for text in texts if not re.search(rf"\b{re.escape(name)}\b", text)]
+    return [] if len(others) == len(texts) else [with_values(vehicles=others or None)]
+
+
+def _vehicle_demands(texts: list[str], in_our_words: Iterable[str]) -> tuple[VehicleDemand, ...]:
+    """The demands, in the words of the call for refusals of all of them together."""
+    demands = tuple(_vehicle_demand(text) for text in in_our_words)
+    asked = sum(demand.needed for demand in demands)
+    on_foot = sum(demand.needed for demand in demands if demand.vehicle_class == PEDESTRIAN.name)
+    if on_foot > MOST_PEOPLE:
+        raise InvalidRequest(f"vehicles ask for {on_foot:,} pedestrians at one site", valid=[f"at most {MOST_PEOPLE}"])
+    if asked > MOST_VEHICLES:
+        raise InvalidRequest(
+            f"vehicles ask for {asked:,} vehicles on one site",
+            valid=[f"at most {MOST_VEHICLES} in all classes together"],
+        )
+    shared = sum(demand.share or 0.0 for demand in demands)
+    if shared > 1:
+        raise InvalidRequest(
+            f"vehicles {texts} share out {shared:.0%} of the traffic",
+            valid=["shares of at most 100% in all; cars are the rest"],
+            next_step="lower the shares, or give numbers, such as taxi=3",
+        )
+    often = sorted(name for name, times in Counter(d.vehicle_class for d in demands).items() if times > 1)
+    if often:
+        raise InvalidRequest(
+            f"vehicles {texts} name {' and '.join(often)} more than once",
+            valid=["truck", "truck=2", "car=4..4", "bicycle=0"],
+            next_step="name every class once, with the number of all its vehicles",
+        )
+    return demands
+
+
+def _vehicle_demand(text: str) -> VehicleDemand:
+    """``truck``: its share of traffic; ``truck=2``: a least number; ``car=4..4``: bounds on both sides; ``bicycle=0``:
+    none at all; ``taxi=30%``: a share of all vehicles.
+    """
+    if (shared := re.fullmatch(r"\s*([a-z_]+)\s*=\s*(\d{1,3}(?:\.\d+)?)\s*%\s*", text)) is not None:
+        return _shared_demand(text, shared[1], float(shared[2]) / 100)
+    demand = parse_condition(text, whole=True)
+    low, high = demand.interval.low, demand.interval.high
+    if demand.negated:
+        return VehicleDemand(vehicle_class=demand.name, least=0, most=0)
+    if text.strip() == demand.name:
+        return _bare_demand(demand.name)
+    least = 0 if low is None else round(low)
+    at_least = demand.interval.exact and least > 0
+    most = None if high is None or at_least else round(high)
+    if demand.value is not None or demand.scope is not None or least < 0 or (most is not None and most < least):
+        raise InvalidRequest(
+            f"vehicles {text!r} cannot be meant",
+            valid=["truck", "truck=2", "car=4..4", "bicycle=0"],
+            remedies=[instead(text, demand.name if demand.value or not low else f"{demand.name}={abs(round(low))}")],
+        )
+    return VehicleDemand(vehicle_class=demand.name, least=least, most=most)
+
+
+def _bare_demand(name: str) -> VehicleDemand:
+    """A class without a number: as many as its natural share of traffic comes to; cars fill up the traffic anyway."""
+    return VehicleDemand(vehicle_class=name, share=None if name == "car" else NATURAL_SHARES.get(name, 0.0))
+
+
+def _shared_demand(text: str, name: str, share: float) -> VehicleDemand:
+    if name == "car" or share > 1:
+        raise InvalidRequest(
+            f"vehicles {text!r} cannot be meant",
+            valid=["taxi=30%: at most 100%, of any class but car; cars are the rest"],
+        )
+    return VehicleDemand(vehicle_class=name, share=share)
+
+
+def _ego(text: str) -> AskedEgo:
+    """Return the requested ego with our word for its class: ``type:lorry`` and ``lorry`` become ``type:truck``."""
+    known = vehicle_class_of(text.strip().removeprefix("type:"))
+    return AskedEgo.of(text if known is None else f"type:{known}")
+
+
+def _with_the_ego_s_class(demands: tuple[VehicleDemand, ...], ego: AskedEgo) -> tuple[VehicleDemand, ...]:
+    """Return the demands with the class that was asked for as ego, if that is no car: it is among the others too."""
+    name = ego.asked_class
+    if name in (None, "car") or any(demand.vehicle_class == name for demand in demands):
+        return demands
+    return *demands, _bare_demand(name)
+
+
+def _with_the_actor_s_class(
+    demands: tuple[VehicleDemand, ...], others: AskedManoeuvre | None
+) -> tuple[VehicleDemand, ...]:
+    """Return the demands with the class that has to make a manoeuvre, if it is named and they do not name it.
+
+    Raises:
+        InvalidRequest: vehicles exclude the class.
+    """
+    name = None if others is None else others.vehicle_class
+    asked = next((demand for demand in demands if demand.vehicle_class == name), None)
+    if asked is not None and asked.most == 0:
+        raise InvalidRequest(
+            f"others={others} needs a {name}, but vehicles excludes it", next_step=f"leave {name}=0 out of vehicles"
+        )
+    return demands if name in (None, "car") or asked is not None else (*demands, _bare_demand(name))
+
+
+def _in_our_words(text: str) -> tuple[str, str]:
+    """A demand with the class that its word means, and what was taken for what; empty where nothing was."""
+    found = re.fullmatch(r"(\s*!?\s*)([^\W\d][^<>=!]*?)(\s*(?:[<>=].*)?)", text, re.DOTALL)
+    name = None if found is None else vehicle_class_of(found[2])
+    if found is None or name is None or name == found[2]:
+        return text, ""
+    return f"{found[1]}{name}{found[3]}", f"{found[2].strip()!r} is taken as {name}"
+
+
+def _box(bbox: list[float] | None) -> Box | None:
+    """The box of the arguments, checked.
+
+    Raises:
+        InvalidRequest: it is none.
+    """
+    if bbox is None:
+        return None
+    if len(bbox) != 4:
+        raise InvalidRequest(f"bbox has {len(bbox)} numbers", valid=["[south, west, north, east] in degrees"])
+    south, west, north, east = bbox
+    if not (-90 <= south < north <= 90 and -180 <= west < east <= 180):
+        ordered = [min(south, north), min(west, east), max(south, north), max(west, east)]
+        raise InvalidRequest(
+            f"bbox {bbox} is no box",
+            valid=["[south, west, north, east] in degrees, south < north"],
+            remedies=[with_values(bbox=ordered)],
+        )
+    return south, west, north, east
+
+
+_READERS: dict[str, Callable[[str], tuple[object, str]]] = {
+    "time": _time,
+    "weather": _weather,
+    "drivers": _drivers,
+    "mix": _mix,
+    "counts": _counts,
+    "od": _origins,
+    "trips": _trips,
+    "others": _others,
+}
