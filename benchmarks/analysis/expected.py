@@ -536,8 +536,8 @@ def _tested(pairs: Pairs, name: str, adjusted: Mapping[str, float]) -> dict[str,
 def _rate(trials: Iterable[tuple[str, float]]) -> dict[str, float]:
     """Return a rate as answers hold it."""
     listed = list(trials)
-    found = {**dict(zip(("count", "of", "share", "low", "high"), rate(listed), strict=False))}
-    shares = {key: found[key] / 100 for key in ("share", "low", "high") if key in found}
+    found: dict[str, float] = dict(zip(("count", "of", "share", "low", "high"), rate(listed), strict=False))
+    shares: dict[str, float] = {key: found[key] / 100 for key in ("share", "low", "high") if key in found}
     return {**found, **shares, "scenarios": len({name for name, _ in listed})}
 
 
