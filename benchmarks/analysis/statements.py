@@ -20,7 +20,7 @@ from typing import Any
 import anyio
 from mcp import Client
 
-from plannerforge.engine.rendering import MEASURED_CAPTION
+from plannerforge.engine.rendering.reports import MEASURED_CAPTION
 from plannerforge.engine.workspace import Workspace
 from plannerforge.evals.scoring.common import built_in
 from plannerforge.schemas.planning import PlannerConfiguration

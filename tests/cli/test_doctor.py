@@ -11,7 +11,7 @@ import pytest
 
 from plannerforge.cli import doctor
 from plannerforge.cli.hosts import BACKUP, HOSTS, install, start_command
-from plannerforge.engine.catalog import ensure_generation
+from plannerforge.engine.catalog.vector_index import ensure_generation
 from plannerforge.server.settings import Settings
 
 

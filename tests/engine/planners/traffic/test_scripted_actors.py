@@ -11,7 +11,8 @@ from support.builders import Problem, ScenarioBuilder, Vehicle, driving, town_ro
 from plannerforge.engine.commonroad import Track, read_scenario
 from plannerforge.engine.edits import apply_edits
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.planners import EgoState, open_traffic
+from plannerforge.engine.planners import EgoState
+from plannerforge.engine.planners.registry import open_traffic
 from plannerforge.engine.vehicles import BMW_320I
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.modification import Edit, ModificationOutcome, ModificationRequest
