@@ -12,7 +12,7 @@ The fields themselves are judged elsewhere, by code that recomputes them.
 
 import re
 from bisect import bisect_left
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 NAME_KEYS = frozenset(
@@ -40,11 +40,10 @@ def _half_a_unit(shown: str) -> float:
     return float(0.5 * 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2])) * (1 + 1e-6))
 
 
-def figures_in(text: str, names: Iterable[str] = ()) -> list[str]:
-    """Return the numbers that stand by themselves in a text, without those in the names given."""
-    for name in names:
-        text = text.replace(name, " ")
-    tokens = (token.replace(",", "") for token in _BETWEEN.split(text) if token)
+def figures_in(text: str, names: re.Pattern[str] | None = None) -> list[str]:
+    """Return the numbers that stand by themselves in a text, without those in the names that a pattern finds."""
+    rest = text if names is None else names.sub(" ", text)
+    tokens = (token.replace(",", "") for token in _BETWEEN.split(rest) if token)
     return [token for token in tokens if _FIGURE.fullmatch(token)]
 
 
@@ -106,15 +105,16 @@ def _is_in(numbers: Sequence[float], value: float) -> bool:
     return place < len(numbers) and numbers[place] == value
 
 
-def names_of(*contents: Any) -> list[str]:
-    """Return the names in structured content that hold a digit, the longest first."""
+def names_of(*contents: Any) -> re.Pattern[str] | None:
+    """Return a pattern of the names in structured content that hold a digit, the longest first; None without any."""
     found = {
         text
         for content in contents
         for key, text, _ in texts_in(content)
         if any(map(str.isdigit, text)) and (_is_name_key(key) or not re.search(r"\s", text))
     }
-    return sorted((name for name in found if not _FIGURE.fullmatch(name)), key=len, reverse=True)
+    names = sorted((name for name in found if not _FIGURE.fullmatch(name)), key=len, reverse=True)
+    return re.compile(rf"(?<!\w)(?:{'|'.join(map(re.escape, names))})(?!\w)") if names else None
 
 
 def _is_name_key(key: str) -> bool:

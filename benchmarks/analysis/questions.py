@@ -19,10 +19,12 @@ from pathlib import Path
 from typing import Any
 
 import anyio
+from mcp import Client
 
 from plannerforge.schemas.runs import RunRecord
+from plannerforge.server.assembly import create_server
 
-from ..harness import Figures, SeededBench
+from ..harness import Figures, SeededBench, settings_for
 from ..told_figures import agrees, figures_in
 from .public_runs import RawRuns, compared_batch, public_batch, public_server, raw_runs
 from .recomputed import Costs, Pairs, correlation, goal, metric
@@ -139,12 +141,13 @@ async def _measured(bench: SeededBench) -> tuple[int, list[str]]:
     """How many questions there are, and of those not answered: the line, what was asked, and the answer's beginning."""
     asked = questions(bench.shared / "corpora" / "dev")
     faults = []
-    async with public_server(bench) as client:
+    async with Client(create_server(settings_for(bench.folder("no_runs"), bench.shared, 1))) as client:
         for question in (one for one in asked if one.about == "nothing"):
             tool = "compare_results" if question.asks == ("compare",) else "analyze_results"
             answer = await client.call_tool(tool, {})
             if not answer.is_error or "run_planner" not in _text_of(answer):
                 faults.append(f"{question.line_id} of no run: {_text_of(answer)[:200]}")
+    async with public_server(bench) as client:
         two = await compared_batch(bench, client, await public_batch(bench, client))
         situations = Situations(raw_runs(bench, two))
         for question in (one for one in asked if one.about != "nothing"):
