@@ -12,7 +12,7 @@ RECORD ?= same-bytes.json
 MUTANTS ?=
 SEED ?= 1
 
-.PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
+.PHONY: help notebook demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-manoeuvres bench-edits bench-import-crashes bench-drivable bench-same-bytes \
 	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-osm-tags bench-places bench-analysis bench-tuning bench-serve bench-loop bench-database bench-peers \
 	dist requirements bundle starter house chat-page tutorial-page reference docs train-rbfn format clean
@@ -39,6 +39,7 @@ help:
 	@echo "make train-rbfn train the network of the planner MP-RBFN anew; the same weights (developers)"
 	@echo "make house   draw the map of the packages anew (developers)"
 	@echo "make chat-page record docs/chat.md, a chat through five stages, anew (developers)"
+	@echo "make notebook run the notebook of the documentation anew (developers)"
 	@echo "make tutorial-page record docs/tutorial.md and its pictures anew (developers)"
 	@echo "make reference write the pages of docs/reference and docs/settings.md anew from the program (developers)"
 	@echo "make docs    build the documentation as a site into site/ (developers)"
@@ -192,7 +193,7 @@ dist: $(DEV_STAMP)
 # What nothing imports is left out: docs/install.md.
 requirements:
 	@echo "==> Choosing the versions of all dependencies anew (uv)"
-	@printf "%s ; python_version < '3'\n" polygon3 torch sentence-transformers | uv pip compile pyproject.toml --quiet \
+	@printf "%s ; python_version < '3'\n" polygon3 | uv pip compile pyproject.toml --quiet \
 		--universal --python-version 3.11 --upgrade --custom-compile-command "make requirements" --no-annotate --overrides /dev/stdin -o packaging/requirements.txt
 
 bundle: dist
@@ -213,6 +214,9 @@ starter: $(DEV_STAMP)
 chat-page: $(DEV_STAMP)
 	@echo "==> Recording docs/chat.md"
 	@$(PYTHON) scripts/record_chat.py
+
+notebook: $(DEV_STAMP)
+	@$(PYTHON) scripts/record_notebook.py
 
 tutorial-page: $(DEV_STAMP)
 	@echo "==> Recording docs/tutorial.md and its pictures"

@@ -9,9 +9,34 @@ its name for whoever imports it. Importing this package loads nothing else; the 
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .library import Picture, Run, Runs, Scenario, Scenarios, Workspace
+    from .library import (
+        Observation,
+        Picture,
+        Plan,
+        PlannedTrajectory,
+        PlanningTask,
+        RouteFollower,
+        Run,
+        Runs,
+        Scenario,
+        Scenarios,
+        Workspace,
+    )
 
-__all__ = ["Picture", "Run", "Runs", "Scenario", "Scenarios", "Workspace", "__version__"]
+__all__ = [
+    "Observation",
+    "Picture",
+    "Plan",
+    "PlannedTrajectory",
+    "PlanningTask",
+    "RouteFollower",
+    "Run",
+    "Runs",
+    "Scenario",
+    "Scenarios",
+    "Workspace",
+    "__version__",
+]
 
 __version__ = "0.1.0"
 

@@ -1,1 +1,1 @@
-"""The commands of ``plannerforge``: what each does, and the flags that they share."""
+"""The command line: what each command does, and the flags that they share."""

@@ -23,6 +23,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from .. import __version__
+from ..schemas.catalog import EMBEDDINGS_EXTRA
 from ..schemas.errors import PlannerForgeError
 from ..server.settings import Settings, settings_file
 from ..workflows.context import INDEX_FOLDER
@@ -72,9 +73,14 @@ print("frenetix", version("frenetix") + ", drivability checker", version("common
         """
 import sys
 from plannerforge.engine.catalog import EmbeddingModel
-print(sys.argv[1] + ", vectors of", EmbeddingModel.of(sys.argv[1]).embed(["a truck"]).shape[1])
+from plannerforge.schemas.errors import ResourceFailure
+try:
+    print(sys.argv[1] + ", vectors of", EmbeddingModel.of(sys.argv[1]).embed(["a truck"]).shape[1])
+except ResourceFailure as failure:
+    sys.exit(str(failure))
 """,
-        "correct the setting embedding_model; searches without text work meanwhile",
+        f"pip install '{EMBEDDINGS_EXTRA}' for a model that is not packaged, or correct the setting embedding_model; "
+        "searches without text work meanwhile",
     ),
     "text index": Trial(
         """

@@ -118,7 +118,7 @@ def may_vanish(environment: Path) -> bool:
 def _by_uvx() -> tuple[str, ...]:
     """How uv makes such an environment again: from the index, or from where this one was installed from."""
     source = _installed_from()
-    return (shutil.which("uvx") or "uvx", "--torch-backend", "cpu", *(("--from", source) if source else ()), PACKAGE)
+    return (shutil.which("uvx") or "uvx", *(("--from", source) if source else ()), PACKAGE)
 
 
 def _installed_from() -> str:

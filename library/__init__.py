@@ -6,6 +6,8 @@
 ``Runs``: Runs with their figures as a table.
 ``Scenarios``: Scenarios in order, with all that was answered.
 ``Picture``: A picture that was drawn, shown in notebooks.
+``Observation``, ``Plan``, ``PlannedTrajectory``, ``PlanningTask``: What a planner of one's own is given, and answers.
+``RouteFollower``: Makes motions along a planner's route.
 """
 
 from typing import TYPE_CHECKING
@@ -14,7 +16,20 @@ from ..engine import lazy_face
 
 if TYPE_CHECKING:
     from .objects import Picture, Run, Runs, Scenario, Scenarios
+    from .own import Observation, Plan, PlannedTrajectory, PlanningTask, RouteFollower
     from .workspace import Workspace
 
-__all__ = ["Picture", "Run", "Runs", "Scenario", "Scenarios", "Workspace"]
+__all__ = [
+    "Observation",
+    "Picture",
+    "Plan",
+    "PlannedTrajectory",
+    "PlanningTask",
+    "RouteFollower",
+    "Run",
+    "Runs",
+    "Scenario",
+    "Scenarios",
+    "Workspace",
+]
 __getattr__, __dir__ = lazy_face(__name__, __file__)

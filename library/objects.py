@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 from ..engine.workspace import Workspace
 from ..schemas.base import Result
 from ..schemas.planning import RunPlannerResult, RunResponse
-from ..schemas.runs import RunRecord, RunSeries, RunSteps, configuration_id
+from ..schemas.runs import RunMetrics, RunRecord, RunSeries, RunSteps, configuration_id
 
 if TYPE_CHECKING:
     import pandas
@@ -108,6 +108,11 @@ class Run:
         return self.workspace.stored.get(self.run_id, "run").read(RunRecord)
 
     @property
+    def outcome(self) -> str:
+        """How it ended, such as ``goal_reached`` or ``collision``."""
+        return self.record.outcome
+
+    @property
     def steps(self) -> RunSteps:
         """The driven states, and the cost terms of the plans."""
         return RunSteps.model_validate_json(self._file("steps.json").read_bytes())
@@ -187,6 +192,11 @@ def _states(steps: RunSteps, series: RunSeries) -> "pandas.DataFrame":
     return pandas.DataFrame({name: list(values) for name, values in columns.items()}, index=index)
 
 
+_OF_A_RUN = (
+    *("run_id", "scenario_id", "problem_id", "config_id", "config_name", "planner_version", "outcome", "reason"),
+)
+
+
 @dataclass(frozen=True)
 class Runs(Sequence[Run]):
     """Runs in order, and ``result``: what was answered when they were made."""
@@ -219,7 +229,7 @@ class Runs(Sequence[Run]):
         """Return a table with a row for each run: how it ended and its metrics."""
         import pandas
 
-        rows = []
+        rows: list[dict[str, Any]] = []
         for run in self.runs:
             record = run.record
             metrics = {} if record.metrics is None else record.metrics.model_dump(mode="json")
@@ -236,7 +246,7 @@ class Runs(Sequence[Run]):
                     **metrics,
                 }
             )
-        return pandas.DataFrame(rows)
+        return pandas.DataFrame(rows, columns=[*_OF_A_RUN, *RunMetrics.model_fields])
 
     def to_parquet(self, path: str | Path) -> Path:
         """Write :meth:`to_pandas` to a Parquet file, and return its path."""

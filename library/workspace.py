@@ -5,6 +5,7 @@ import pickle
 import re
 import sysconfig
 import uuid
+import warnings
 from collections import Counter
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
@@ -185,6 +186,8 @@ class Workspace:
         debuggers work. Planners that are named drive in worker processes. Several objects of one class are passed by
         names of one's own: ``{"gentle": Brakes(1.0), "hard": Brakes(6.0)}``.
 
+        Runs of a batch that are lost, for example because ``plan()`` raised, are warned of; the batch has the others.
+
         Raises:
             PlannerForgeError: a scenario or planner that does not exist.
         """
@@ -195,7 +198,12 @@ class Workspace:
         made = self._ended(planning.run_planner, asked)
         ids = [line.run_id for line in made.runs]
         if made.batch_id is not None:
-            ids = list(self.stored.get(made.batch_id, "batch").read(BatchRecord).runs)
+            batch = self.stored.get(made.batch_id, "batch").read(BatchRecord)
+            ids = list(batch.runs)
+            if batch.lost:
+                asked_for = len(batch.lost) + len(ids)
+                first = batch.lost[0].error
+                warnings.warn(f"{len(batch.lost)} of {asked_for} runs are lost; the first: {first}", stacklevel=2)
         return Runs(self, made, [Run(self, key) for key in ids])
 
     def add_planner(self, planner: AnyPlanner) -> str:

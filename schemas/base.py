@@ -2,6 +2,7 @@
 what is wrong with values that a model refuses, in words of ours.
 """
 
+import html
 import json
 import re
 from abc import abstractmethod
@@ -108,6 +109,9 @@ class Result(Model):
     def to_text(self) -> str:
         """The answer as compact text."""
         return self.answer().to_text()
+
+    def _repr_html_(self) -> str:
+        return f'<pre style="white-space: pre-wrap">{html.escape(self.to_text())}</pre>'
 
 
 def problems_of(model: type[BaseModel], error: ValidationError, noun: str = "field") -> list[tuple[str, list[str]]]:

@@ -14,7 +14,11 @@ from .vocabulary import Origin
 Facet = Literal["all", "places", "tags", "features", "road_net", "obstacles", "maps", "behaviours", "planners"]
 Method = Literal["funnel", "semantic", "hybrid", "rrf", "bm25"]
 Stage = Literal["location", "tags", "road_net", "obstacles", "velocity"]
-PACKAGED_MODEL = "all-MiniLM-L6-v2"
+PACKAGED_MODEL, ENGLISH_MODEL = "packaged", "all-MiniLM-L6-v2"
+PACKAGED_MODELS = (PACKAGED_MODEL, ENGLISH_MODEL)
+"""Models that install with the package: two side by side, which read 16 languages, and the English one of them."""
+EMBEDDINGS_EXTRA = "plannerforge-mcp[embeddings]"
+"""What pip installs for all other models: sentence-transformers with PyTorch."""
 """The embedding model that installs with the package."""
 STAGES: tuple[Stage, ...] = ("location", "tags", "road_net", "obstacles", "velocity")
 
@@ -275,9 +279,13 @@ class BuildIndexResponse(Model):
 
 
 class RankResponse(Model):
-    """Scenario ids with their scores, best first; whether the index was built for that, and had been damaged."""
+    """Scenario ids with their scores, best first; whether the index was built for that, and had been damaged.
+
+    ``least_likeness``: a text with no score above it means nothing among the descriptions.
+    """
 
     scenario_ids: tuple[str, ...]
     scores: tuple[float, ...]
     built_index: bool
     mended_index: bool = False
+    least_likeness: float = 0.0

@@ -110,7 +110,7 @@ class Edit(Arguments):
     turn: Literal["left", "right", "straight"] | None = Field(None, description="at the next fork")
     preset: str | None = Field(None, description="aggressive, cautious, emergency (urgent), eco, balanced, speeder")
     params: list[str] = Field(
-        [], description="SUMO names: 'tau=0.7'; set_light: seconds 'red=10', 'green=20'; set_weather: 'weather=rain'"
+        [], description="SUMO's 'tau=0.7'; set_light: 'red=10s'; set_weather: 'rain', 'friction=0.3'"
     )
     vehicle_class: str | None = Field(None, description="added, or the ego's")
     """The class of what is added, or `pedestrian`; with `set_ego`, what the ego is: `truck`, `bus`, `motorcycle` …"""

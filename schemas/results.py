@@ -22,6 +22,7 @@ from .runs import (
     RunReview,
     RunSource,
     ScenarioSource,
+    TriggerOutcome,
     ending,
     excesses_in_words,
 )
@@ -390,6 +391,11 @@ class RunRow(Model):
     reason: str = Field(description="why it ended so, in words")
     contact: Contact | None = Field(None, description="of the first ten collisions, where rows were asked for")
     beyond_vehicle: tuple[LimitExcess, ...] = Field((), description="limits of the vehicle that the motion exceeds")
+    triggers: tuple[TriggerOutcome, ...] = Field(
+        (),
+        exclude_if=lambda triggers: not triggers,
+        description="triggers of prescribed motions in reactive traffic, and whether they held",
+    )
 
 
 class TimelineStep(Model):
@@ -507,7 +513,7 @@ _LARGEST = {
     "lateral acceleration": "maximum_lateral_acceleration_mps2",
 }
 """Metrics that stand among the largest motions, by their names there."""
-_SHOWN_FINDINGS, _SHOWN_EXCESSES, _SHOWN_INVALID, _SHOWN_RULES, _SHOWN_GROUPS = 2, 2, 2, 3, 2
+_SHOWN_FINDINGS, _SHOWN_EXCESSES, _SHOWN_INVALID, _SHOWN_RULES, _SHOWN_GROUPS, _SHOWN_TRIGGERS = 2, 2, 2, 3, 2, 3
 """Entries of the brief answer (chosen)."""
 
 
@@ -535,6 +541,7 @@ def _one_run(result: AnalyzeResultsResult) -> Answer:
         words = "; ".join(verdict.in_words() for verdict in broken[:_SHOWN_RULES])
         rest = f"; {len(broken) - _SHOWN_RULES} more: detail=rules" if len(broken) > _SHOWN_RULES else ""
         warnings += [f"traffic rules broken: {words}{rest}."] if broken else []
+    figures += [f"{one.in_words()}." for one in row.triggers[:_SHOWN_TRIGGERS]]
     if row.beyond_vehicle:
         warnings.append(f"{excesses_in_words(row.beyond_vehicle)}.")
     listed = [*_groups(result), *_timeline(result), *_measured(result.measures), *_correlations(result)]

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from .base import Model
 from .text import measured
+from .vocabulary import LEAST_FRICTION, MOST_FRICTION
 
 Bounded = Annotated[float, Field(ge=-1e12, le=1e12)]
 """A number of a motion, from which no derivative or square overflows.
@@ -234,6 +235,36 @@ def excesses_in_words(excesses: Sequence[LimitExcess]) -> str:
     return f"the driven motion is beyond the vehicle: {told}; a solution exported of it may be refused"
 
 
+class TriggerOutcome(Model):
+    """Whether a trigger of an edit held in a run with reactive traffic, and what it let a road user begin.
+
+    ``time_s``: since the beginning of the run; None if the trigger never held.
+    """
+
+    obstacle_id: int
+    code: Literal["trigger_fired", "trigger_not_fired"] = Field(description="stable code")
+    begins: Literal["speed_change", "lateral_motion", "speed_and_lateral", "setting_off"] = Field(
+        description="what is prescribed from then on"
+    )
+    trigger: str = Field(description="what the ego has to do, in words")
+    time_s: float | None = Field(description="when that began; null if it never did")
+
+    def in_words(self) -> str:
+        """Tell when it began and its trigger, with the code."""
+        what = f"{self.obstacle_id}'s {_BEGUN[self.begins]}"
+        if self.time_s is None:
+            return f"{what} never began, as its trigger did not hold ({self.code}): {self.trigger}"
+        return f"{what} began at {self.time_s:.1f} s, as its trigger held ({self.code}): {self.trigger}"
+
+
+_BEGUN = {
+    "speed_change": "change of speed",
+    "lateral_motion": "motion to the side",
+    "speed_and_lateral": "change of speed and motion to the side",
+    "setting_off": "drive",
+}
+
+
 class RunRecord(Model):
     """One planner on one planning problem: what happened and why."""
 
@@ -253,6 +284,11 @@ class RunRecord(Model):
     collision: CollisionRecord | None
     off_the_lanes: tuple[int, ...] = Field((), description="lane prediction: obstacles predicted straight on")
     on_recording: tuple[int, ...] = Field((), description="reactive traffic: obstacles that SUMO could not drive")
+    triggers: tuple[TriggerOutcome, ...] = Field(
+        (),
+        exclude_if=lambda triggers: not triggers,
+        description="reactive traffic: triggers of prescribed motions, and whether they held",
+    )
     eased_over_m: float | None = Field(
         None, description="metres of a curve onto the route, where the start allows no way along its centre"
     )
@@ -273,6 +309,13 @@ class RunRecord(Model):
         "car",
         exclude_if=lambda name: name == "car",
         description="what the ego was: as its scenario says, or of the vehicle that the configuration states",
+    )
+    friction: float | None = Field(
+        None,
+        exclude_if=lambda friction: friction is None,
+        ge=LEAST_FRICTION,
+        le=MOST_FRICTION,
+        description="coefficient of friction of the road, which limits the ego's accelerations; null: not stated",
     )
     uses_prediction: bool | None = Field(
         None, description="whether the planner plans on predictions of others; null: it did not say"

@@ -107,6 +107,12 @@ class StartMessage(Model):
         "acceleration), maximum_steering_rad, maximum_steering_rate_radps"
     )
     ego_class: str = Field("car", description="what the ego is: car, truck, bus, motorcycle …")
+    friction: float | None = Field(
+        None,
+        exclude_if=lambda friction: friction is None,
+        description="coefficient of friction of the road, which the vehicle's largest acceleration contains; null or "
+        "missing: the scenario does not state it",
+    )
     step_s: float = Field(description="time step of the scenario and of every plan")
     first_step: int = Field(description="step at which the run begins")
     last_step: int = Field(description="last step of the goal's time")

@@ -5,14 +5,19 @@
 The input is a checkout of libpostal (MIT License), whose ``resources/dictionaries`` hold them in 60 languages. Of their
 lines the table keeps the words: a first one, and what is written for it. Its ``resources/numex`` hold the numbers of 41
 languages, cardinal and ordinal, and Roman ones; the table keeps those up to 31, the most that dates in names have.
+Its ``resources/addresses`` say, by what they mean, how 36 languages write the cardinal directions and what stands
+between or before the two roads of a crossing.
 """
 
 import gzip
 import json
 import re
 import sys
-from collections import defaultdict
+from collections import Counter, defaultdict
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 from plannerforge.engine.maps.naming.places import latin
 
@@ -49,6 +54,60 @@ def numbers_of(folder: Path) -> dict[str, list[int]]:
     return {word: sorted(found[word]) for word in sorted(found)}
 
 
+SUFFIXES = "concatenated_suffixes_separable"
+DIRECTIONS = ("north", "south", "east", "west")
+JOINING, CORNERS = ("and", "x", "i", "ve"), ("corner", "corner_of", "at_the_corner_of", "na_uglu", "na_rozi", "ugul_na")
+"""The entries of ``cross_streets`` that stand between two roads, and those that stand before both."""
+_MEANS_AT = "a"
+"""Which Czech and Slovak have for "and", and which is "at" in Catalan, French, Italian and Portuguese."""
+
+
+def suffixes_of(folder: Path) -> dict[str, list[str]]:
+    """Return, by a kind of road that languages write as the end of a name, how it is written; both sorted."""
+    found: dict[str, set[str]] = defaultdict(set)
+    for path in sorted(folder.glob(f"*/{SUFFIXES}.txt")):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            written = [latin(word) for word in line.split("|") if word.strip()]
+            if written:
+                found[written[0]].update(word for word in written if len(word) > 1)
+    return {word: sorted(found[word]) for word in sorted(found)}
+
+
+def addresses_of(folder: Path, part: str) -> dict[str, Counter[str]]:
+    """Return, by the name of an entry of a part of the files on addresses, how many languages write it how."""
+    found: dict[str, Counter[str]] = defaultdict(Counter)
+    for path in sorted(folder.glob("*.yaml")):
+        told: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8")).get(part) or {}
+        for entry, value in told.items():
+            if isinstance(value, dict) and "canonical" in value:
+                found[entry].update({value["canonical"], value.get("abbreviated", value["canonical"])})
+    return found
+
+
+def directions_of(folder: Path) -> dict[str, list[str]]:
+    """Return, by direction, its words in all languages; a word that two directions have means what most say.
+
+    A word of three letters counts if several languages have it: the other ones are names and articles elsewhere.
+    """
+    counted: dict[str, Counter[str]] = defaultdict(Counter)
+    for direction, words in addresses_of(folder, "cardinal_directions").items():
+        for word, languages in words.items():
+            if direction in DIRECTIONS and latin(word).isalpha() and len(word) > 2:
+                counted[latin(word)][direction] += languages
+    found: dict[str, list[str]] = defaultdict(list)
+    for word, votes in sorted(counted.items()):
+        (first, most), *others = votes.most_common(2)
+        if (not others or others[0][1] < most) and (len(word) > 3 or most > 1):
+            found[first].append(word)
+    return {direction: found[direction] for direction in DIRECTIONS}
+
+
+def crossings_of(folder: Path, entries: tuple[str, ...]) -> list[str]:
+    """Return what languages write for some entries on crossings, sorted."""
+    told = addresses_of(folder, "cross_streets")
+    return sorted({word for entry in entries for word in told[entry] if any(map(str.isalpha, word))} - {_MEANS_AT})
+
+
 def main(checkout: Path) -> None:
     """Write the table."""
     folder = checkout / "resources" / "dictionaries"
@@ -57,8 +116,13 @@ def main(checkout: Path) -> None:
         "kinds": words_of(folder, KINDS),
         "others": words_of(folder, OTHERS),
         "numbers": numbers_of(checkout / "resources" / "numex"),
+        "suffixes": suffixes_of(folder),
+        "directions": directions_of(checkout / "resources" / "addresses"),
+        "joining": crossings_of(checkout / "resources" / "addresses", JOINING),
+        "corners": crossings_of(checkout / "resources" / "addresses", CORNERS),
     }
-    TARGET.write_bytes(gzip.compress(json.dumps(table, separators=(",", ":")).encode(), 9, mtime=0))
+    text = json.dumps(table, ensure_ascii=False, separators=(",", ":"))
+    TARGET.write_bytes(gzip.compress(text.encode(), 9, mtime=0))
 
 
 if __name__ == "__main__":

@@ -34,14 +34,13 @@ install_package() {
     install_pinned "$python" && return
     say "Some of these versions cannot be had here: pip chooses others"
     lacking=$(lacks_compiler "$python") && fail "one dependency (Polygon3) needs $lacking"
-    install_torch
     say "Installing PlannerForge and its dependencies (two to three minutes)"
     install -e .
     "$venv/bin/python" -m pip check
 }
 
 install_pinned() {
-    # The versions that the tests ran with, and none of what nothing imports: no compiler, no PyTorch (docs/install.md).
+    # The versions that the tests ran with, and none of what nothing imports, so that no compiler is needed (docs/install.md).
     local pinned=(--no-deps -r packaging/requirements.txt -e .)
     if command -v uv >/dev/null 2>&1; then
         say "Installing PlannerForge and its dependencies by uv (half a minute)"
@@ -115,6 +114,7 @@ install_polygon() {
 }
 
 install_development() {
+    # The extra "embeddings", which tests of other embedding models need
     if ! has torch || ! has sentence_transformers; then
         install_torch
         install "sentence-transformers==$(pinned sentence-transformers)"

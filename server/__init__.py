@@ -1,1 +1,1 @@
-"""The application: settings, assembly, transports, the journal of calls and the command line."""
+"""The application: settings, assembly, transports, and the journal of calls."""

@@ -18,7 +18,7 @@ from pydantic_settings import (
 
 from .. import __version__
 from ..engine.execution import Limits
-from ..schemas.catalog import PACKAGED_MODEL
+from ..schemas.catalog import PACKAGED_MODEL, PACKAGED_MODELS
 from ..schemas.maps import NOMINATIM_URL, OVERPASS_URLS, MapServices, OnlineMode
 from ..schemas.planning import CommandPlanner
 from ..schemas.text import in_any_case
@@ -69,7 +69,9 @@ class Settings(BaseSettings):
     operation_timeout_s: float = Field(300.0, gt=0, le=3600, description="time limit of one operation in a worker")
     file_mb: int = Field(100, ge=1, description="largest file that is read")
     embedding_model: str = Field(
-        PACKAGED_MODEL, description="what ranks by text: a folder or a hub name that sentence-transformers loads"
+        PACKAGED_MODEL,
+        description="what ranks by text: packaged; its English half, all-MiniLM-L6-v2; or, with the extra embeddings, "
+        "a folder or a hub name that sentence-transformers loads",
     )
     warm_up: bool = Field(True, description="start workers and make the text index ready before they are asked for")
     maps_online: OnlineMode = Field(
@@ -187,10 +189,11 @@ class Settings(BaseSettings):
         folder = Path(value).expanduser()
         if (folder / "config.json").is_file():
             return str(folder.resolve())
-        if value == PACKAGED_MODEL or (_HUB_NAME.fullmatch(value) and not folder.exists()):
+        if value in PACKAGED_MODELS or (_HUB_NAME.fullmatch(value) and not folder.exists()):
             return value
         raise ValueError(
-            f"'{value}' is neither {PACKAGED_MODEL}, nor a folder with a model, nor 'owner/model' on the hub"
+            f"'{value}' is neither {' nor '.join(PACKAGED_MODELS)}, "
+            "nor a folder with a model, nor 'owner/model' on the hub"
         )
 
     @classmethod

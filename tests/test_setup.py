@@ -25,7 +25,9 @@ from benchmarks.serve.install import LEFT_OUT
 
 def pinned_torch() -> str:
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    return next(line.partition("==")[2] for line in project["dependencies"] if line.startswith("torch=="))
+    return next(
+        line.partition("==")[2] for line in project["optional-dependencies"]["embeddings"] if line.startswith("torch==")
+    )
 
 
 def put_wheel(index: Path, version: str) -> None:
@@ -135,7 +137,13 @@ def test_pip_goes_on_where_uv_could_not_and_chooses_where_versions_are_gone(
     tmp_path: Path, new_environment: Path
 ) -> None:
     told = set_up_by_uv(tmp_path / "venv", stand_in_uv(tmp_path / "bin", 2, new_environment))
-    steps = ["by uv", "uv could not; pip does it", "by pip", "pip chooses others", "Installing torch"]
+    steps = [
+        "by uv",
+        "uv could not; pip does it",
+        "by pip",
+        "pip chooses others",
+        "Installing PlannerForge and its dependencies (two",
+    ]
     places = [told.stdout.find(step) for step in steps]
     assert -1 not in places, told.stdout
     assert places == sorted(places), told.stdout

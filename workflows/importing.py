@@ -51,6 +51,8 @@ _SUFFIXES: dict[str, _ImportKind] = {
     ".yaml": "config",
     ".yml": "config",
 }
+_PACKED_ENDINGS = (".xml.gz", ".xml.bz2")
+"""Endings of compressed XML files, of which the content tells whether they can be imported."""
 _MOST_FILES = 5000
 """Chosen; the call lists all of them before it begins."""
 MOST_IN_THE_CALL = 100
@@ -158,9 +160,11 @@ def _files(context: WorkflowContext, arguments: ImportFilesArguments) -> list[tu
             )
         return [(path, _kind(path, arguments.kind))]
     wanted = [suffix for suffix, kind in _SUFFIXES.items() if arguments.kind in ("auto", kind)]
-    paths = sorted(entry for entry in path.rglob("*") if entry.name.lower().endswith(tuple(wanted)) and entry.is_file())
+    endings = (*wanted, *_PACKED_ENDINGS)
+    paths = sorted(entry for entry in path.rglob("*") if entry.name.lower().endswith(endings) and entry.is_file())
     paths = [entry for entry in paths if is_utf8(str(entry)) and not context.workspace.owns(entry)]
     paths = [entry for entry in paths if os.access(entry, os.R_OK)]
+    paths = [entry for entry in paths if entry.name.lower().endswith(tuple(wanted)) or root_element(entry) is not None]
     if arguments.kind != "map":  # networks lie beside scenarios; they are taken in where maps are asked for
         paths = [entry for entry in paths if not is_net(entry)]
     if arguments.kind != "auto":

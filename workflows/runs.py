@@ -15,7 +15,7 @@ import anyio
 
 from ..engine.execution import JobProgress
 from ..engine.planners import PLANNERS, planner_version
-from ..engine.vehicles import MODEL_WORDS, ego_class
+from ..engine.vehicles import MODEL_WORDS, ego_class, hardest_braking_mps2
 from ..engine.workspace import Recipe, versions_of, write_text
 from ..schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnexpectedFailure
 from ..schemas.jobs import JobState
@@ -48,7 +48,7 @@ from .context import Question, WorkflowContext
 from .operations import REVIEW_RUNS, RUN_PLANNER
 from .results import run_sources, scenario_sources, version_key
 
-_SHOWN_BEYOND = 3
+_SHOWN_BEYOND = _SHOWN_TRIGGERS = 3
 """Runs that a note names (chosen)."""
 _CLAIM_POLL_S = 0.1
 """How often a run that another call or server makes is looked at; chosen."""
@@ -450,6 +450,11 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
     if on_recording := [len(record.on_recording) for record in records if record.on_recording]:
         shown = f"{sum(on_recording)} (in {len(on_recording)} of {len(records)} runs)"
         yield f"reactive traffic: moving obstacles that followed their recording all the same: {shown}"
+    if len(records) == 1:
+        yield from (trigger.in_words() for trigger in records[0].triggers[:_SHOWN_TRIGGERS])
+    elif waiting := [record.run_id for record in records if any(one.time_s is None for one in record.triggers)]:
+        shown = ", ".join(waiting[:_SHOWN_BEYOND])
+        yield f"a trigger never held (trigger_not_fired) in {len(waiting)} of {len(records)} runs: {shown}"
     if lengths_m := sorted(record.eased_over_m for record in records if record.eased_over_m is not None):
         span = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
         where = counted(len(lengths_m), "run")
@@ -463,6 +468,11 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
             yield f"the ego is a {known.in_words}{where} ({model} model); limits: {known.source}"
         else:
             yield f"the ego is a {name}{where}, with size or limits that the configuration states"
+    for friction in sorted({record.friction for record in records if record.friction is not None}):
+        count = sum(record.friction == friction for record in records)
+        where = "" if count == len(records) else f" in {counted(count, 'run')}"
+        most = hardest_braking_mps2(friction)
+        yield f"friction {friction:g} of the road{where}: tyres hold {most:.2f} m/s² at most"
     versions = {record.planner: record.planner_version for record in records if record.planner not in PLANNERS}
     for planner, version in versions.items():
         yield f"{planner} drove in version {version}"

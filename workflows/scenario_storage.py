@@ -4,6 +4,7 @@ A scenario that a tool made is stored by itself. Files of the user's are read by
 batches, in the order of their names.
 """
 
+import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import anyio
 from anyio.streams.memory import MemoryObjectReceiveStream, MemoryObjectSendStream
 
 from ..engine.catalog import ReadFile, ScenarioIntake, net_beside, put_scenario
+from ..engine.maps import unpacked
 from ..engine.workspace import Artifact, Recipe, content_digest
 from ..schemas.artifacts import ImportedItem
 from ..schemas.errors import PlannerForgeError, WorkerFailure, WorkerTimeout, as_told
@@ -52,37 +54,48 @@ async def store_scenario(
 
 
 async def import_scenarios(context: WorkflowContext, paths: Sequence[Path], on_done: _OnDone) -> None:
-    """Import the files; calls ``on_done`` for each, in their order, with what it became or why it was refused."""
+    """Import the files; calls ``on_done`` for each, in their order, with what it became or why it was refused.
+
+    A compressed file is unpacked into a temporary folder, which is deleted when the scenario is stored.
+    """
     intake = ScenarioIntake(context.workspace)
     send, receive = anyio.create_memory_object_stream[_Outcome](len(paths))
     waiting = iter(enumerate(paths))
-    async with anyio.create_task_group() as tasks, receive:
-        async with send:
-            for _ in range(context.services.workers.capacity + 1):
-                tasks.start_soon(_read_files, context, intake, waiting, send.clone())
-        await _store_in_order(intake, paths, receive, on_done)
+    with context.workspace.scratch() as folder:
+        async with anyio.create_task_group() as tasks, receive:
+            async with send:
+                for _ in range(context.services.workers.capacity + 1):
+                    tasks.start_soon(_read_files, context, intake, waiting, folder, send.clone())
+            await _store_in_order(intake, paths, receive, on_done, folder)
 
 
 async def _read_files(
     context: WorkflowContext,
     intake: ScenarioIntake,
     waiting: Iterator[tuple[int, Path]],
+    folder: Path,
     send: MemoryObjectSendStream[_Outcome],
 ) -> None:
     async with send:
         for index, path in waiting:
-            await send.send((index, await _read(context, intake, path)))
+            await send.send((index, await _read(context, intake, path, folder / str(index))))
 
 
-async def _read(context: WorkflowContext, intake: ScenarioIntake, path: Path) -> ReadFile | PlannerForgeError:
+async def _read(
+    context: WorkflowContext, intake: ScenarioIntake, path: Path, folder: Path
+) -> ReadFile | PlannerForgeError:
+    """Read a file; it is unpacked into the folder, which is made for it, if it is compressed."""
     try:
         checked = context.allowed_path(str(path))
         context.limits.check_size(checked)
-        content = await anyio.to_thread.run_sync(content_digest, checked)
+        folder.mkdir()
+        plain = await anyio.to_thread.run_sync(unpacked, checked, folder, context.limits.file_bytes)
+        path = path if plain == checked else plain
+        content = await anyio.to_thread.run_sync(content_digest, plain)
         if intake.knows(content):
             return ReadFile(path, content, None)
         net = net_beside(path)
-        return ReadFile(path, content, await _facts(context, checked, context.allowed_path(str(net)) if net else None))
+        return ReadFile(path, content, await _facts(context, plain, context.allowed_path(str(net)) if net else None))
     except Exception as raised:  # noqa: BLE001 - the boundary of a file: it becomes the refusal of this one
         return as_told(raised, f"import of scenario {path.name}")
 
@@ -99,7 +112,11 @@ async def _facts(context: WorkflowContext, path: Path, net: Path | None) -> Scen
 
 
 async def _store_in_order(
-    intake: ScenarioIntake, paths: Sequence[Path], receive: MemoryObjectReceiveStream[_Outcome], on_done: _OnDone
+    intake: ScenarioIntake,
+    paths: Sequence[Path],
+    receive: MemoryObjectReceiveStream[_Outcome],
+    on_done: _OnDone,
+    folder: Path,
 ) -> None:
     waiting: dict[int, ReadFile | PlannerForgeError] = {}
     read = stored = 0
@@ -114,6 +131,8 @@ async def _store_in_order(
             batch.append(waiting.pop(stored + len(batch)))
         for path, item in zip(paths[stored:], await intake.store(batch), strict=False):
             on_done(path, item)
+        for index in range(stored, stored + len(batch)):
+            shutil.rmtree(folder / str(index), ignore_errors=True)
         stored += len(batch)
 
 

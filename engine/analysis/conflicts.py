@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..commonroad import Track
 from ..criticality import MovingRectangles, corners_of
 from ..geometry import Points, Values, wrap_angle, wrap_angles
-from ..vehicles import HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2, VehicleParameters
+from ..vehicles import HARDEST_BRAKING_MPS2, VehicleParameters
 
 CONFLICT_S = 10.0
 """Later collisions count for no time to act (chosen): nobody keeps course and speed for longer."""
@@ -46,12 +46,15 @@ def times_left_to_crossing(
         collision_s: after how long they touch.
         vehicle: what accelerates.
     """
-    brake, react = [np.zeros(0)], [np.zeros(0)]
+    brake, react, hardest = [np.zeros(0)], [np.zeros(0)], vehicle.hardest_braking_mps2
     for begin in range(0, len(collision_s), _PAIRS_AT_ONCE):
         part = slice(begin, begin + _PAIRS_AT_ONCE)
         conflict = _Conflict.of(_part(ego, part), _part(other, part), collision_s[part])
-        braking = conflict.latest(_braked)
-        others = [conflict.latest(_accelerated(vehicle)), *(conflict.latest(_swerved(side)) for side in (1.0, -1.0))]
+        braking = conflict.latest(_braked(hardest))
+        others = [
+            conflict.latest(_accelerated(vehicle)),
+            *(conflict.latest(_swerved(side, hardest)) for side in (1.0, -1.0)),
+        ]
         brake.append(braking)
         react.append(np.maximum.reduce([braking, *others]))
     return np.concatenate(brake), np.concatenate(react)
@@ -67,9 +70,12 @@ _Manoeuvre = Callable[[Values, Values], tuple[Values, Values]]
 """From times since it began and speeds, (n, times) and (n, 1), how much farther along and to the left an ego comes."""
 
 
-def _braked(since_s: Values, speed: Values) -> tuple[Values, Values]:
-    braking = np.minimum(since_s, speed / HARDEST_BRAKING_MPS2)
-    return -HARDEST_BRAKING_MPS2 / 2 * braking**2 - speed * (since_s - braking), np.zeros_like(since_s)
+def _braked(hardest_mps2: float) -> _Manoeuvre:
+    def manoeuvre(since_s: Values, speed: Values) -> tuple[Values, Values]:
+        braking = np.minimum(since_s, speed / hardest_mps2)
+        return -hardest_mps2 / 2 * braking**2 - speed * (since_s - braking), np.zeros_like(since_s)
+
+    return manoeuvre
 
 
 def _accelerated(vehicle: VehicleParameters) -> _Manoeuvre:
@@ -80,15 +86,13 @@ def _accelerated(vehicle: VehicleParameters) -> _Manoeuvre:
     return manoeuvre
 
 
-def _swerved(side: float) -> _Manoeuvre:
+def _swerved(side: float, hardest_mps2: float) -> _Manoeuvre:
     """Half of the way aside with the largest lateral acceleration, the other half with it the other way round."""
-    half_s = np.sqrt(_ASIDE_M / HARDEST_LATERAL_MPS2)
+    half_s = np.sqrt(_ASIDE_M / hardest_mps2)
 
     def manoeuvre(since_s: Values, _: Values) -> tuple[Values, Values]:
         first, rest = np.minimum(since_s, half_s), np.clip(2 * half_s - since_s, 0.0, half_s)
-        aside = np.where(
-            since_s < half_s, HARDEST_LATERAL_MPS2 / 2 * first**2, _ASIDE_M - HARDEST_LATERAL_MPS2 / 2 * rest**2
-        )
+        aside = np.where(since_s < half_s, hardest_mps2 / 2 * first**2, _ASIDE_M - hardest_mps2 / 2 * rest**2)
         return np.zeros_like(since_s), side * aside
 
     return manoeuvre

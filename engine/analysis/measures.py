@@ -27,7 +27,7 @@ from ..criticality import (
 from ..execution import ProgressReporter
 from ..geometry import Points, Values, arc_length, wrap_angles
 from ..planners import progress_to_goal, steering_of
-from ..vehicles import HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2, Motion, VehicleParameters, drivable_steps
+from ..vehicles import HARDEST_BRAKING_MPS2, Motion, VehicleParameters, drivable_steps
 from .conflicts import CONFLICT_S, nearest_crossing, times_left_to_crossing, worst_times_s
 from .moments import AGREES_M, relative_heading, side_of, stands
 from .prevention import safe_distance_m
@@ -135,7 +135,8 @@ class Leaders:
     """The nearest vehicle ahead on the ego's path, a value a state that has one (``state``, an index).
 
     ``track``: an index into the others; ``gaps_m`` bumper to bumper, at least 0; ``ego_mps``, ``speeds_mps`` and
-    ``accelerations_mps2`` (of the leader) along the path; ``across_m``: how much both bodies overlap across it.
+    ``accelerations_mps2`` (of the leader) along the path; ``across_m``: how much both bodies overlap across it;
+    ``hardest_mps2``: what tyres hold on the road.
     """
 
     state: NDArray[np.intp]
@@ -145,6 +146,7 @@ class Leaders:
     speeds_mps: Values
     accelerations_mps2: Values
     across_m: Values
+    hardest_mps2: float
 
     @cached_property
     def closing_mps(self) -> Values:
@@ -176,13 +178,13 @@ class Leaders:
     @cached_property
     def times_to_brake_s(self) -> Values:
         """How long the ego may keep its speed and still brake to the leader's; infinite where it is not closing."""
-        left = self.gaps_m - self.closing_mps**2 / (2 * HARDEST_BRAKING_MPS2)
+        left = self.gaps_m - self.closing_mps**2 / (2 * self.hardest_mps2)
         return np.maximum(_ratio(left, self.closing_mps), 0.0)
 
     @cached_property
     def times_to_swerve_s(self) -> Values:
         """How long the ego may keep its speed and still pass beside the leader."""
-        takes_s = np.sqrt(2 * self.across_m / HARDEST_LATERAL_MPS2)
+        takes_s = np.sqrt(2 * self.across_m / self.hardest_mps2)
         return np.maximum(self.times_to_collision_s - takes_s, 0.0)
 
 
@@ -254,6 +256,7 @@ class MeasuredDrive:
             speeds_mps=met.ahead_mps[pairs],
             accelerations_mps2=self._accelerations(met.state[pairs], met.track[pairs]),
             across_m=np.maximum(widths - met.aside_m[pairs], 0.0),
+            hardest_mps2=self.vehicle.hardest_braking_mps2,
         )
 
     def _accelerations(self, states: NDArray[np.intp], tracks: NDArray[np.intp]) -> Values:
@@ -305,7 +308,7 @@ class MeasuredDrive:
         margins = led.gaps_m - safe_distance_m(led.ego_mps, led.speeds_mps)
         yield self._of_leader("rss_margin_m", margins, margins.argmin())
         apart = led.gaps_m > 0
-        threats = np.where(apart, led.needed_mps2 / HARDEST_BRAKING_MPS2, 0.0)
+        threats = np.where(apart, led.needed_mps2 / self.vehicle.hardest_braking_mps2, 0.0)
         if threats.any():
             yield self._of_leader("brake_threat_number", np.minimum(threats, MOST_THREAT), threats.argmax())
         elif apart.any():
@@ -315,7 +318,9 @@ class MeasuredDrive:
             return
         needed = np.where(closing, led.closing_mps**2 / (2 * np.where(apart, led.gaps_m, 1.0)), 0.0)
         yield self._of_leader("deceleration_to_avoid_mps2", np.minimum(needed, MOST_NEEDED_MPS2), needed.argmax())
-        across = np.where(closing, 2 * led.across_m / np.where(closing, times, 1.0) ** 2 / HARDEST_LATERAL_MPS2, 0.0)
+        across = np.where(
+            closing, 2 * led.across_m / np.where(closing, times, 1.0) ** 2 / self.vehicle.hardest_braking_mps2, 0.0
+        )
         yield self._of_leader("steer_threat_number", np.minimum(across, MOST_THREAT), across.argmax())
 
     def _time_left(self) -> Iterator[MeasuredValue]:
@@ -402,7 +407,11 @@ class MeasuredDrive:
         motion = Motion(ego.positions, ego.headings_rad, ego.speeds_mps, along)
         vehicle = self.vehicle
         drivable = drivable_steps(
-            motion, step_s, wheelbase_m=vehicle.wheelbase_m, rear_axle_m=vehicle.rear_axle_behind_center_m
+            motion,
+            step_s,
+            wheelbase_m=vehicle.wheelbase_m,
+            rear_axle_m=vehicle.rear_axle_behind_center_m,
+            friction=vehicle.friction,
         )
         good = drivable & ~over
         first = None if good.all() else round(float(np.argmin(good)) * step_s, 9)

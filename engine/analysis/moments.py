@@ -358,7 +358,7 @@ class _Drive:
     def _surroundings(self, other: Track, *, evades: bool) -> Surroundings:
         """Return the surroundings of an encounter; with the road only if the ego may evade and the road is known."""
         others = [track for track in self._tracks.values() if track is not other]
-        return Surroundings(others, self._road() if evades else None, self._lane())
+        return Surroundings(others, self._road() if evades else None, self._lane(), self._record.friction)
 
     def _road(self) -> "BaseGeometry | None":
         """Return the area that an evading ego must not leave, or None without the road network."""

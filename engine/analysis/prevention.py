@@ -38,6 +38,7 @@ from ..planners import (
     brakes_of,
     going_on,
 )
+from ..vehicles import comfortable_mps2, hardest_braking_mps2
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -59,12 +60,13 @@ class Surroundings:
 
     ``road``: the area that an ego that steers aside must not leave; if None, steering is not tried. ``lane``: points
     (n, 2) of the way that keeps to the ego's lane and route; if None, a driver from the start follows the way that the
-    ego drove.
+    ego drove. ``friction``: the road's coefficient of friction, which limits every driver; None if it is not stated.
     """
 
     others: Sequence[Track]
     road: "BaseGeometry | None"
     lane: Points | None = None
+    friction: float | None = None
 
 
 def prevention_of(
@@ -116,7 +118,7 @@ class _Encounters:
         return DriverScene(
             nominal=nominal,
             body=self.ego.size_m,
-            brakes=brakes_of(self.ego.kind),
+            brakes=brakes_of(self.ego.kind).on_road(self.around.friction),
             met=self._met,
             met_until=self.other.last_step,
             others=self.around.others,
@@ -131,7 +133,9 @@ class _Encounters:
     def _on_lane(self) -> DriverScene:
         lane = self.around.lane
         way = DriverPath.driven(self.ego) if lane is None else DriverPath.along(lane)
-        return self._scene(NominalMotion.along_lane(way, self.ego, self._count, self.step_s))
+        return self._scene(
+            NominalMotion.along_lane(way, self.ego, self._count, self.step_s, comfortable_mps2(self.around.friction))
+        )
 
     @property
     def _hit(self) -> int:
@@ -165,7 +169,7 @@ class _Encounters:
         if start == "start":
             yield self._of_driver(KeepLane(), start, scene)
         if self.around.road is not None:
-            latest = _Steering(scene, self._hit, self.around.road).latest(self._last)
+            latest = _Steering(scene, self._hit, self.around.road, self.around.friction).latest(self._last)
             yield DriverVerdict(
                 driver="evading",
                 start=start,
@@ -204,6 +208,7 @@ class _Steering:
     scene: DriverScene
     hit: int
     road: "BaseGeometry"
+    friction: float | None
 
     def latest(self, last: int) -> int | None:
         """Return the latest state from which steering to either side prevents the collision, or None."""
@@ -220,7 +225,7 @@ class _Steering:
 
         count = min(self.hit + round(STEERING_FOLLOWED_S / self.scene.step_s) + 1, self.scene.count)
         driven = self.scene.undisturbed(count)
-        aside, turned = _lane_change(count, begins, self.scene.step_s, float(driven.speeds_mps[begins]))
+        aside, turned = _lane_change(count, begins, self.scene.step_s, float(driven.speeds_mps[begins]), self.friction)
         aside, turned = side * aside, side * turned
         if not self.scene.is_clear_of_met(driven, aside, turned):
             return False
@@ -242,16 +247,19 @@ class _Steering:
         return bool(shapely.intersects(moving[[index for index, _ in there]], corners).any())
 
 
-def _lane_change(count: int, begins: int, step_s: float, speed_mps: float) -> tuple[Values, Values]:
+def _lane_change(
+    count: int, begins: int, step_s: float, speed_mps: float, friction: float | None
+) -> tuple[Values, Values]:
     """How far aside and turned an ego is at each state that steers a lane's width to the left from one of them on.
 
     Its lateral acceleration is constant until half of the way, then as large the other way.
     """
-    half_s = math.sqrt(ASIDE_M / STEERING_MPS2)
+    steering_mps2 = min(STEERING_MPS2, hardest_braking_mps2(friction))
+    half_s = math.sqrt(ASIDE_M / steering_mps2)
     since = np.maximum(np.arange(count) - begins, 0) * step_s
     rising, falling = np.minimum(since, half_s), np.clip(2 * half_s - since, 0.0, half_s)
-    aside = np.where(since < half_s, STEERING_MPS2 * rising**2 / 2, ASIDE_M - STEERING_MPS2 * falling**2 / 2)
-    sideways = STEERING_MPS2 * np.where(since < half_s, rising, falling)
+    aside = np.where(since < half_s, steering_mps2 * rising**2 / 2, ASIDE_M - steering_mps2 * falling**2 / 2)
+    sideways = steering_mps2 * np.where(since < half_s, rising, falling)
     return aside, np.arctan2(sideways, max(speed_mps, 1e-9))
 
 

@@ -141,7 +141,8 @@ class RunSet:
         """The ego's vehicle, by its configuration where that is known; CommonRoad's vehicle 2 elsewhere."""
         settings = next((config.settings for config in self.configs if config.config_id == record.config_id), {})
         vehicle = vehicle_of(PlannerSettings.model_validate(settings), record.ego_class)
-        return replace(vehicle, length_m=record.ego_length_m, width_m=record.ego_width_m)
+        sized = replace(vehicle, length_m=record.ego_length_m, width_m=record.ego_width_m)
+        return sized.on_road(record.friction)
 
     @cached_property
     def is_of_one_configuration(self) -> bool:

@@ -213,6 +213,7 @@ def _rows(runs: RunSet, records: Sequence[RunRecord]) -> tuple[RunRow, ...]:
             reason=record.reason,
             contact=contacts.get(record.run_id),
             beyond_vehicle=record.beyond_vehicle or (),
+            triggers=record.triggers,
         )
         for record in records
     )

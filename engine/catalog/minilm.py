@@ -1,8 +1,10 @@
 """The packaged MiniLM, computed with numpy: a text becomes a vector within milliseconds, a second after the start.
 
 The model is ``sentence-transformers/all-MiniLM-L6-v2``: BERT (Devlin et al. 2019) with 6 layers, 12 heads and a width
-of 384 (Wang et al. 2020, MiniLM), the mean of its tokens, normalised. sentence-transformers computes the same in
-PyTorch, whose import alone takes longer than a whole search does; a test holds both together.
+of 384 (Wang et al. 2020, MiniLM), the mean of its tokens, normalised. Its weights are stored as 8-bit integers with a
+scale for each row (``scripts/pack_minilm.py``) and are computed with as 32-bit floats, whose products do not depend on
+the instructions of a processor for integers. sentence-transformers computes the same in PyTorch, whose import alone
+takes longer than a whole search does; a test holds both together.
 """
 
 from collections.abc import Sequence
@@ -13,7 +15,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float32]
 
-WIDTH = 384
+WEIGHTS = Path(__file__).parent / "weights"
+"""The folder of ``minilm.npz`` and ``minilm_tokenizer.json``, which ``scripts/pack_minilm.py`` writes."""
+WEIGHTS_SHA256 = "8d33f224d15358d40dd3de39c7397d14c13b0ac9012e8a206610d6b7a83d4264"
+"""Of ``minilm.npz``; part of the model's identity, so that other weights give a new index."""
 _LAYERS, _HEADS = 6, 12
 _MOST_TOKENS = 256
 """What the model was trained on; the rest of a longer text does not count."""
@@ -21,20 +26,13 @@ _EPSILON = 1e-12
 
 
 class MiniLM:
-    """The model in memory: weights and tokenizer of a folder as sentence-transformers saves it.
+    """The model in memory: the packaged weights and their tokenizer."""
 
-    Raises:
-        OSError, KeyError, ValueError: the folder does not hold this model.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        from safetensors.numpy import load_file
+    def __init__(self) -> None:
         from tokenizers import Tokenizer
 
-        self._weights: dict[str, Array] = load_file(folder / "model.safetensors")
-        if self._weights["embeddings.word_embeddings.weight"].shape[1] != WIDTH:
-            raise ValueError("the model has another width than MiniLM")
-        self._tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
+        self._weights = _weights(WEIGHTS / "minilm.npz")
+        self._tokenizer = Tokenizer.from_file(str(WEIGHTS / "minilm_tokenizer.json"))
         self._tokenizer.enable_truncation(_MOST_TOKENS)
         self._tokenizer.no_padding()
 
@@ -78,6 +76,18 @@ class MiniLM:
         centred: Array = states - states.mean(axis=1, keepdims=True)
         deviation: Array = np.sqrt((centred**2).mean(axis=1, keepdims=True) + np.float32(_EPSILON))
         return centred / deviation * self._weights[f"{name}.LayerNorm.weight"] + self._weights[f"{name}.LayerNorm.bias"]
+
+
+def _weights(file: Path) -> dict[str, Array]:
+    """All parameters by name; a matrix of integers is multiplied by the scales of its rows."""
+    weights: dict[str, Array] = {}
+    with np.load(file, allow_pickle=False) as stored:
+        for name in stored.files:
+            if name.endswith(".scale"):
+                continue
+            values = stored[name]
+            weights[name] = values * stored[f"{name}.scale"] if values.dtype == np.int8 else values
+    return weights
 
 
 def _gelu(states: Array) -> Array:

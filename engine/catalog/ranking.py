@@ -60,6 +60,7 @@ def _semantic(request: RankRequest, texts: dict[str, str], report: ProgressRepor
         scores=tuple(round(score, 4) for _, score in nearest),
         built_index=built,
         mended_index=mended,
+        least_likeness=model.least_likeness,
     )
 
 

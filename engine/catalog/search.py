@@ -45,9 +45,6 @@ RANKED_FALLBACKS = 50
 """Of the nearest entries, those that a text is compared with where nothing matches (chosen)."""
 _FEW_WORDS = 3
 """Up to this number of words that say something, a text's unknown ones are told; more are a description (chosen)."""
-_LEAST_LIKENESS = 0.24
-"""Below this likeness to every description a text of unknown words means nothing here: with the packaged model "rush
-hour" and "town" come to 0.28 and more, "pizza" and "unicorn" to 0.17 at most."""
 
 
 @dataclass(frozen=True)
@@ -69,17 +66,21 @@ class _Entry:
 
 @dataclass(frozen=True)
 class Ranking:
-    """Scenario ids by likeness of their text, best first, with their scores; whether the index had been damaged."""
+    """Scenario ids by likeness of their text, best first, with their scores; whether the index had been damaged.
+
+    ``least_likeness``: a text with no score above it means nothing among the descriptions.
+    """
 
     scenario_ids: tuple[str, ...]
     scores: dict[str, float]
     mended_index: bool = False
+    least_likeness: float = 0.0
 
     @classmethod
     def of(cls, response: RankResponse) -> "Ranking":
         """The ranking that the retrieval worker answered."""
         scores = dict(zip(response.scenario_ids, response.scores, strict=True))
-        return cls(response.scenario_ids, scores, response.mended_index)
+        return cls(response.scenario_ids, scores, response.mended_index, response.least_likeness)
 
 
 @dataclass(frozen=True)
@@ -240,7 +241,7 @@ class Search:
 
     @staticmethod
     def _is_far(ranking: Ranking | None) -> bool:
-        return max(ranking.scores.values(), default=0.0) < _LEAST_LIKENESS if ranking else True
+        return max(ranking.scores.values(), default=0.0) <= ranking.least_likeness if ranking else True
 
     def _left_out(self) -> list[str]:
         """What a diverse choice did not look at; its coverage says nothing about these."""

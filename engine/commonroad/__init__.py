@@ -3,6 +3,7 @@
 ``parse_benchmark_id``: country and place of a benchmark id; refuses what does not follow COUNTRY_Place.
 ``follows_naming``: whether country and place can be read from a benchmark id by CommonRoad's naming.
 ``derived_benchmark_id``: The base's id with a prediction number made of the recipe's digest (hexadecimal).
+``set_friction``: State the coefficient of friction of a document's roads.
 ``prescribed_ids``: Ids of the road users of a file whose motion an edit prescribes.
 ``script_texts``: What a file says of the motion of road users that depends on the ego.
 ``without_scripts``: Take out what a document says of motions that depend on the ego.
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
         schema_errors,
         schema_faults,
         script_texts,
+        set_friction,
         without_scripts,
     )
     from .reader import (

@@ -13,7 +13,8 @@ holds it: ``<?plannerforge ego-class="truck"?>``. XML provides these for data th
 not see them, and other readers ignore them. Without it, the ego is a car. commonroad-io's writer, which writes a file
 from its objects, drops it. Likewise ``<?plannerforge prescribed="12 34"?>`` at the beginning of a file names the road
 users with a motion prescribed by an edit: they keep it in reactive traffic. ``<?plannerforge script='{"id":12, …}'?>``
-holds what one of them does in reactive traffic if that depends on the ego, as JSON.
+holds what one of them does in reactive traffic if that depends on the ego, as JSON. ``<?plannerforge friction="0.3"?>``
+at the beginning of a file is the coefficient of friction of its roads, for which the format has no field either.
 """
 
 import re
@@ -38,8 +39,10 @@ _INSTRUCTION = "plannerforge"
 """The target of our processing instruction."""
 _EGO_CLASS = re.compile(r'ego-class="([a-z_]{1,30})"')
 _INSTRUCTION_BYTES = re.compile(
-    rb'<\?plannerforge (?:ego-class="[a-z_]{1,30}"|prescribed="[0-9 ]{0,9999}"|script=\'[^\'?<>]{2,4000000}\')\?>'
+    rb'<\?plannerforge (?:ego-class="[a-z_]{1,30}"|prescribed="[0-9 ]{0,9999}"|friction="[0-9.]{1,9}"'
+    rb"|script='[^'?<>]{2,4000000}')\?>"
 )
+_FRICTION = re.compile(r'friction="([0-9.]{1,9})"')
 _PRESCRIBED = re.compile(rb'<\?plannerforge prescribed="([0-9 ]{0,9999})"\?>')
 _SCRIPT = re.compile(rb"<\?plannerforge script='([^'?<>]{2,4000000})'\?>")
 _SCRIPT_ID = re.compile(r'"id":\s{0,5}(-?\d{1,18})\b')
@@ -76,6 +79,22 @@ def ego_classes_of(root: "etree._Element") -> dict[int, str]:
         if words and _id_of(problem) is not None:
             found[int(problem.get("id", "0"))] = words[0]
     return {key: word for key, word in found.items() if word != "car"}
+
+
+def friction_of(root: "etree._Element") -> str | None:
+    """Return the coefficient of friction of a document's roads as it is written; None if the document states none."""
+    words = [match[1] for each in _instructions(root) if (match := _FRICTION.fullmatch(each.text or ""))]
+    return words[0] if words else None
+
+
+def set_friction(root: "etree._Element", friction: float | None) -> None:
+    """State the coefficient of friction of a document's roads, or take the statement out."""
+    for old in _that_begin(root, "friction="):
+        root.remove(old)
+    if friction is not None:
+        made = etree.ProcessingInstruction(_INSTRUCTION, f'friction="{friction:.6g}"')
+        made.tail = root.text
+        root.insert(0, made)
 
 
 def ego_class_instruction(vehicle_class: str) -> "etree._ProcessingInstruction":

@@ -14,6 +14,7 @@ reads the rest: ``read_recorded`` gives them as tracks, ``read_scenario`` as the
 
 import hashlib
 import logging
+import math
 import os
 import warnings
 from collections.abc import Collection, Iterator, Mapping
@@ -30,10 +31,18 @@ from lxml import etree
 
 from ...schemas.errors import UnknownName, UnsafeInput
 from ...schemas.text import cited, shown_name
-from ...schemas.vocabulary import EGO_CLASSES
+from ...schemas.vocabulary import EGO_CLASSES, LEAST_FRICTION, MOST_FRICTION
 from .benchmark_id import without_blanks
 from .completeness import check_complete, complete
-from .document import SplitDocument, ego_classes_of, is_2018b, is_declared_utf8, moving_obstacle, schema_faults
+from .document import (
+    SplitDocument,
+    ego_classes_of,
+    friction_of,
+    is_2018b,
+    is_declared_utf8,
+    moving_obstacle,
+    schema_faults,
+)
 from .lanelet_networks import scenario_of
 from .plain_states import PlainStates, cut_states, put_states, take_plain_states, take_states
 from .recordings import FOLDER_VARIABLE, Recording, RecordingStore
@@ -71,7 +80,8 @@ class LoadedScenario:
     """A CommonRoad scenario in memory, with its planning problems and the file it came from.
 
     ``plain_states``: by obstacle id, the states after the initial one of those that were read as arrays: points and
-    exact headings. ``ego_classes``: the ego's class by planning problem, without cars.
+    exact headings. ``ego_classes``: the ego's class by planning problem, without cars. ``friction``: the coefficient of
+    friction of the roads; None if the file does not state it.
     """
 
     scenario: "Scenario"
@@ -80,6 +90,7 @@ class LoadedScenario:
     declared_id: str = ""
     plain_states: Mapping[int, PlainStates] = field(default_factory=dict)
     ego_classes: Mapping[int, str] = field(default_factory=dict)
+    friction: float | None = None
 
     def ego_class(self, problem_id: int) -> str:
         """Return the class of a planning problem's ego by the file, or a car if the file does not say."""
@@ -221,6 +232,7 @@ def _parsed(content: _Content) -> RecordedScenario:
                 found.declared_id,
                 found.plain_states,
                 found.ego_classes,
+                found.friction,
             )
         )
     read = read_recorded(content.path, content.limits)
@@ -229,7 +241,12 @@ def _parsed(content: _Content) -> RecordedScenario:
         store.put(
             content.digest,
             Recording(
-                loaded.scenario, loaded.planning_problems, loaded.declared_id, loaded.plain_states, loaded.ego_classes
+                loaded.scenario,
+                loaded.planning_problems,
+                loaded.declared_id,
+                loaded.plain_states,
+                loaded.ego_classes,
+                loaded.friction,
             ),
         )
     return read
@@ -242,8 +259,12 @@ def _recordings() -> RecordingStore | None:
     return RecordingStore(Path(folder)) if folder else None
 
 
-def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[int, PlainStates], dict[int, str]]:
-    """Return the checked document, the states that were taken out of it, and what its egos are.
+_RoadDocument = tuple[Element, dict[int, PlainStates], dict[int, str], float | None]
+"""A checked document, the states that were taken out of it, what its egos are, and the friction of its roads."""
+
+
+def _road_document(path: Path, limits: XmlLimits | None) -> _RoadDocument:
+    """Read and check a document, and take out of it what is read in another way.
 
     commonroad-io fails on a scenario without lanelets, and its error does not say why.
     """
@@ -253,6 +274,7 @@ def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[
         None,
     )
     ego_classes = _known_ego_classes(path, ego_classes_of(whole))
+    friction = _possible_friction(path, friction_of(whole))
     etree.strip_elements(whole, etree.ProcessingInstruction, with_tail=False)
     refuse_another_root(path, str(whole.tag))
     if whole.find("lanelet") is None:
@@ -264,7 +286,7 @@ def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[
     root = fromstring(etree.tostring(whole))  # noqa: S314 - serialised just now
     _check(path, root, limits, states)
     complete(root)
-    return root, states, ego_classes
+    return root, states, ego_classes, friction
 
 
 def _known_ego_classes(path: Path, found: dict[int, str]) -> dict[int, str]:
@@ -277,6 +299,21 @@ def _known_ego_classes(path: Path, found: dict[int, str]) -> dict[int, str]:
                 next_step="name one of these in the file's <?plannerforge ego-class=…?>, or take that out: a car then",
             )
     return found
+
+
+def _possible_friction(path: Path, text: str | None) -> float | None:
+    """Return the friction that a file states after checking that a road can have it."""
+    try:
+        friction = None if text is None else float(text)
+    except ValueError:
+        friction = math.nan
+    if friction is not None and not LEAST_FRICTION <= friction <= MOST_FRICTION:
+        raise UnsafeInput(
+            f"{shown_name(path.name)} states a friction of {cited(text or '')}, which no road has",
+            valid=[f"{LEAST_FRICTION:g} … {MOST_FRICTION:g}"],
+            next_step="correct the file's <?plannerforge friction=…?>, or take it out",
+        )
+    return friction
 
 
 def _split_document(content: bytes, limits: XmlLimits) -> "tuple[etree._Element, dict[int, PlainStates]] | None":
@@ -418,7 +455,7 @@ def _refuse_duplicate_ids(path: Path, root: Element) -> None:
 
 
 def _open(
-    path: Path, root: Element, states: Mapping[int, PlainStates], ego_classes: Mapping[int, str]
+    path: Path, root: Element, states: Mapping[int, PlainStates], ego_classes: Mapping[int, str], friction: float | None
 ) -> LoadedScenario:
     try:
         with _silence_commonroad_warnings():
@@ -426,7 +463,7 @@ def _open(
     except Exception as error:
         reason = _against_schema(path) or f"{type(error).__name__}: {cited(error)}"
         raise UnsafeInput(f"{shown_name(path.name)} is not readable as CommonRoad: {reason}") from error
-    return LoadedScenario(scenario, problems, path, root.get("benchmarkID", ""), states, ego_classes)
+    return LoadedScenario(scenario, problems, path, root.get("benchmarkID", ""), states, ego_classes, friction)
 
 
 def _against_schema(path: Path) -> str:

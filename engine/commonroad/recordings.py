@@ -82,6 +82,7 @@ class Recording:
     declared_id: str
     plain_states: Mapping[int, PlainStates]
     ego_classes: Mapping[int, str] = field(default_factory=dict)
+    friction: float | None = None
 
 
 class RecordingStore:
@@ -122,6 +123,7 @@ class RecordingStore:
             recording.declared_id,
             dict(recording.plain_states),
             dict(recording.ego_classes),
+            recording.friction,
         )
         packed = io.BytesIO()
         _PlainPickler(packed, protocol=5).dump(parts)

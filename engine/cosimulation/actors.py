@@ -17,7 +17,7 @@ from ..geometry import point_at, project
 from ..network import SlowPlaces
 from ..scene import LaneMatch, Scene
 from ..traffic import NO_LANE, LaneHint, sumo_pose, vehicle_type
-from ..vehicles import HARDEST_BRAKING_MPS2
+from ..vehicles import hardest_braking_mps2
 from .driver import Behaviour, usual_behaviour
 from .manoeuvres import Halt, Manoeuvre
 from .plans import DrivePlan, Replay, class_of, shown_track
@@ -42,7 +42,8 @@ class Actor:
     it another way than recorded. ``branch``: the lane behind a junction that tells the way through it to the target
     from others that leave the target's lane for the same edge. ``maximum_speed_mps``: what a driven vehicle never
     exceeds, that of its class or of its recording. ``halts``: where it waits for others. ``ignores_lights``: it
-    stops at no red light and yields to nobody at a junction.
+    stops at no red light and yields to nobody at a junction. ``friction``: the road's coefficient of friction, which
+    limits how hard it brakes; None if nothing states it.
     """
 
     track: Track
@@ -62,6 +63,12 @@ class Actor:
     slow_places: Mapping[str, SlowPlaces] = field(default_factory=dict)
     halts: tuple[Halt, ...] = ()
     ignores_lights: bool = False
+    friction: float | None = None
+
+    @property
+    def hardest_braking_mps2(self) -> float:
+        """How hard it can brake at most."""
+        return hardest_braking_mps2(self.friction)
 
     @cached_property
     def key(self) -> str:
@@ -121,7 +128,7 @@ class Actor:
             speedDev="0",
             lcMaxSpeedLatStanding="0",
             lcMaxSpeedLatFactor=f"{LATERAL_SHARE:g}",
-            emergencyDecel=f"{max(HARDEST_BRAKING_MPS2, driver['decel']):g}",
+            emergencyDecel=f"{max(self.hardest_braking_mps2, driver['decel']):g}",
             apparentDecel=f"{driver['decel']:g}",
             **{name: f"{value:g}" for name, value in driver.items()},
         )
@@ -168,11 +175,12 @@ def driven_actor(scene: Scene, plan: DrivePlan) -> Actor:
         hints=_hints(scene, plan.start, match, plan.edges),
         drive_from=plan.from_step,
         target=target,
-        behaviour=plan.behaviour,
+        behaviour=plan.behaviour.on_road(scene.friction),
         sumo_class=plan.vehicle_class.sumo_class,
         manoeuvres=plan.manoeuvres,
         halts=plan.halts,
         ignores_lights=plan.ignores_lights,
+        friction=scene.friction,
         lanes_to_target=_lanes_to(scene, plan, aims, target),
         is_sent=bool(plan.targets) and plan.cause == "edited",
         branch=_branch(scene, plan),
@@ -223,7 +231,8 @@ def replayed_actor(scene: Scene, track: Track, match: LaneMatch) -> Actor:
     """A road user that moves by its track and that the driven ones see."""
     route = scene.edge_graph.route(match.sequence) or scene.edge_graph.route(match.sequence[:1])
     edges = route or next(iter(scene.layout.edges.items()))[:1]
-    return Actor(track, edges, _hints(scene, track, match, edges), usual_behaviour(class_of(track.kind)))
+    behaviour = usual_behaviour(class_of(track.kind)).on_road(scene.friction)
+    return Actor(track, edges, _hints(scene, track, match, edges), behaviour, friction=scene.friction)
 
 
 def _hints(scene: Scene, track: Track, match: LaneMatch, edges: tuple[str, ...]) -> tuple[LaneHint, ...]:

@@ -44,11 +44,13 @@ def next_speed_mps(
     room_m: float | Values,
     left_m: float | Values,
     final_mps: float | Values = 0.0,
+    hardest_mps2: float = HARDEST_BRAKING_MPS2,
 ) -> float | None:
     """The speed after the next step of a vehicle that shall be slow within some room and has to be within the rest.
 
     None while it may drive as it likes. ``usual_mps2``: the driver's own deceleration. ``final_mps``: how slow; it
-    stands by default. There may be several places (n,) with the room up to each and the speed there.
+    stands by default. There may be several places (n,) with the room up to each and the speed there. ``hardest_mps2``:
+    how hard it brakes at most.
     """
     room_m = np.maximum(room_m - speed_mps * step_s, 0.0)
     allowed = math.sqrt(float(np.min(final_mps**2 + 2 * usual_mps2 * room_m)))
@@ -57,7 +59,7 @@ def next_speed_mps(
     needed = 0.0
     if allowed < speed_mps - usual_mps2 * step_s:
         needed = float(np.max((speed_mps**2 - final_mps**2) / (2 * np.maximum(left_m, STOPPED_WITHIN_M))))
-    slowest = max(speed_mps - min(max(needed, usual_mps2), HARDEST_BRAKING_MPS2) * step_s, 0.0)
+    slowest = max(speed_mps - min(max(needed, usual_mps2), hardest_mps2) * step_s, 0.0)
     return max(min(allowed, speed_mps), slowest)
 
 
@@ -138,14 +140,14 @@ class GapWaitController(_SpeedController):
 
     def _braked(self, actor: Actor, left_m: float, changes: int, *, goes_on: bool) -> float | None:
         """The next speed of a vehicle with some road left for its changes of lane; if it goes on, one begins now."""
-        speed, step_s = self._sumo.speed_mps(actor.key), self._sumo.step_s()
+        speed, step_s, hardest = self._sumo.speed_mps(actor.key), self._sumo.step_s(), actor.hardest_braking_mps2
         usual, wait_m = actor.behaviour.values["decel"], left_m - changes * TO_STEER_OVER_M
         if not goes_on:
-            return next_speed_mps(speed, usual, step_s, wait_m, left_m)
+            return next_speed_mps(speed, usual, step_s, wait_m, left_m, hardest_mps2=hardest)
         over_m = wait_m + TO_STEER_OVER_M
         if over_m > LANE_END_M:
-            return next_speed_mps(speed, usual, step_s, wait_m, over_m, STEERING_OVER_MPS)
-        return next_speed_mps(speed, usual, step_s, over_m, left_m)
+            return next_speed_mps(speed, usual, step_s, wait_m, over_m, STEERING_OVER_MPS, hardest)
+        return next_speed_mps(speed, usual, step_s, over_m, left_m, hardest_mps2=hardest)
 
     def _give_stop(self, actor: Actor, target: LaneHint, present_edge: str) -> None:
         """Have SUMO look for gaps into the target's lane from far on, by a stop there that is passed.
@@ -195,7 +197,7 @@ class AnticipatoryBraking(_SpeedController):
         if needed <= actor.behaviour.values["decel"]:
             self._done.add(actor.key)
             return None
-        return max(speed - min(needed, HARDEST_BRAKING_MPS2) * step_s, 0.0)
+        return max(speed - min(needed, actor.hardest_braking_mps2) * step_s, 0.0)
 
     def _needed_mps2(self, key: str, lane: str, speed_mps: float) -> float:
         """The deceleration that brings a vehicle to the limit of every lane ahead where that begins."""
@@ -228,7 +230,7 @@ class CurveSpeedController(_SpeedController):
         if not ahead:
             return None
         away_m, allowed_mps = (np.concatenate(column) for column in zip(*ahead, strict=True))
-        return next_speed_mps(speed, usual, step_s, away_m, away_m, allowed_mps)
+        return next_speed_mps(speed, usual, step_s, away_m, away_m, allowed_mps, actor.hardest_braking_mps2)
 
     def _places_ahead(self, actor: Actor, lane: str, reach_m: float) -> Iterator[tuple[Values, Values]]:
         """Distances in m to the curves within reach on the route, and the speeds for them, lane by lane.
@@ -269,7 +271,8 @@ class StopController(_SpeedController):
         if not holding:
             return None
         left_m = min(holding) - self._rolled_m.get(actor.key, 0.0)
-        return next_speed_mps(speed_mps, actor.behaviour.values["decel"], step_s, left_m, left_m)
+        usual, hardest = actor.behaviour.values["decel"], actor.hardest_braking_mps2
+        return next_speed_mps(speed_mps, usual, step_s, left_m, left_m, hardest_mps2=hardest)
 
 
 SPEED_CONTROLLERS: tuple[type[_SpeedController], ...] = (

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..geometry import Points, arc_length, curvatures, interpolate, project
 from ..scene import Scene
-from ..vehicles import COMFORTABLE_MPS2, HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2
+from ..vehicles import comfortable_mps2, hardest_braking_mps2
 
 SMOOTHING_M = 4.0
 """Curvatures are those of a centre line that is smoothed over this length: vertices of a map are corners (chosen)."""
@@ -30,10 +30,11 @@ def first_curve_too_tight(
 
     ``known``: lanelets whose curves are not asked about.
     """
+    hardest = hardest_braking_mps2(scene.friction)
     speed_mps, here_m = max(speed_mps, 0.0), project(scene.layout.table.lanes[route[0]].center, position)[0]
     for key, ahead_m, curvature in _curves_ahead(scene, route, here_m):
-        at_best = math.sqrt(max(speed_mps**2 - 2 * HARDEST_BRAKING_MPS2 * ahead_m, 0.0))
-        highest = math.sqrt(HARDEST_LATERAL_MPS2 / curvature)
+        at_best = math.sqrt(max(speed_mps**2 - 2 * hardest * ahead_m, 0.0))
+        highest = math.sqrt(hardest / curvature)
         if key not in known and at_best > highest:
             where = f"{ahead_m:.0f} m before" if ahead_m > 0.0 else "in"
             return (
@@ -54,9 +55,9 @@ def highest_entry_speed(scene: Scene, route: tuple[int, ...], station_m: float) 
         if not following or not set(onwards).isdisjoint(following):
             break
         onwards += following
-    curves = _curves_ahead(scene, onwards, station_m)
+    curves, comfortable = _curves_ahead(scene, onwards, station_m), comfortable_mps2(scene.friction)
     return min(
-        (math.sqrt(COMFORTABLE_MPS2 / curvature + 2 * COMFORTABLE_MPS2 * ahead_m) for _, ahead_m, curvature in curves),
+        (math.sqrt(comfortable / curvature + 2 * comfortable * ahead_m) for _, ahead_m, curvature in curves),
         default=math.inf,
     )
 

@@ -6,11 +6,11 @@ Values of the presets: the paper's published modification code. Meaning and unit
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ...schemas.errors import InvalidRequest, UnknownName, closest, instead
 from ...schemas.grammar import Assignment, parse_assignment
-from ..vehicles import VehicleClass, vehicle_classes
+from ..vehicles import GRAVITY_MPS2, VehicleClass, vehicle_classes
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,14 @@ class Behaviour:
 
     preset: str
     values: Mapping[str, float]
+
+    def on_road(self, friction: float | None) -> "Behaviour":
+        """Return the driver on a road of some friction, who neither accelerates nor brakes harder than tyres hold."""
+        if friction is None:
+            return self
+        most = friction * GRAVITY_MPS2
+        held = {name: min(self.values[name], most) for name in ("accel", "decel")}
+        return replace(self, values={**self.values, **held})
 
 
 def presets() -> dict[str, dict[str, float]]:

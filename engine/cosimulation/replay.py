@@ -257,6 +257,7 @@ class _Run:
         self._known: set[str] = set()
         self._held: set[str] = set()
         self._standing: set[str] = set()
+        self._on_road: set[str] = set()
         self._driving: list[_Place] = []
         self._kept_to_lane: set[str] = set()
         self._used_lanes: set[tuple[str, str]] = set()
@@ -270,6 +271,7 @@ class _Run:
         """Simulate a step, with all actors where they are recorded or drive to."""
         self._place_replayed(step)
         self._sumo.step()
+        self._take_out_those_off_road(step)
         shown = self._in_order(self._present.intersection(self._sumo.vehicles()))
         self._driving.clear()
         self._show_speeds(shown, step)
@@ -306,10 +308,26 @@ class _Run:
             if index is not None and (actor.drive_from is not None or actor.key in near):
                 self._place(actor, index)
             elif actor.key in self._present:
-                self._present.discard(actor.key)
-                self._held.discard(actor.key)
-                self._standing.discard(actor.key)
-                self._sumo.remove(actor.key)
+                self._take_out(actor.key)
+
+    def _take_out(self, key: str) -> None:
+        for keys in (self._present, self._held, self._standing, self._on_road):
+            keys.discard(key)
+        self._sumo.remove(key)
+
+    def _take_out_those_off_road(self, step: int) -> None:
+        """Take out the placed vehicles that left the road in the step; SUMO crashes on what it still knows of them.
+
+        Such a vehicle is placed as a new one before the next step, and comes back where its recording meets a lane.
+        """
+        there = self._present.intersection(self._sumo.vehicles())
+        for actor in self._in_order(there - self._standing):
+            if actor.drives_at(step):
+                continue
+            if self._sumo.lane(actor.key):
+                self._on_road.add(actor.key)
+            elif actor.key in self._on_road:
+                self._take_out(actor.key)
 
     def _in_order(self, keys: Iterable[str]) -> list[Actor]:
         """Some actors in the order of all: SUMO's results depend on who is placed first."""

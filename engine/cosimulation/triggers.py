@@ -59,6 +59,12 @@ class Trigger:
     station_m: float = 0.0
     gap_s: float | None = None
 
+    def in_words(self) -> str:
+        """``the ego comes within 2 s of it``, or ``the ego passes 35 m of lanelet 5``."""
+        if self.gap_s is not None:
+            return f"the ego comes within {self.gap_s:g} s of it"
+        return f"the ego passes {self.station_m:.0f} m of lanelet {self.lanelet_id}"
+
     def holds(self, ego: Track, index: int, place: Points | None, center_of: Callable[[int], Points | None]) -> bool:
         """Return whether the trigger holds at a state of the ego.
 

@@ -315,6 +315,7 @@ def _instead_of(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[C
         max(float(track.speeds_mps[index]), 0.0),
         (scene.matches[chosen[0]].at(index),),
         _class_asked(edit, classes[chosen[0]]),
+        scene.friction,
     )
     changes = replace(changes.without(chosen[0]), ego=new)
     what = f"the ego is {track.kind} {chosen[0]} at {new.speed_mps:.1f} m/s"
@@ -348,7 +349,7 @@ def _goal_at_end_of(track: Track, scene: Scene, ego: Ego) -> GoalChange | None:
 
 def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Changes, str]:
     name = _class_asked(edit, ego.vehicle_class)
-    vehicle = ego_class(name).vehicle
+    vehicle = ego_class(name).vehicle.on_road(scene.friction)
     speed = ego.speed_mps if edit.speed is None else parse_quantity(edit.speed, "m/s")
     if edit.speed is not None:
         check_speed(speed, vehicle.maximum_speed_mps, f"the ego does not drive {edit.speed}", "choose another speed")
@@ -360,7 +361,7 @@ def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Chan
     others = scene if edit.former_ego == "traffic" else replace(scene, ego=None)
     OccupiedPlaces.at(others, ego.step, changes).check_free(place, vehicle.size_m, "choose a free place")
     position, heading = place.pose(scene)
-    new = Ego(ego.problem_id, ego.step, position, heading, speed, (place.lanelet_id,), name)
+    new = Ego(ego.problem_id, ego.step, position, heading, speed, (place.lanelet_id,), name, scene.friction)
     what = f"the ego starts on lanelet {place.lanelet_id} at {place.station_m:.1f} m, {speed:.1f} m/s"
     return replace(changes, ego=new), what
 

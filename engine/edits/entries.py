@@ -19,7 +19,7 @@ from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, highest_entry_speed
 from ..geometry import Points, arc_length, oriented_rectangle, project, rectangles_overlap
 from ..scene import Scene
-from ..vehicles import HARDEST_BRAKING_MPS2, VehicleClass
+from ..vehicles import VehicleClass, hardest_braking_mps2
 from .changes import Changes, car_at_start, moved_in_time, scene_for_references
 from .edited_scene import EGO, EditedScene, SimulatedEdits, new_overlaps, overlap_steps
 from .placement import Place
@@ -169,7 +169,9 @@ def _apart(free: Sequence[Place], length_m: float) -> list[Place]:
     return chosen
 
 
-def _would_reach(coming: Track, step: int, center: Points, heading_rad: float, size_m: tuple[float, float]) -> bool:
+def _would_reach(
+    coming: Track, step: int, center: Points, heading_rad: float, size_m: tuple[float, float], friction: float | None
+) -> bool:
     """Whether a recorded vehicle gets onto a rectangle (length, width) although it brakes hard from a step on.
 
     It stays on its recorded path, and is as far along it as its stopping distance at most.
@@ -177,15 +179,15 @@ def _would_reach(coming: Track, step: int, center: Points, heading_rad: float, s
     index = coming.index_at(step)
     if index is None:
         return False
-    stops_after_m = _stopping_distance_m(max(float(coming.speeds_mps[index]), 0.0))
+    stops_after_m = _stopping_distance_m(max(float(coming.speeds_mps[index]), 0.0), friction)
     place = oriented_rectangle(center, heading_rad, size_m)
     count = int((arc_length(coming.positions[index:]) <= stops_after_m).sum())
     return any(rectangles_overlap(coming.corners_at(at), place) for at in range(index, index + count))
 
 
-def _stopping_distance_m(speed_mps: float) -> float:
+def _stopping_distance_m(speed_mps: float, friction: float | None) -> float:
     """The distance in which a driver stops from a speed; or, of a closing speed, by which it comes closer."""
-    return speed_mps * _REACTION_S + speed_mps**2 / (2 * HARDEST_BRAKING_MPS2)
+    return speed_mps * _REACTION_S + speed_mps**2 / (2 * hardest_braking_mps2(friction))
 
 
 @dataclass(frozen=True)
@@ -249,8 +251,8 @@ def entry_speed(
     # A recorded one may turn off before, or stop; one that is driven may come over the place in any case.
     recorded = None if follower.vehicle_id in changes.driven else scene.tracks.get(follower.vehicle_id)
     size_m, gap = (vehicle_class.length_m, vehicle_class.width_m), follower.gap_m(vehicle_class)
-    needed = _stopping_distance_m(max(follower.speed_mps - speed, 0.0))
-    if needed > gap and (recorded is None or _would_reach(recorded, step, *place.pose(scene), size_m)):
+    needed = _stopping_distance_m(max(follower.speed_mps - speed, 0.0), scene.friction)
+    if needed > gap and (recorded is None or _would_reach(recorded, step, *place.pose(scene), size_m, scene.friction)):
         raise NotPossible(
             f"a {vehicle_class.name} that enters lanelet {place.lanelet_id} at {place.station_m:.1f} m with "
             f"{speed:.1f} m/s is hit by vehicle {follower.vehicle_id}, which comes {gap:.1f} m behind with "
@@ -424,7 +426,7 @@ def _check_not_run_over(simulated: SimulatedEdits) -> None:
     for conflict in _conflicts(simulated):
         plan, other = conflict.plan, conflict.other
         coming = None if other in simulated.changes.driven else scene.tracks.get(other)
-        if coming is None or not _is_run_over(plan.start, coming, plan.from_step):
+        if coming is None or not _is_run_over(plan.start, coming, plan.from_step, scene.friction):
             continue
         speed_mps = float(coming.speeds_mps[coming.index_at(plan.from_step) or 0])
         raise NotPossible(
@@ -452,10 +454,10 @@ def _conflicts(simulated: SimulatedEdits) -> Iterator[_Conflict]:
                 yield _Conflict(left_open[key], driven[key], other)
 
 
-def _is_run_over(start: Track, coming: Track, step: int) -> bool:
+def _is_run_over(start: Track, coming: Track, step: int, friction: float | None) -> bool:
     """Whether a recorded vehicle gets onto or close to the place of an entry, however hard it brakes from a step on."""
     size = start.length_m + 2 * CLEARANCE_M, start.width_m + CLEARANCE_M
-    return _would_reach(coming, step, start.positions[0], float(start.headings_rad[0]), size)
+    return _would_reach(coming, step, start.positions[0], float(start.headings_rad[0]), size, friction)
 
 
 def _next_safe_time(edited: EditedScene, plan: DrivePlan) -> list[str]:
@@ -463,7 +465,7 @@ def _next_safe_time(edited: EditedScene, plan: DrivePlan) -> list[str]:
     scene = edited.scene
     there = [track for key, track in scene.tracks.items() if key not in edited.changes.removed]
     for step in range(plan.from_step + 1, scene.last_step):
-        if not any(_is_run_over(plan.start, track, step) for track in there):
+        if not any(_is_run_over(plan.start, track, step, scene.friction) for track in there):
             return [f"time_s={step * scene.step_s:g}"]
     return []
 

@@ -152,7 +152,8 @@ def _touched_vehicles(edited: EditedScene, check: Callable[..., Feasibility]) ->
 def _verdict(scene: Scene, track: Track, motion: Motion, check: Callable[..., Feasibility]) -> Feasibility:
     """What a check says of a motion, with the axles of the class that the vehicle is of by its type and length."""
     chassis = nearest_class(track.kind, track.length_m)
-    return check(motion, scene.step_s, wheelbase_m=chassis.wheelbase_m, rear_axle_m=chassis.rear_axle_m)
+    axles = {"wheelbase_m": chassis.wheelbase_m, "rear_axle_m": chassis.rear_axle_m}
+    return check(motion, scene.step_s, **axles, friction=scene.friction)
 
 
 def _given(scene: Scene, replay: Replay, check: Callable[..., Feasibility]) -> TouchedVehicle:

@@ -17,7 +17,7 @@ from ...schemas.modification import Edit
 from ..cosimulation import LANE_CHANGE_S, PROGRESS_ACROSS, DrivePlan, JunctionLaneChange, first_curve_too_tight, sent_on
 from ..geometry import Points, length_m, point_at, project, wrap_angle
 from ..scene import Scene
-from ..vehicles import HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2
+from ..vehicles import hardest_braking_mps2
 from .changes import Changes, EditStep, named_vehicles, plan_of
 from .references import drive_to, nearest_driven, reachable_lanelets, select, target_lanelets
 
@@ -302,7 +302,9 @@ def _check_lane_changes(scene: Scene, plan: DrivePlan, route: tuple[int, ...], w
     while place < len(route):
         end = _last_beside(scene, route, place)
         left_m += lanes[route[place]].length_m
-        needed_m = min(speed_mps**2 / (2 * HARDEST_BRAKING_MPS2), speed_mps * LANE_CHANGE_S * (end - place))
+        needed_m = min(
+            speed_mps**2 / (2 * hardest_braking_mps2(scene.friction)), speed_mps * LANE_CHANGE_S * (end - place)
+        )
         needed_m = max(needed_m, _least_way_over_m(scene, route[place : end + 1]))
         room_m, wrong, right = _last_place(scene, route, place, end, in_junctions=in_junctions)
         if end > place and left_m + room_m < needed_m:
@@ -375,7 +377,9 @@ def _junction_lane_change(scene: Scene, plan: DrivePlan, route: tuple[int, ...],
     aside_m = abs(project(lanes[route[end]].center, front)[1])
     to_spare_m = _TO_SPARE_M + speed_mps * scene.step_s
     within_m = (room_m - to_spare_m) / PROGRESS_ACROSS
-    shortest_m = max(1.5 * aside_m / _STEEPEST, speed_mps * math.sqrt(6.0 * aside_m / HARDEST_LATERAL_MPS2))
+    shortest_m = max(
+        1.5 * aside_m / _STEEPEST, speed_mps * math.sqrt(6.0 * aside_m / hardest_braking_mps2(scene.friction))
+    )
     if within_m < shortest_m:
         raise NotPossible(
             f"{who} would have to steer over from lanelet {route[0]} to {route[end]} inside a junction: at "

@@ -33,7 +33,7 @@ from ..cosimulation import (
 )
 from ..geometry import Points, Values, arc_length, interpolate, point_at, project, project_all, wrap_angle
 from ..scene import Scene, straightness
-from ..vehicles import COMFORTABLE_MPS2, HARDEST_BRAKING_MPS2
+from ..vehicles import comfortable_mps2, hardest_braking_mps2
 from .changes import Changes, EditStep, check_speed, named_vehicles, within_time
 from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
@@ -53,6 +53,8 @@ _SWERVE_M, _SWERVE_HOLD_S = 1.0, 1.0
 """By default a swerve goes this far to the side and stays there this long (chosen)."""
 _EASY_MPS2, _HARDEST_MPS2 = 2.0, 6.0
 """A cut-in begins as soon as its preparation takes no more than this, and is refused if it takes more than that."""
+_STANDING_MPS = 0.5
+"""There is no time gap to a vehicle that is slower (chosen)."""
 _BESIDE_M = (1.8, 6.0)
 """Lateral distance of a vehicle in the next lane from a path (chosen): half a lane to one and a half lanes."""
 _TRIED_S = 0.2
@@ -130,7 +132,7 @@ def motion_of(scene: Scene, changes: Changes, vehicle_id: int) -> tuple[Track, t
     acts: list[Act] = []
     for order in plan.manoeuvres:
         if order.speed_mps is not None:
-            rate = COMFORTABLE_MPS2
+            rate = comfortable_mps2(scene.friction)
             acts.append(SpeedAct(max(order.from_step, plan.from_step), order.speed_mps, rate))
         else:
             width = scene.layout.table.lanes[plan.lanelets[0]].width_m
@@ -269,13 +271,15 @@ def _triggered(edit: Edit, scene: Scene, changes: Changes, track: Track) -> tupl
 def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterable[int]) -> EditStep:
     """Bring vehicles to a speed with a prescribed acceleration, whatever is ahead of them."""
     vehicles = tuple(vehicles)
-    rate = COMFORTABLE_MPS2 if edit.rate_mps2 is None else edit.rate_mps2
-    if rate > HARDEST_BRAKING_MPS2:
+    rate = comfortable_mps2(scene.friction) if edit.rate_mps2 is None else edit.rate_mps2
+    hardest = hardest_braking_mps2(scene.friction)
+    if rate > hardest:
+        on_road = "" if scene.friction is None else f" on a road with a friction of {scene.friction:g}"
         raise InvalidRequest(
-            f"no vehicle changes its speed by {rate:g} m/s²",
-            valid=[f"0 … {HARDEST_BRAKING_MPS2:g} m/s²"],
+            f"no vehicle changes its speed by {rate:g} m/s²{on_road}",
+            valid=[f"0 … {hardest:g} m/s²"],
             next_step="choose a smaller rate_mps2",
-            remedies=[with_values(rate_mps2=HARDEST_BRAKING_MPS2)],
+            remedies=[with_values(rate_mps2=hardest)],
         )
     made: dict[int, tuple[int, float, Track]] = {}
     for vehicle_id in vehicles:
@@ -568,7 +572,7 @@ def _cut_in_motion(
             return made
         if best is None or made.hardest_mps2 < best.hardest_mps2:
             best = made
-    if best is None or best.hardest_mps2 > _HARDEST_MPS2:
+    if best is None or best.hardest_mps2 > min(_HARDEST_MPS2, hardest_braking_mps2(scene.friction)):
         what = "needs more than it can brake or speed up" if best else "is not possible before the end"
         raise NotPossible(
             f"a cut-in of vehicle {base.obstacle_id} ahead of {who} with a gap of {gap_s:g} s {what}",
@@ -631,12 +635,10 @@ def _cut_in_achieved(
     ahead = project(path.line, track.positions[mine])[0] - project(path.line, target.positions[at])[0]
     gap_m = ahead - (track.length_m + target.length_m) / 2
     speed = float(target.speeds_mps[at])
-    gap = (
-        [achieved(key, "gap", gap_s, gap_m / speed, "s", reached=abs(gap_m / speed - gap_s) <= 0.1)]
-        if speed > 0.5
-        else []
-    )
-    return (*gap, achieved(key, "gap", None, gap_m, "m"))
+    if speed <= _STANDING_MPS:  # the time gap to one that stands is no number, and what was asked is not reached
+        return (achieved(key, "gap", None, gap_m, "m", reached=False),)
+    in_s = achieved(key, "gap", gap_s, gap_m / speed, "s", reached=abs(gap_m / speed - gap_s) <= 0.1)
+    return (in_s, achieved(key, "gap", None, gap_m, "m"))
 
 
 def wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:

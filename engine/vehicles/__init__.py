@@ -17,12 +17,14 @@
 ``parameter_values``: A vehicle's parameters by name, in their order.
 ``BMW_320I``: CommonRoad's vehicle 2, the ego where nothing states another.
 ``COMFORTABLE_MPS2``: Braking and lateral acceleration of a driver who is in no trouble, in m/s².
+``GRAVITY_MPS2``: The acceleration of free fall, in m/s².
 ``HARDEST_BRAKING_MPS2``: The deceleration that tyres hold on a dry road, in m/s².
-``HARDEST_LATERAL_MPS2``: The lateral acceleration that tyres hold on a dry road, in m/s².
 ``MODEL_WORDS``: CommonRoad's names of motion models, in words.
 ``VEHICLES``: CommonRoad's vehicles by their id.
 ``VehicleParameters``: Size and limits of an ego.
+``comfortable_mps2``: Braking and lateral acceleration of a driver who is in no trouble on a road of some friction.
 ``commonroad_vehicle``: The id of the CommonRoad vehicle of some settings and an ego's class; None for any other.
+``hardest_braking_mps2``: What tyres hold, along and across, on a road of some friction, in m/s².
 ``refused_by_planners``: Why the built-in planners refuse an ego of a class; empty if they drive it.
 ``vehicle_of``: The vehicle of some settings and an ego's class.
 ``Feasibility``: Whether a motion can be driven, the share of its steps that can, and the first that cannot.
@@ -47,15 +49,17 @@ if TYPE_CHECKING:
     from .models import (
         BMW_320I,
         COMFORTABLE_MPS2,
+        GRAVITY_MPS2,
         HARDEST_BRAKING_MPS2,
-        HARDEST_LATERAL_MPS2,
         MODEL_WORDS,
         VEHICLES,
         VehicleParameters,
+        comfortable_mps2,
         commonroad_vehicle,
         ego_class,
         ego_class_of,
         fits_together,
+        hardest_braking_mps2,
         parameter_values,
         refused_by_planners,
         vehicle_of,

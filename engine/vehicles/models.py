@@ -20,7 +20,8 @@ class VehicleParameters:
     """Size and limits of the ego; lengths in m, accelerations in m/s², angles in rad; by default vehicle 2.
 
     ``switching_speed_mps``: above it the engine's power limits the acceleration. ``vehicle_class``: what the ego is, in
-    the words of requests. Source: CommonRoad vehicle models.
+    the words of requests. ``friction``: the coefficient of friction of the road, which the limits of :meth:`on_road`
+    contain; None if nothing states it. Source: CommonRoad vehicle models.
     """
 
     length_m: float = 4.508
@@ -33,6 +34,25 @@ class VehicleParameters:
     maximum_steering_rad: float = 1.066
     maximum_steering_rate_radps: float = 0.4
     vehicle_class: str = "car"
+    friction: float | None = None
+
+    def on_road(self, friction: float | None) -> "VehicleParameters":
+        """Return the vehicle on a road of some friction: tyres hold no more than that, and the power stays the same."""
+        if friction is None:
+            return self
+        largest = min(self.maximum_acceleration_mps2, friction * GRAVITY_MPS2)
+        switching = self.switching_speed_mps * self.maximum_acceleration_mps2 / largest
+        return replace(self, maximum_acceleration_mps2=largest, switching_speed_mps=switching, friction=friction)
+
+    @property
+    def hardest_braking_mps2(self) -> float:
+        """Return the deceleration that tyres hold on the road."""
+        return hardest_braking_mps2(self.friction)
+
+    @property
+    def comfortable_mps2(self) -> float:
+        """Return the braking and lateral acceleration of a driver who is in no trouble on the road."""
+        return comfortable_mps2(self.friction)
 
     @property
     def size_m(self) -> tuple[float, float]:
@@ -48,6 +68,8 @@ class VehicleParameters:
         """Curvature in 1/m of the rear axle's path at full lock."""
         return math.tan(self.maximum_steering_rad) / self.wheelbase_m
 
+
+GRAVITY_MPS2 = 9.81
 
 BMW_320I = VehicleParameters()
 VEHICLES = {
@@ -70,7 +92,19 @@ COMFORTABLE_MPS2 = 4.0
 """Braking and lateral acceleration of a driver who is in no trouble: half of what the tyres hold."""
 
 
-PARAMETER_NAMES = tuple(item.name for item in fields(VehicleParameters) if item.name != "vehicle_class")
+def hardest_braking_mps2(friction: float | None) -> float:
+    """Return what tyres hold, along and across, on a road of a coefficient of friction; on a dry one if it is None."""
+    return HARDEST_BRAKING_MPS2 if friction is None else min(HARDEST_BRAKING_MPS2, friction * GRAVITY_MPS2)
+
+
+def comfortable_mps2(friction: float | None) -> float:
+    """Return the acceleration of a driver who is in no trouble on a road of some friction."""
+    return COMFORTABLE_MPS2 if friction is None else min(COMFORTABLE_MPS2, friction * GRAVITY_MPS2 / 2)
+
+
+PARAMETER_NAMES = tuple(
+    item.name for item in fields(VehicleParameters) if item.name not in ("vehicle_class", "friction")
+)
 """The names of a vehicle's parameters, in their order."""
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Points, Values, arc_length, gaussian, interpolate, without_repeats, wrap_angle, wrap_angles
-from .models import BMW_320I, LARGEST_ACCELERATION_MPS2
+from .models import BMW_320I
 
 SMOOTHINGS = ((3.0, 2.0), (5.0, 3.0), (8.0, 4.0))
 """(steps, metres) tried in this order until a motion is drivable (chosen): stronger smoothing moves it more."""
@@ -35,6 +35,9 @@ planner runs were made: one value for both would change either their bytes or th
 _POSITION_TOLERANCE_M = 2e-2
 _HEADING_TOLERANCE_RAD = 3e-2
 """The checker's default tolerances for a step."""
+_FRICTION_EXCESS = 1.1
+"""By how much the accelerations of a motion may be above what a road of stated friction holds: smoothing lifts the even
+braking of SUMO's drivers by 7 % in ``tests/engine/edits/test_friction.py``."""
 _STEERING_FROM_MPS = 0.05
 """Chosen: below it a turn says nothing about the steering angle."""
 
@@ -163,9 +166,10 @@ def check_kinematics(
     *,
     wheelbase_m: float = _WHEELBASE_M,
     rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
+    friction: float | None = None,
 ) -> Feasibility:
     """Judge a motion of the centre by the closed form, by default with the dimensions of CommonRoad's vehicle 2."""
-    return _verdict(drivable_steps(motion, step_s, wheelbase_m=wheelbase_m, rear_axle_m=rear_axle_m))
+    return _verdict(drivable_steps(motion, step_s, wheelbase_m=wheelbase_m, rear_axle_m=rear_axle_m, friction=friction))
 
 
 def drivable_steps(
@@ -174,8 +178,13 @@ def drivable_steps(
     *,
     wheelbase_m: float = _WHEELBASE_M,
     rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
+    friction: float | None = None,
 ) -> NDArray[np.bool_]:
-    """Which steps from one state to the next can be driven by the closed form, shape (n − 1,)."""
+    """Which steps from one state to the next can be driven by the closed form, shape (n − 1,).
+
+    ``friction``: the coefficient of friction of the road, which limits the acceleration; None if nothing states it.
+    """
+    largest_mps2 = BMW_320I.on_road(friction).maximum_acceleration_mps2
     heading = motion.headings_rad
     direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
     moved = np.diff(motion.positions - rear_axle_m * direction, axis=0)
@@ -185,8 +194,8 @@ def drivable_steps(
     speed = motion.speeds_mps[:-1]
     steering = np.tan(steering_angles(motion, step_s, wheelbase_m)[:-1])
     lateral = np.abs(speed**2 / wheelbase_m * steering)
-    within_friction = lateral <= LARGEST_ACCELERATION_MPS2
-    limit = np.sqrt(np.maximum(LARGEST_ACCELERATION_MPS2**2 - lateral**2, 0.0))
+    within_friction = lateral <= largest_mps2
+    limit = np.sqrt(np.maximum(largest_mps2**2 - lateral**2, 0.0))
     acceleration = np.clip(2 * (along - speed * step_s) / step_s**2, -limit, limit)
     reachable = speed * step_s + acceleration * step_s**2 / 2
     reachable_turn = reachable / wheelbase_m * steering
@@ -200,7 +209,19 @@ def drivable_steps(
         & (error_heading < _HEADING_TOLERANCE_RAD)
         & within_friction
     )
-    return good
+    return good if friction is None else good & _held_by_road(motion, step_s, wheelbase_m, friction)
+
+
+def _held_by_road(motion: Motion, step_s: float, wheelbase_m: float, friction: float) -> NDArray[np.bool_]:
+    """Which steps need no more than a road of some friction holds, shape (n − 1,).
+
+    The tolerances for positions would hide 4 m/s² in a step of 0.1 s, so that speeds and headings are asked.
+    """
+    speed = (motion.speeds_mps[:-1] + motion.speeds_mps[1:]) / 2
+    along = np.diff(motion.speeds_mps) / step_s
+    across = speed**2 / wheelbase_m * np.tan(steering_angles(motion, step_s, wheelbase_m)[:-1])
+    largest_mps2 = BMW_320I.on_road(friction).maximum_acceleration_mps2
+    return np.asarray(np.hypot(along, across) <= _FRICTION_EXCESS * largest_mps2)
 
 
 def check_drivability(
@@ -209,6 +230,7 @@ def check_drivability(
     *,
     wheelbase_m: float = _WHEELBASE_M,
     rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
+    friction: float | None = None,
 ) -> Feasibility:
     """Judge a motion of the centre by the checker, with the axles where those of the judged vehicle are.
 
@@ -234,8 +256,11 @@ def check_drivability(
     model = VehicleDynamics.KS(VehicleType.BMW_320i)
     model.parameters = copy.deepcopy(model.parameters)  # the library shares one of them among all models
     model.parameters.a, model.parameters.b = wheelbase_m - rear_axle_m, rear_axle_m
+    if friction is not None:
+        model.parameters.longitudinal.a_max = BMW_320I.on_road(friction).maximum_acceleration_mps2
     transitions = (state_transition_feasibility(*pair, model, step_s)[0] for pair in itertools.pairwise(states))
-    return _verdict(np.fromiter(transitions, dtype=bool))
+    good = np.fromiter(transitions, dtype=bool)
+    return _verdict(good if friction is None else good & _held_by_road(motion, step_s, wheelbase_m, friction))
 
 
 def _verdict(good: NDArray[np.bool_]) -> Feasibility:

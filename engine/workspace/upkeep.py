@@ -5,6 +5,7 @@ files that belong to no record) may go; what was made, its records and the journ
 """
 
 import hashlib
+import json
 import shutil
 import threading
 import time
@@ -22,6 +23,7 @@ from .record_checks import record_fault, text_fault
 _CACHES = ("recordings", "pictures", "views", "index", "answers", "scratch")
 """Folders whose files are made anew when they are missing, those first that are made again most quickly."""
 _MB = 1024**2
+_SHOWN_RUNS = 3
 _LOOK_S, _LOOKS_SHARE = 60.0, 50
 """How old a look at a whole workspace may be, and how often what it took itself; chosen: looks take 2 % of the time."""
 MAIN_FILES = {"scenario": "scenario.xml", "run": "steps.json", "config": "config.yaml"}
@@ -66,18 +68,21 @@ def room_used(workspace: Workspace) -> list[FolderUse]:
 
 
 def disagreements(workspace: Workspace) -> Iterator[Disagreement]:
-    """What does not fit together: the database itself, records without their file, files without a record."""
+    """What does not fit together: the database, records without their file or their runs, files without a record."""
     damage = workspace.database.damage()
     if damage:
         yield Disagreement("database", damage, is_lost=True)
         return
     query = "SELECT kind, artifact_id, name, recipe, record FROM artifacts ORDER BY sequence"
     known: dict[str, set[str]] = {kind: set() for kind in ARTIFACT_KINDS}
+    batches: list[tuple[str, Sequence[str]]] = []
     for kind, artifact_id, name, recipe, record in workspace.database.connection().execute(query):
         known.setdefault(kind, set()).add(artifact_id)
         if fault := _fault_of(workspace, kind, artifact_id, name, recipe, record):
             yield Disagreement(f"{kind} {artifact_id}", fault, is_lost=True, broken=(kind, artifact_id))
             continue
+        if kind == "batch":
+            batches.append((artifact_id, json.loads(record)["runs"]))
         main = MAIN_FILES.get(kind)
         if main is None:
             continue
@@ -86,6 +91,12 @@ def disagreements(workspace: Workspace) -> Iterator[Disagreement]:
             yield Disagreement(f"{kind} {artifact_id}", f"its file {main} is gone", is_lost=True)
         elif not _size(path):
             yield Disagreement(f"{kind} {artifact_id}", f"its file {main} is empty", is_lost=True)
+    for batch_id, run_ids in batches:
+        if gone := [run_id for run_id in run_ids if run_id not in known["run"]]:
+            some = ", ".join(gone[:_SHOWN_RUNS]) + (", …" if len(gone) > _SHOWN_RUNS else "")
+            yield Disagreement(
+                f"batch {batch_id}", f"{len(gone)} of its {len(run_ids)} runs are gone: {some}", is_lost=False
+            )
     for folder in _without_record(workspace, known):
         yield Disagreement(str(folder.relative_to(workspace.root)), "belongs to no record", is_lost=False)
 

@@ -25,7 +25,7 @@ from mcp.server.auth.routes import build_resource_metadata_url, create_protected
 from mcp.server.auth.settings import AuthSettings
 from mcp.server.streamable_http_manager import StreamableHTTPASGIApp, StreamableHTTPSessionManager
 from mcp.server.transport_security import TransportSecuritySettings
-from pydantic import AnyHttpUrl
+from pydantic import AnyHttpUrl, ConfigDict, TypeAdapter
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.middleware.authentication import AuthenticationMiddleware
@@ -207,7 +207,7 @@ class _Authentication:
                 next_step="set http_url to the address that clients use, such as https://forge.example.org/mcp",
             )
         oauth = AuthSettings(
-            issuer_url=AnyHttpUrl(settings.oauth_issuer),
+            issuer_url=_as_written(settings.oauth_issuer),
             resource_server_url=AnyHttpUrl(settings.http_url),
             required_scopes=[READ_SCOPE],
             validate_token_resource=True,
@@ -238,6 +238,12 @@ class _Authentication:
             scopes_supported=[READ_SCOPE, WRITE_SCOPE],
             resource_name="PlannerForge",
         )
+
+
+def _as_written(url: str) -> AnyHttpUrl:
+    """Return a URL to which no slash is added: clients compare issuers letter by letter (RFC 8414, section 3.3)."""
+    adapter = TypeAdapter(AnyHttpUrl, config=ConfigDict(url_preserve_empty_path=True))
+    return adapter.validate_python(url)
 
 
 def _let_in(settings: Settings) -> TransportSecuritySettings:

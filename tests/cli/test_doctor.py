@@ -3,6 +3,7 @@
 import json
 import socket
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 from plannerforge.cli import doctor
 from plannerforge.cli.hosts import BACKUP, HOSTS, install, start_command
 from plannerforge.engine.catalog.vector_index import ensure_generation
+from plannerforge.schemas.catalog import EMBEDDINGS_EXTRA
 from plannerforge.server.settings import Settings
 
 
@@ -30,7 +32,7 @@ def test_this_installation_is_sound(settings: Settings, tmp_path: Path, capsys: 
     assert {"SUMO", "planner cores", "text ranking", "text index", "workspace", "records"} <= set(found)
     assert [each for each in found.values() if each["state"] == "fault"] == []
     assert "1.28" in found["SUMO"]["found"]
-    assert "384" in found["text ranking"]["found"]
+    assert "896" in found["text ranking"]["found"]
 
 
 def test_what_is_missing_is_told_with_what_mends_it(
@@ -50,6 +52,19 @@ def test_what_is_missing_is_told_with_what_mends_it(
     assert (found["compiler"].state, found["workspace"].state, found["roots"].state) == ("note", "note", "note")
     assert doctor.run_doctor(settings, as_json=False, fix=False, home=tmp_path) == 1
     assert "2 fault(s)" in capsys.readouterr().out
+
+
+def test_a_model_that_needs_an_extra_names_it(
+    settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trial = doctor.TRIALS["text ranking"]
+    without = "import sys; sys.modules |= dict.fromkeys(('torch', 'sentence_transformers'))"
+    monkeypatch.setattr(doctor, "TRIALS", {"text ranking": replace(trial, program=without + trial.program)})
+    other = settings.model_copy(update={"embedding_model": "owner/model"})
+    ranking = looked_at(other, tmp_path)["text ranking"]
+    assert ranking.state == "fault"
+    assert "owner/model" in ranking.found
+    assert EMBEDDINGS_EXTRA in ranking.mend
 
 
 def test_a_damaged_database_is_a_fault(settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

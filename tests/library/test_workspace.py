@@ -181,6 +181,20 @@ def test_a_planner_that_fails_raises_and_the_workspace_goes_on(workspace: Worksp
     assert workspace.artifacts(kind="scenario").artifacts
 
 
+def test_lost_runs_of_a_batch_are_warned_of_and_the_others_stay(workspace: Workspace) -> None:
+    class Often(Straight):
+        """Has a plan if it is whole."""
+
+        def plan(self, observation: Observation) -> Plan:
+            if self.share < 1.0:
+                raise RuntimeError("no idea")
+            return super().plan(observation)
+
+    with pytest.warns(UserWarning, match="1 of 2 runs"):
+        runs = workspace.run(scenario_of(workspace), {"whole": Often(), "half": Often(0.5)})
+    assert runs.to_pandas()["config_name"].tolist() == ["whole:Default"]
+
+
 def test_importing_the_package_loads_only_the_standard_library() -> None:
     program = "import sys; before = set(sys.modules); import plannerforge; print(*sorted(set(sys.modules) - before))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=Path.home())

@@ -101,7 +101,7 @@ def test_the_embedding_model_is_the_packaged_one_a_folder_or_a_name_on_the_hub(t
     folder = tmp_path / "model"
     folder.mkdir()
     (folder / "config.json").write_text("{}")
-    for value in ("all-MiniLM-L6-v2", "intfloat/e5-small", str(folder)):
+    for value in ("packaged", "all-MiniLM-L6-v2", "intfloat/e5-small", str(folder)):
         assert Settings(embedding_model=value).embedding_model == value
     for wrong in ("all-MiniLM", str(tmp_path), "./nowhere"):
         with pytest.raises(ValidationError, match="embedding_model"):

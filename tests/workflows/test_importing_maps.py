@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from support.builders import town_road
 from support.server import Connect
 
 from plannerforge.engine.maps.drawn_library import LIBRARY
@@ -55,6 +56,24 @@ async def test_a_map_is_taken_by_its_content_whatever_its_name(connect: Connect,
         answer = await client.call_tool("import_files", {"path": str(folder)})
         assert (answer.structured_content or {})["refused"] == 0
         assert {item["kind"] for item in (answer.structured_content or {})["items"]} == {"map"}
+
+
+async def test_a_compressed_scenario_is_taken_and_other_compressed_xml_passed_over(
+    connect: Connect, tmp_path: Path
+) -> None:
+    folder = tmp_path / "scenarios"
+    folder.mkdir()
+    (folder / "road.xml.gz").write_bytes(gzip.compress(town_road().xml().encode()))
+    (folder / "osm.poly.xml.gz").write_bytes(gzip.compress(b"<additional/>"))
+    async with connect() as client:
+        answer = await client.call_tool("import_files", {"path": str(folder)})
+        found = answer.structured_content or {}
+        assert [item["kind"] for item in found["items"]] == ["scenario"]
+        assert found["refused"] == 0
+        assert ".gz 1" in found["note"]
+        (folder / "road.xml").write_text(town_road().xml(), encoding="utf-8")
+        again = await client.call_tool("import_files", {"path": str(folder / "road.xml")})
+        assert (again.structured_content or {})["reused"] == 1
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux has file names that are not UTF-8")

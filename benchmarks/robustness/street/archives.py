@@ -18,6 +18,7 @@ import sqlite3
 import sys
 from collections import Counter
 from dataclasses import dataclass, field
+from importlib.resources import files as package_files
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from mcp import Client, MCPError
 from typer.testing import CliRunner
 
 from plannerforge.cli.program import application
+from plannerforge.engine.workspace import ARTIFACT_KINDS
 from plannerforge.schemas.errors import PlannerForgeError
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
@@ -42,6 +44,7 @@ _NAMED = re.compile(r"\[(\w+)\] ")
 _OWN, _OTHERS = "ZAM_Landmoor-31_1_T-1", ("ZAM_Landmoor-17_1_T-1", "ZAM_Landmoor-18_1_T-1")
 """Starter scenarios: of the own work, and of the archive."""
 _LIMIT_S = 60.0
+_MAPS = Path(str(package_files("plannerforge.engine.maps"))) / "library"
 
 
 @dataclass
@@ -114,6 +117,17 @@ async def _make(workspace: Path, scenarios: list[str], is_rich: bool) -> None:
             edit = {"op": "set_goal", "goal": "through"}
             await client.call_tool("modify_scenario", {"scenario_id": ids[0], "edits": [edit]})
             await ask(client, "configure_planner", planner="frenetix", preset="Default", weights=["jerk=0.5"])
+            map_file = files / "quadratstadt.osm"
+            shutil.copy(_MAPS / map_file.name, map_file)
+            await ask(client, "import_files", path=str(map_file))
+            await ask_to_the_end(
+                client, "generate_scenarios", place="quadratstadt", cover=["turn=left|right"], count=2, duration_s=5
+            )
+            await ask_to_the_end(
+                client, "optimize_planner", scenarios=ids, base="idm:Default", max_trials=4, method="random"
+            )
+    if is_rich and (lacking := set(ARTIFACT_KINDS) - {kind for kind, _ in _contents(workspace)}):
+        raise RuntimeError(f"the archive to forge lacks {', '.join(sorted(lacking))}")
 
 
 def _command(*words: str) -> tuple[int, str]:
@@ -168,7 +182,7 @@ async def _ask_about(
         ("find_scenarios", {"limit": 20}),
         ("describe_catalog", {}),
         ("list_planners", {}),
-        *(("list_artifacts", {"kind": kind}) for kind in ("run", "batch", "search", "config", "scenario")),
+        *(("list_artifacts", {"kind": kind}) for kind in ARTIFACT_KINDS),
         ("list_artifacts", {}),
         *(("analyze_results", {"results": [run]}) for run in own_runs),
     ]
@@ -179,7 +193,7 @@ async def _ask_about(
             ("configure_planner", {"planner": "frenetix", "preset": "Default"}),
         ]
     theirs: list[tuple[str, dict[str, Any]]] = [("analyze_results", {"results": [run]}) for run in runs]
-    theirs += [("analyze_results", {"results": [key]}) for kind, key in others if kind == "batch"]
+    theirs += [("analyze_results", {"results": [key]}) for kind, key in others if kind in ("batch", "study")]
     if with_run:
         theirs += [("describe_scenario", {"scenario_id": key}) for kind, key in others if kind == "scenario"][:2]
     is_marked = True

@@ -37,7 +37,7 @@ _LONGEST_SHORT = 5
 """Letters of a shortened word: of libpostal's abbreviations of kinds of roads, directions and titles, 92 of 100 are no
 longer, and 98 consist of letters of their words in the same order."""
 _ROMAN = re.compile("x{0,3}(?:ix|iv|v?i{0,3})")
-_SHORTEST = 3
+SHORTEST_BEGUN = 3
 """Letters that are taken for the beginning of a name (chosen)."""
 
 
@@ -61,7 +61,7 @@ def is_abbreviated(typed: str, name: str) -> bool:
     words, held = _told(typed), _told(name)
     if len(words) != len(held) or words == held:
         return False
-    kept = [word for word, whole in zip(words, held, strict=True) if word == whole and len(word) >= _SHORTEST]
+    kept = [word for word, whole in zip(words, held, strict=True) if word == whole and len(word) >= SHORTEST_BEGUN]
     short = [(word, whole) for word, whole in zip(words, held, strict=True) if word != whole]
     is_told = any(not kinds_of_road(word) for word in kept) or (bool(kept) and typed.count(".") >= len(short))
     return is_told and all(_shortens(word, whole) for word, whole in short)
@@ -90,10 +90,18 @@ def _told(name: str) -> tuple[str, ...]:
     return tuple(word for word in words if len(word) == 1 or word in told)
 
 
+def is_long_enough(typed: str) -> bool:
+    """Whether as many letters were typed as the beginning of a name has at least, in their own script or in Latin.
+
+    One Chinese character is several Latin letters; of Arabic and Hebrew, which write no vowels, hardly any are left.
+    """
+    return max(sum(map(str.isalnum, typed)), sum(map(len, words_of_name(typed)))) >= SHORTEST_BEGUN
+
+
 def is_half_of(typed: str, name: str) -> bool:
     """Whether a name holds all words that were typed, the last of which may be only begun."""
     words, held = words_of_name(typed), words_of_name(name)
-    if sum(map(len, words)) < _SHORTEST:
+    if not words or not is_long_enough(typed):
         return False
     return all(word in held for word in words[:-1]) and any(one.startswith(words[-1]) for one in held)
 

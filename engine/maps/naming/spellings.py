@@ -12,11 +12,13 @@ from collections.abc import Iterable, Sequence
 from functools import cache, lru_cache
 from itertools import islice, product
 from pathlib import Path
+from typing import Any
 
 from .places import fold, latin
 
 _ABBREVIATIONS = Path(__file__).parent / "road_words.json.gz"
-"""What libpostal knows of abbreviations and of the words for numbers (``scripts/make_road_words.py``)."""
+"""What libpostal knows of abbreviations, of the words for numbers and directions, of kinds of roads that end a word,
+and of crossings (``scripts/make_road_words.py``)."""
 _SAME_WORDS = """
 street: street st str strasse straat strada stradal rue ulitsa
 street: ulica ul vulitsya vulytsya calle via rruga rr gata gatan
@@ -47,9 +49,9 @@ close: close cl
 mount: mount mt
 fort: fort ft
 and: and und et y
-north: north n nord norte bei severnaya severnyy
-south: south s sud sur sued nan yuzhnaya yuzhnyy
-east: east e est ost este dong vostochnaya vostochnyy
+north: north n bei severnaya severnyy
+south: south s sur nan yuzhnaya yuzhnyy
+east: east e dong vostochnaya vostochnyy
 west: west w ouest oeste xi zapadnaya zapadnyy
 northeast: northeast ne
 northwest: northwest nw
@@ -68,9 +70,11 @@ president: president pres
 princess: princess princesse
 prince: prince
 """
-"""One word of a road name, by its kind, and how people write it; a spelling may stand for several words."""
-_JOINED = {"strasse": "street", "str": "street", "straat": "street", "platz": "square", "pl": "square"}
-"""Ends of German and Dutch words that are the kind of road: ``Hauptstr``; the longer first."""
+"""Words of road names that mean the same, and how people write them; a spelling may stand for several words.
+
+What libpostal does not tell: it knows the words of each language, but not which of them mean the same in another one;
+of directions it has no adjectives, no letters alone, and nothing in Chinese.
+"""
 _KINDS = frozenset(
     [
         "street",
@@ -98,6 +102,8 @@ _KINDS = frozenset(
 _DIRECTIONS = frozenset(
     ["north", "south", "east", "west", "northeast", "northwest", "southeast", "southwest", "middle"]
 )
+# Articles and words for "of", all among libpostal's stopwords and elisions; its other stopwords tell roads apart
+# (``Am Markt``, ``Unter den Linden``). ``section`` is what Taiwan writes before the number of a stretch.
 _PARTICLES = frozenset(
     [
         "the",
@@ -129,6 +135,7 @@ _PARTICLES = frozenset(
         "sec",
     ]
 )
+# Of libpostal's Chinese kinds of roads and directions, those that end a name, with the traditional character.
 _CHINESE_KINDS = {"大道": "avenue", "大街": "street", "路": "road", "街": "street", "道": "road", "巷": "alley"}
 _CHINESE_DIRECTIONS = {"北": "north", "南": "south", "东": "east", "東": "east", "西": "west", "中": "middle"}
 _NUMERALS = "一二三四五六七八九十"
@@ -156,15 +163,37 @@ _LETTERED = {
     "kreisstrasse": "k",
     "kreisstr": "k",
 }
-"""The letters of a road number by the words that are said for them."""
+"""The letters that OSM's ``ref`` has for a class of roads, by the words that are said for them."""
 _ELIDED = re.compile(r"\b(?:d|l|s|dell|dall|all|nell|sull)['’](?=\w)", re.IGNORECASE)
-"""Articles and prepositions before a vowel, in Catalan, French and Italian: ``Port d'Envalira``."""
+"""Articles and prepositions before a vowel, in Catalan, French and Italian: ``Port d'Envalira``. They are
+libpostal's elisions without those of pronouns and without ``sant'``, and the Italian prepositions that it lacks."""
 _CONTRACTED = re.compile(r"\b(\w{1,2}(?=\.)|[^\W\d_](?=-))[.-](\w{2,3})\b(?!\.)")
 """Contractions with a point or a hyphen inside: ``P.za``, ``C.so``, ``V.le``, ``B-dul``, ``пр-т``."""
 _MOST_READINGS = 32
 """Readings of one name that are compared: ``St`` has two, and a name has few such words (chosen)."""
 MOST_KEPT = 50_000
 """Names whose spellings are kept, because every call compares all of them (chosen)."""
+
+
+@cache
+def _table() -> dict[str, Any]:
+    table: dict[str, Any] = json.loads(gzip.decompress(_ABBREVIATIONS.read_bytes()))
+    return table
+
+
+def words_for_crossings() -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return what languages write between the two roads of a crossing, and what they write before both."""
+    return tuple(_table()["joining"]), tuple(_table()["corners"])
+
+
+@cache
+def _endings() -> dict[str, str]:
+    """The kinds of road that words end in (``Hauptstr``, ``Storgatan``), the longer ends first."""
+    meant: dict[str, str] = {}
+    for kind, spellings in _table()["suffixes"].items():
+        kinds = [word for word in _meanings().get(kind, ()) if word in _KINDS]
+        meant |= {spelling: kinds[0] for spelling in spellings if len(kinds) == 1}
+    return dict(sorted(meant.items(), key=lambda pair: (-len(pair[0]), pair[0])))
 
 
 @cache
@@ -179,9 +208,14 @@ def _meanings() -> dict[str, tuple[str, ...]]:
         meaning, same = line.split(": ")
         for spelling in same.split():
             plain = latin(spelling)
-            found[plain] = tuple(dict.fromkeys((*found.get(plain, ()), meaning)))
+            itself = (plain,) if len(plain) == 1 and meaning in _KINDS else ()  # ``C Street`` is no ``Calle``
+            found[plain] = tuple(dict.fromkeys((*found.get(plain, ()), *itself, meaning)))
+    table = _table()
+    for direction, spellings in table["directions"].items():
+        for spelling in spellings:
+            if spelling not in _PARTICLES:
+                found[spelling] = tuple(dict.fromkeys((*found.get(spelling, ()), direction)))
     own = dict(found)
-    table = json.loads(gzip.decompress(_ABBREVIATIONS.read_bytes()))
     for word, written in (*table["kinds"].items(), *table["others"].items()):
         abbreviated = [word, *(each for each in written if len(each) > 1)]
         told = [own[each] for each in abbreviated if len(each) > 2 and len(own.get(each, ())) == 1]
@@ -202,9 +236,18 @@ def road_readings(name: str) -> frozenset[frozenset[str]]:
     words = [word for word in map(latin, _split(name)) if word]
     choices = [list(_word_readings(word)) for word in words]
     readings += islice(product(*choices), _MOST_READINGS)
-    return frozenset(
-        frozenset(word for words in reading for word in words) for reading in readings if any(map(bool, reading))
-    )
+    meant = [[word for words in reading for word in words] for reading in readings]
+    return frozenset(frozenset(words) for words in _that_say_a_kind_once(meant) if words)
+
+
+def _that_say_a_kind_once(readings: list[list[str]]) -> list[list[str]]:
+    """The readings in which no two words say the same kind; all if every reading has such words.
+
+    ``C Street`` is a street called C, and not ``Calle Street``.
+    """
+    kinds = [[word for word in words if word in _KINDS] for words in readings]
+    once = [words for words, said in zip(readings, kinds, strict=True) if len(said) == len(set(said))]
+    return once or readings
 
 
 @lru_cache(maxsize=MOST_KEPT)
@@ -264,7 +307,7 @@ def _word_readings(word: str) -> tuple[tuple[str, ...], ...]:
     known = _meanings().get(word)
     if known is not None:
         return tuple((meaning,) for meaning in known)
-    for end, kind in _JOINED.items():
+    for end, kind in _endings().items():
         if word.endswith(end) and len(word) > len(end) + 2:
             return ((word.removesuffix(end), kind),)
     return ((word,),)

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...commonroad import limits_mps
 from ...geometry import Points, Values, curvatures, length_m, maximum_curvature, unit, without_repeats
-from ...vehicles import COMFORTABLE_MPS2, HARDEST_LATERAL_MPS2
+from ...vehicles import comfortable_mps2, hardest_braking_mps2
 from .layout import NetLayout
 
 if TYPE_CHECKING:
@@ -62,9 +62,12 @@ class SlowPlaces:
     hardest_mps: Values
 
 
-def lowered_by_curves(layout: NetLayout, straight_mps: Mapping[int, float]) -> dict[int, float]:
-    """Speeds in m/s by lanelet, each no more than the sharpest curve of the lanelet allows."""
-    return {key: min(speed, curve_speed(layout.table.lanes[key].center)) for key, speed in straight_mps.items()}
+def lowered_by_curves(
+    layout: NetLayout, straight_mps: Mapping[int, float], friction: float | None = None
+) -> dict[int, float]:
+    """Speeds in m/s by lanelet, each no more than its sharpest curve allows on a road of some friction."""
+    lanes = layout.table.lanes
+    return {key: min(speed, curve_speed(lanes[key].center, friction=friction)) for key, speed in straight_mps.items()}
 
 
 def straight_speeds(
@@ -86,7 +89,7 @@ def straight_speeds(
     return wanted
 
 
-def curve_speed(shape: Points, sigma_m: float = _SMOOTHING_M) -> float:
+def curve_speed(shape: Points, sigma_m: float = _SMOOTHING_M, friction: float | None = None) -> float:
     """Speed in m/s at which the sharpest curve of a polyline takes the comfortable lateral acceleration; may be inf.
 
     A line that is short against the smoothing keeps little of its turn when it is smoothed alone: the curvature that it
@@ -97,7 +100,7 @@ def curve_speed(shape: Points, sigma_m: float = _SMOOTHING_M) -> float:
         curvature = max(curvature, maximum_curvature(_between_straights(shape, _KERNEL * sigma_m), sigma_m))
     if curvature <= 0.0:
         return math.inf
-    return max(_SLOWEST_CURVE_MPS, math.sqrt(COMFORTABLE_MPS2 / curvature))
+    return max(_SLOWEST_CURVE_MPS, math.sqrt(comfortable_mps2(friction) / curvature))
 
 
 def _between_straights(shape: Points, beside_m: float) -> Points:
@@ -109,17 +112,20 @@ def _between_straights(shape: Points, beside_m: float) -> Points:
     return np.vstack([points[0] - before, points, points[-1] + behind])
 
 
-def slow_places(shape: Points, straight_mps: float, recorded: Sequence[tuple[float, float]] = ()) -> SlowPlaces:
+def slow_places(
+    shape: Points, straight_mps: float, recorded: Sequence[tuple[float, float]] = (), friction: float | None = None
+) -> SlowPlaces:
     """Where the curves of a polyline are driven slower than a speed, and how fast, by the same rule.
 
     Where a vehicle was recorded faster the speed is higher, as far as tyres hold: what looks like a curve may be a kink
     of a coarse line. ``recorded``: arc lengths in m on the polyline and speeds there.
     """
     stations, curvature = curvatures(shape, _SMOOTHING_M)
-    curved = curvature * straight_mps**2 > COMFORTABLE_MPS2
+    comfortable = comfortable_mps2(friction)
+    curved = curvature * straight_mps**2 > comfortable
     at = stations[curved]
-    easy = np.maximum(np.sqrt(COMFORTABLE_MPS2 / curvature[curved]), _SLOWEST_CURVE_MPS)
-    hardest = easy * math.sqrt(HARDEST_LATERAL_MPS2 / COMFORTABLE_MPS2)
+    easy = np.maximum(np.sqrt(comfortable / curvature[curved]), _SLOWEST_CURVE_MPS)
+    hardest = easy * math.sqrt(hardest_braking_mps2(friction) / comfortable)
     fastest = np.zeros(len(at))
     for station_m, speed_mps in recorded:
         near = np.abs(at - station_m) <= _RECORDED_NEAR_M

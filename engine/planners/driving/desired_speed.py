@@ -71,7 +71,13 @@ class CruisingSpeed:
     it to the speed at which they ask for a comfortable lateral acceleration, reached by comfortable braking.
     """
 
-    def __init__(self, network: "LaneletNetwork", reference: ReferencePath, start_mps: float) -> None:
+    def __init__(
+        self,
+        network: "LaneletNetwork",
+        reference: ReferencePath,
+        start_mps: float,
+        comfortable_mps2: float = COMFORTABLE_MPS2,
+    ) -> None:
         self._stations = arc_length(reference.points)
         posted = posted_speeds(network)
         route = [network.find_lanelet_by_id(key) for key in reference.lanelets]
@@ -81,7 +87,7 @@ class CruisingSpeed:
         lanelet_at = np.searchsorted(reference.lanelet_ends_m(network), self._stations, side="right")
         self._limits = limits[np.minimum(lanelet_at, len(limits) - 1)]
         turned = np.concatenate([along := headings(reference.points), along[-1:]])
-        self._curves = curve_speeds_mps(self._stations, turned, COMFORTABLE_MPS2, COMFORTABLE_MPS2)
+        self._curves = curve_speeds_mps(self._stations, turned, comfortable_mps2, comfortable_mps2)
 
     def at(self, station_m: float) -> tuple[float, SpeedReason]:
         """Return the speed in m/s at a station, and whether the limit or the curve ahead decides."""
@@ -122,7 +128,7 @@ class DesiredSpeed:
     def of(cls, task: PlanningTask) -> "DesiredSpeed":
         """Return the desired speed for a planning task."""
         start_mps = EgoState.of(task.problem.initial_state).speed_mps
-        cruising = CruisingSpeed(task.network, task.reference, start_mps)
+        cruising = CruisingSpeed(task.network, task.reference, start_mps, task.vehicle.comfortable_mps2)
         return cls(Goal(task.goal_ahead), task.reference, task.step_s, cruising)
 
     def at(self, ego: EgoState) -> float:

@@ -42,6 +42,7 @@ def start_message(task: PlanningTask, planner: str, scenario_id: str) -> StartMe
         settings=numbers_of(settings.stated_values),
         vehicle=numbers_of(parameter_values(task.vehicle)),
         ego_class=task.vehicle.vehicle_class,
+        friction=task.vehicle.friction,
         step_s=task.step_s,
         first_step=ego.step,
         last_step=Goal(task.problem.goal).last_step,

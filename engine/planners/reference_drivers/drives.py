@@ -55,31 +55,33 @@ class NominalMotion:
         return cls(path, ego.first_step, stations[:count], speeds[:count], was_driven=True)
 
     @classmethod
-    def along_lane(cls, path: DriverPath, ego: Track, count: int, step_s: float) -> "NominalMotion":
+    def along_lane(
+        cls, path: DriverPath, ego: Track, count: int, step_s: float, comfortable_mps2: float = COMFORTABLE_MPS2
+    ) -> "NominalMotion":
         """Return the motion of an ego that keeps to a way at the speed with which a track begins.
 
         Only in bends it is slower, where it would need more than a comfortable lateral acceleration.
         """
-        known_m, limits = _bend_limits(path)
+        known_m, limits = _bend_limits(path, comfortable_mps2)
         begin = float(path.follow(ego.positions[:1])[0][0])
         wanted = float(ego.speeds_mps[0])
         stations, speeds = [begin], [wanted]
         while len(stations) < count:
             limit = float(np.interp(stations[-1] + speeds[-1] * step_s, known_m, limits))
-            speed = min(speeds[-1] + COMFORTABLE_MPS2 * step_s, wanted, max(limit, 0.0))
+            speed = min(speeds[-1] + comfortable_mps2 * step_s, wanted, max(limit, 0.0))
             stations.append(stations[-1] + (speeds[-1] + speed) / 2 * step_s)
             speeds.append(speed)
         return cls(path, ego.first_step, np.array(stations), np.array(speeds), was_driven=False)
 
 
-def _bend_limits(path: DriverPath) -> tuple[Values, Values]:
+def _bend_limits(path: DriverPath, comfortable_mps2: float) -> tuple[Values, Values]:
     """Return stations and the speeds at which a path's bends stay at a comfortable acceleration, both (n,)."""
     if path.length_m < _LEAST_WAY_M:
         return np.zeros(1), np.full(1, np.inf)
     points = without_repeats(path.points)
     line = resample(points, max(round(path.length_m), 3))
     return arc_length(line)[:-1], curve_speeds_mps(
-        arc_length(line)[:-1], headings(line), COMFORTABLE_MPS2, COMFORTABLE_MPS2
+        arc_length(line)[:-1], headings(line), comfortable_mps2, comfortable_mps2
     )
 
 

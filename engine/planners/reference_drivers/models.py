@@ -45,6 +45,11 @@ class Brakes:
         """How fast the braking builds up, in m/s³."""
         return self.full_mps2 / self.build_up_s
 
+    def on_road(self, friction: float | None) -> "Brakes":
+        """Return the brakes on a road of some friction; the braking builds up at the same rate."""
+        full = self.full_mps2 if friction is None else min(self.full_mps2, friction * GRAVITY_MPS2)
+        return self if full == self.full_mps2 else Brakes(full, full / self.jerk_mps3)
+
     def after(self, braking_mps2: float, wanted_mps2: float, step_s: float) -> float:
         """Return the braking one step later if a driver wants a deceleration; releasing the pedal takes no time."""
         return min(braking_mps2 + self.jerk_mps3 * step_s, self.full_mps2, wanted_mps2)

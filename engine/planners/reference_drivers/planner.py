@@ -74,7 +74,8 @@ class ReferencePlanner(IntelligentDriver):
         self._last_step = 0
         self._at: dict[int, _Pedals] = {}
         kind = vehicle_classes()[task.vehicle.vehicle_class].commonroad_type
-        self._brakes = HEAVY_BRAKES if configuration.settings.vehicle == _TRACTOR else brakes_of(kind)
+        brakes = HEAVY_BRAKES if configuration.settings.vehicle == _TRACTOR else brakes_of(kind)
+        self._brakes = brakes.on_road(task.vehicle.friction)
 
     def _motion(self, observation: Observation, station: float) -> tuple[Values, Values]:
         """Return the distance in m and the speed, one a step, of a rear axle that begins at a station."""

@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....schemas.errors import NotPossible
+from ....schemas.runs import TriggerOutcome
 from ...commonroad import LoadedScenario, Track
 from ...cosimulation import Actor, SimulationSetup, next_speed_mps, open_simulation, replayed_actor
 from ...geometry import Points, oriented_rectangle, rectangles_overlap, wrap_angle
 from ...network import signals_of, sumo_net
 from ...traffic import NO_LANE, LaneHint, Sumo, sumo_pose
-from ...vehicles import HARDEST_BRAKING_MPS2, VehicleParameters
+from ...vehicles import VehicleParameters
 from ..goal import select_goal_state
 from ..interface import EgoState
 from .recorded import GrowingTrack, Traffic, rectangle
@@ -131,6 +132,11 @@ class _ReactiveTraffic:
         """Ids of the dynamic obstacles that followed their recording."""
         replayed = [track.obstacle_id for track in self._roles.replayed.moving]
         return tuple(sorted([*replayed, *(actor.track.obstacle_id for actor in self._lost)]))
+
+    @property
+    def triggers(self) -> tuple[TriggerOutcome, ...]:
+        """Triggers of prescribed motions by the road user's id, and whether they have held up to the present step."""
+        return tuple(outcome for actor in self._scripted.values() for outcome in actor.triggers(self._first_step))
 
     def advance(self, ego: EgoState) -> None:
         """One step of SUMO, to the step of the ego's new state, with the ego there when it ends."""
@@ -255,16 +261,22 @@ class _ReactiveTraffic:
 
         SUMO sees the ego by lanes: behind it on one that merges, or askew in a junction, a follower would not.
         """
+        hardest_mps2 = self._ego_vehicle.hardest_braking_mps2
         for actor in self._under_way:
             track = driven[actor.track.obstacle_id]
             room_m = _room_behind_m(track, ego, self._ego_vehicle)
             usual_mps2, speed_mps = self._sumo.decel_mps2(actor.key), float(track.speeds_mps[-1])
             highest_mps = None
             if room_m is not None:
-                own_way_m = ego.speed_mps**2 / (2 * HARDEST_BRAKING_MPS2)
+                own_way_m = ego.speed_mps**2 / (2 * hardest_mps2)
                 room_m += own_way_m
                 highest_mps = next_speed_mps(
-                    speed_mps, usual_mps2, self._sumo.step_s(), room_m - _BEHIND_EGO_M, room_m - _LEAST_BEHIND_EGO_M
+                    speed_mps,
+                    usual_mps2,
+                    self._sumo.step_s(),
+                    room_m - _BEHIND_EGO_M,
+                    room_m - _LEAST_BEHIND_EGO_M,
+                    hardest_mps2=hardest_mps2,
                 )
             if highest_mps is not None:
                 self._sumo.slow_down(actor.key, highest_mps)
@@ -377,7 +389,10 @@ class ShownVehicle:
         """After the step: show its speed, and take the entry before out; ``there``: the vehicles on the network."""
         self._sumo.remove(self._entry_before)
         self._entry_before = ""
-        if self._entry in there:
+        left_road = bool(self._over[0]) and self._entry in there and not self._sumo.lane(self._entry)
+        if left_road:
+            self._sumo.remove(self._entry)  # SUMO crashes on what it still knows of a vehicle that left the road
+        if self._entry in there and not left_road:
             self._sumo.show_speed(self._entry, speed_mps)
             self._sumo.hold(self._entry)
             self._compare_lines()

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from ....schemas.runs import TriggerOutcome
 from ...commonroad import LoadedScenario, Track, recorded_tracks, size_of
 from ...vehicles import VehicleParameters
 from ..interface import EgoState
@@ -43,6 +44,10 @@ class Traffic(Protocol):
     def on_recording(self) -> tuple[int, ...]:
         """Ids of the moving obstacles that follow their recording although the traffic is reactive."""
 
+    @property
+    def triggers(self) -> tuple[TriggerOutcome, ...]:
+        """Triggers of prescribed motions by the road user's id, and whether they have held up to the present step."""
+
     def advance(self, ego: EgoState) -> None:
         """Go on to the step of the ego's new state; called for every step in order, before that step is read."""
 
@@ -59,6 +64,7 @@ class RecordedTraffic:
 
     driven: tuple[Track, ...] = ()
     on_recording: tuple[int, ...] = ()
+    triggers: tuple[TriggerOutcome, ...] = ()
 
     def __init__(
         self,

@@ -14,7 +14,7 @@ from ...geometry import Points, point_at, project
 from ...network import NetLayout
 from ...scene import MapMatcher, Scene, find_route
 from ...traffic import NO_LANE, LaneHint, vehicle_type
-from ...vehicles import HARDEST_BRAKING_MPS2, VehicleParameters, vehicle_classes
+from ...vehicles import VehicleParameters, vehicle_classes
 from ..interface import EgoState
 from .recorded import RecordedTraffic
 from .scripted import scripts_of
@@ -137,7 +137,7 @@ class TrafficRoles:
 
 def _ego_type(vehicle: VehicleParameters) -> str:
     """The ego's ``vType`` element; its apparent braking tells followers how much distance to keep."""
-    braking = f"{min(HARDEST_BRAKING_MPS2, vehicle.maximum_acceleration_mps2):g}"
+    braking = f"{min(vehicle.hardest_braking_mps2, vehicle.maximum_acceleration_mps2):g}"
     return vehicle_type(
         f"t{EGO}",
         vClass=vehicle_classes()[vehicle.vehicle_class].sumo_class,

@@ -7,14 +7,16 @@ lets the road user set off, and that a road user that dodges slows it down: it b
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
+from ....schemas.runs import TriggerOutcome
 from ...commonroad import LoadedScenario, Track, script_texts
-from ...cosimulation import Script, ScriptPart, beyond, scripted_track
+from ...cosimulation import Script, ScriptPart, SpeedAct, beyond, scripted_track
 from ...geometry import Points, oriented_rectangle, rectangles_overlap
 from ...scene import Scene
-from ...vehicles import COMFORTABLE_MPS2, HARDEST_BRAKING_MPS2, VehicleParameters
+from ...vehicles import VehicleParameters
 from ..interface import EgoState
 from .recorded import GrowingTrack
 
@@ -66,7 +68,23 @@ class ScriptedActor:
         self._motion = script.base
         self._pending: list[ScriptPart] = list(script.parts)
         self._clock, self._pace = 0.0, 1.0
+        self._begun: list[tuple[ScriptPart, int]] = []
         self._grown: GrowingTrack | None = None
+
+    def triggers(self, first_step: int) -> list[TriggerOutcome]:
+        """Return the triggers of the script and whether they have held; times count from a step on."""
+        step_s, pending = self._scene.step_s, [(part, None) for part in self._pending]
+        return [
+            TriggerOutcome(
+                obstacle_id=self._motion.obstacle_id,
+                code="trigger_not_fired" if step is None else "trigger_fired",
+                begins=_what_begins(part),
+                trigger=part.trigger.in_words(),
+                time_s=None if step is None else round((step - first_step) * step_s, 9),
+            )
+            for part, step in [*self._begun, *pending]
+            if part.trigger is not None
+        ]
 
     @property
     def key(self) -> str:
@@ -130,6 +148,7 @@ class ScriptedActor:
             if not is_due:
                 continue
             self._pending.remove(part)
+            self._begun.append((part, ego.state.step))
             acts = part.acts_from(max(now, part.step) if part.trigger is None else now)
             scene = self._scene
             changed = scripted_track(self._motion, acts, beyond(scene, self._motion), scene.last_step, scene.step_s)
@@ -154,18 +173,15 @@ class ScriptedActor:
 
         If both meet the ego at the same time, it brakes for an ego ahead and not for one that comes from behind.
         """
-        step_s = self._scene.step_s
+        step_s, hardest = self._scene.step_s, self._vehicle.hardest_braking_mps2
         speed = max(float(self._motion.speeds_mps[self.index]), _STANDING_MPS)
-        faster = min(self._pace + COMFORTABLE_MPS2 * step_s / speed, 1.0)
-        going_s, braking_s = (
-            self._meets_after_s(ego, faster),
-            self._meets_after_s(ego, self._pace, HARDEST_BRAKING_MPS2),
-        )
+        faster = min(self._pace + self._vehicle.comfortable_mps2 * step_s / speed, 1.0)
+        going_s, braking_s = (self._meets_after_s(ego, faster), self._meets_after_s(ego, self._pace, hardest))
         place, heading, _ = self._pose(self._clock)
         away = np.asarray(ego.state.position) - place
         is_ahead = float(away[0]) * math.cos(heading) + float(away[1]) * math.sin(heading) > 0.0
         if going_s < braking_s or (going_s == braking_s < math.inf and is_ahead):
-            self._pace = max(self._pace - HARDEST_BRAKING_MPS2 * step_s / speed, 0.0)
+            self._pace = max(self._pace - hardest * step_s / speed, 0.0)
         else:
             self._pace = faster
 
@@ -176,7 +192,7 @@ class ScriptedActor:
         forward = np.array([math.cos(state.heading_rad), math.sin(state.heading_rad)])
         own_size = (motion.length_m + _ROOM_M, motion.width_m + _ROOM_M)
         reach_m = math.hypot(*own_size) / 2 + math.hypot(*ego.track.size_m) / 2
-        for ahead_s in np.arange(_LOOK_EVERY_S, speed / HARDEST_BRAKING_MPS2 + _LOOK_S, _LOOK_EVERY_S):
+        for ahead_s in np.arange(_LOOK_EVERY_S, speed / self._vehicle.hardest_braking_mps2 + _LOOK_S, _LOOK_EVERY_S):
             rolling_s = min(ahead_s, speed / braking_mps2) if braking_mps2 else ahead_s
             rolled_s = rolling_s - braking_mps2 * rolling_s**2 / (2.0 * speed)
             clock = min(self._clock + pace * rolled_s / step_s, len(motion.positions) - 1.0)
@@ -188,6 +204,15 @@ class ScriptedActor:
             if rectangles_overlap(oriented_rectangle(position, heading, own_size), body):
                 return float(ahead_s)
         return math.inf
+
+
+def _what_begins(part: ScriptPart) -> Literal["speed_change", "lateral_motion", "speed_and_lateral", "setting_off"]:
+    kinds = {type(act) for act in part.acts}
+    if not kinds:
+        return "setting_off"
+    if len(kinds) > 1:
+        return "speed_and_lateral"
+    return "speed_change" if SpeedAct in kinds else "lateral_motion"
 
 
 def actors_of(scripts: Mapping[int, Script], scene: Scene, vehicle: VehicleParameters) -> dict[int, ScriptedActor]:

@@ -16,6 +16,7 @@ from lxml import etree
 
 from ....schemas.artifacts import ForeignExport, ForeignExportRequest
 from ....schemas.text import counted, one_line
+from ....schemas.vocabulary import ROAD_FRICTIONS
 from ...commonroad import LoadedScenario, Track, center_of, last_recorded_step, middle_of, read_scenario, static_tracks
 from ...execution import ProgressReporter
 from ...vehicles import ego_class, nearest_class, vehicle_classes
@@ -91,6 +92,7 @@ def _document(loaded: LoadedScenario, roads: str) -> etree._Element:
         init.add_init_action(one.name, xosc.TeleportAction(xosc.WorldPosition(x, y, 0, heading)))
         _add_speed(init, one.name, float(one.track.speeds_mps[0]))
     _add_ego(loaded, entities, init)
+    _add_friction(loaded, init)
     end_s = last * loaded.step_s
     stop = xosc.ValueTrigger(
         "end", 0, xosc.ConditionEdge.none, xosc.SimulationTimeCondition(end_s, xosc.Rule.greaterThan), "stop"
@@ -166,6 +168,15 @@ def _add_ego(loaded: LoadedScenario, entities: Any, init: Any) -> None:
     place = xosc.WorldPosition(x - behind * math.cos(heading), y - behind * math.sin(heading), 0, heading)
     init.add_init_action(EGO, xosc.TeleportAction(place))
     _add_speed(init, EGO, float(middle_of(state.velocity)))
+
+
+def _add_friction(loaded: LoadedScenario, init: Any) -> None:
+    """The friction of the roads, as a factor of that of a dry road."""
+    from scenariogeneration import xosc
+
+    if loaded.friction is not None:
+        road = xosc.RoadCondition(round(loaded.friction / ROAD_FRICTIONS["dry"], 4))
+        init.add_global_action(xosc.EnvironmentAction(xosc.Environment("roads", roadcondition=road)))
 
 
 def _following(one: _Entity, step_s: float) -> Any:

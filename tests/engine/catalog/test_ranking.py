@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from support.catalog import facts
 
-from plannerforge.engine.catalog import vector_index
+from plannerforge.engine.catalog import packaged_model, vector_index
 from plannerforge.engine.catalog.bm25 import bm25_scores, reciprocal_rank_fusion
 from plannerforge.engine.catalog.ranking import build_index, rank
 from plannerforge.engine.catalog.tables import add_facts, prepare
@@ -196,6 +196,17 @@ def test_the_packaged_model_finds_the_description_that_means_the_same(database: 
     response = ranked(database)
     assert response.scenario_ids[0] == "DEU_Bonn-2_1_T-1"
     assert response.built_index
+    assert not ranked(database).built_index
+
+
+def test_an_index_that_other_weights_made_is_made_anew(database: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as earlier:  # as a release with other weights left the workspace
+        earlier.setattr(packaged_model, "WEIGHTS_SHA256", "0" * 64)
+        earlier.setattr(vector_index, "load_packaged", lambda name: CountingEmbedding())
+        assert ranked(database).built_index
+    after = ranked(database)
+    assert after.built_index
+    assert after.scenario_ids[0] == "DEU_Bonn-2_1_T-1"
     assert not ranked(database).built_index
 
 

@@ -27,7 +27,7 @@ def three() -> sqlite3.Connection:
 def answer(connection: sqlite3.Connection, likeness: float = 0.1, **slots: Any) -> FindScenariosResult:
     search = Search(connection, FindScenariosArguments(**slots))
     keys = (PLAIN, TAGGED, BUILT)
-    ranking = Ranking(keys, dict.fromkeys(keys, likeness)) if search.needs_ranking else None
+    ranking = Ranking(keys, dict.fromkeys(keys, likeness), least_likeness=0.2) if search.needs_ranking else None
     return search.answer("search", search.find(ranking), ranking)
 
 

@@ -13,7 +13,7 @@ from plannerforge.engine.cosimulation import actors, plans, replay
 from plannerforge.engine.cosimulation.actors import Actor, all_actors
 from plannerforge.engine.cosimulation.driver import Behaviour, usual_behaviour
 from plannerforge.engine.cosimulation.plans import recorded_plan
-from plannerforge.engine.cosimulation.replay import SimulationSetup, resimulate
+from plannerforge.engine.cosimulation.replay import SimulationSetup, replayed_states, resimulate
 from plannerforge.engine.network.sumo_export.writer import sumo_net
 from plannerforge.engine.scene.scene import Scene
 from plannerforge.engine.traffic.sumo import Sumo
@@ -148,6 +148,22 @@ def test_what_stands_is_not_placed_again_and_is_seen_as_if_it_were(
     assert any(later - earlier > 40 for earlier, later in itertools.pairwise(steps))
     assert [key for key, _ in placed[:seldom]].count("52") > 40, "it ends there: SUMO would take it out"
     assert len(placed) - seldom > seldom + 30
+
+
+def test_what_leaves_the_road_is_taken_out_and_comes_back_as_a_new_vehicle(
+    tmp_path: Path, placed: list[tuple[str, int]]
+) -> None:
+    # SUMO crashes on a vehicle that left the road while its rear was on other lanes, as soon as another comes by.
+    there = [(250.0 + step, 0.0, 0.0, 10.0) for step in range(20)]
+    aside = [(270.0 + step, -40.0, 0.0, 10.0) for step in range(10)]
+    back = [(280.0 + step, 0.0, 0.0, 10.0) for step in range(10)]
+    scene = _scene(tmp_path, Vehicle(51, (*there, *aside, *back), "truck", 8.0, 2.5, 0))
+    shown = replayed_states(_setup(scene, tmp_path), all_actors(scene, {}))
+    steps = {step for key, step in shown if key == "51"}
+    assert set(range(20)) <= steps
+    assert 20 not in steps
+    assert set(range(31, 40)) <= steps
+    assert len([step for key, step in placed if key == "51"]) == 40
 
 
 def _perfect_driver(vehicle_class: VehicleClass) -> Behaviour:

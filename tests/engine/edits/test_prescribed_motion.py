@@ -3,6 +3,8 @@
 import warnings
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from support.builders import Problem, driving, town_road
 from support.edits import Apply, apply_to
 
 from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.edits import scripted
 from plannerforge.engine.planners.interface import EgoState
 from plannerforge.engine.planners.registry import open_traffic
 from plannerforge.engine.vehicles.models import BMW_320I
@@ -58,6 +61,20 @@ def test_a_cut_in_ends_with_the_gap_that_is_asked_for(apply: Apply) -> None:
     assert gap.value == pytest.approx(1.2, abs=0.1)
     assert track.positions[60][1] == pytest.approx(0.0, abs=0.3)
     assert track.positions[28][1] > 3.0
+
+
+@pytest.mark.parametrize(("speed_mps", "units"), [(0.2, ["m"]), (10.0, ["s", "m"])])
+def test_a_time_gap_to_one_that_stands_is_not_told_as_reached(apply: Apply, speed_mps: float, units: list[str]) -> None:
+    tracks = apply({"op": "set_speed", "vehicles": ["31"], "speed": "9m/s"}, builder=ALONE).base_tracks()
+    ahead, behind = tracks[31], replace(tracks[31], obstacle_id=32, positions=tracks[31].positions - [19.5, 0.0])
+    behind = replace(behind, speeds_mps=np.full(len(behind.positions), speed_mps))
+    replays = {31: SimpleNamespace(track=ahead)}
+    edited: Any = SimpleNamespace(changes=SimpleNamespace(replays=replays), road_users={32: behind})
+    path: Any = SimpleNamespace(line=np.array([[0.0, 0.0], [300.0, 0.0]]))
+    found: Any = SimpleNamespace(last=20)
+    told = scripted._cut_in_achieved(edited, 31, behind, path, found, 1.5)
+    assert [one.unit for one in told] == units
+    assert all(one.reached for one in told) == (len(units) == 2)
 
 
 def test_a_cut_in_from_another_lane_than_the_next_names_the_vehicles_beside(apply: Apply) -> None:

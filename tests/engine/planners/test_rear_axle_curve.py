@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plannerforge.engine.geometry.polyline import Points, Values, arc_length, project_all
-from plannerforge.engine.planners.idm import RearAxleCurve, RearAxlePath
+from plannerforge.engine.planners.route_follower import RearAxleCurve, RearAxlePath
 from plannerforge.engine.vehicles.kinematics import centers
 from plannerforge.engine.vehicles.models import BMW_320I
 

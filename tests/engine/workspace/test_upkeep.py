@@ -23,7 +23,7 @@ from plannerforge.engine.workspace import (
     room_used,
 )
 from plannerforge.schemas.errors import ResourceFailure
-from plannerforge.schemas.runs import RunRecord, RunSteps
+from plannerforge.schemas.runs import BatchRecord, RunRecord, RunSteps
 from plannerforge.server.settings import Settings
 
 MB = 1024**2
@@ -60,6 +60,23 @@ def test_what_takes_room_is_told_by_part(workspace: Workspace) -> None:
     assert (uses["pictures"].size_bytes, uses["pictures"].is_cache) == (MB, True)
     assert (uses["runs"].files, uses["runs"].is_cache) == (3, False)
     assert not uses["database"].is_cache
+
+
+def test_batch_whose_runs_are_gone_is_named(workspace: Workspace) -> None:
+    recipe = Recipe(tool="run_planner", arguments={"number": 3})
+    batch = BatchRecord(
+        batch_id=f"batch_{recipe.digest}",
+        scenarios=("DEU_One-1_1_T-1",),
+        configs=("cfg_one",),
+        prediction="constant_velocity",
+        traffic="recorded",
+        runs=(ONE, run_id_of(numbered(9))),
+        lost=(),
+    )
+    workspace.put("batch", batch.batch_id, recipe=recipe, record=batch)
+    told = [each for each in disagreements(workspace) if each.where == f"batch {batch.batch_id}"]
+    assert [(each.is_lost, each.broken) for each in told] == [(False, None)]
+    assert run_id_of(numbered(9)) in told[0].what
 
 
 def test_lost_and_left_over_files_are_found(workspace: Workspace) -> None:

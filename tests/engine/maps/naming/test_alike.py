@@ -99,7 +99,14 @@ def test_numbers_of_any_language_are_words_or_figures(words: str) -> None:
 
 @pytest.mark.parametrize(
     ("typed", "name", "half"),
-    [("Edge", "Edge Lane", True), ("Andorra la V", "Andorra la Vella", True), ("la", "Andorra la Vella", False)],
+    [
+        ("Edge", "Edge Lane", True),
+        ("Andorra la V", "Andorra la Vella", True),
+        ("la", "Andorra la Vella", False),
+        ("ابا ال", "ابا الحنين", True),
+        ("中山", "中山北路", True),
+        ("ععع", "ععع الحنين", False),
+    ],
 )
 def test_half_of_a_name_is_some_of_its_words_or_their_beginning(typed: str, name: str, half: bool) -> None:
     assert is_half_of(typed, name) is half
@@ -126,6 +133,35 @@ def test_the_closest_maps_hide_those_that_are_only_like_them() -> None:
     assert [match.entry for match in find_maps([half], place="Elm")] == [half]
     with pytest.raises(UnknownName):
         find_maps([half], place="Elm", closeness=Closeness.HEARD)
+
+
+def found_roads(maps: list[MapEntry], place: str) -> dict[str, tuple[str, ...]]:
+    """The roads that the words may mean, by the ids of the maps that were found."""
+    return {match.entry.facts.map_id: match.streets[0] for match in find_maps(maps, place=place)}
+
+
+def test_the_beginning_of_a_name_counts_beside_a_spelling_of_another_name() -> None:
+    washington, paris = a_map("B Street", map_id="map_w"), a_map("Rue de Bretagne", "Rue Bouchardon", map_id="map_p")
+    both = {"map_w": ("B Street",), "map_p": ("Rue de Bretagne",)}
+    assert found_roads([paris, washington], "Rue de B") == both
+
+
+def test_the_beginning_of_a_name_counts_on_the_map_that_has_the_other_name() -> None:
+    timor = a_map("Rua", "Rua secundária", "Rua de Balibó", map_id="map_t")
+    assert set(found_roads([timor], "Rua sec")["map_t"]) == {"Rua", "Rua secundária"}
+    cairo = a_map("شارع محمد توفيق", "شارع محمد توفيق دياب", map_id="map_c")
+    assert set(found_roads([cairo], "شارع محمد تو")["map_c"]) == {"شارع محمد توفيق", "شارع محمد توفيق دياب"}
+
+
+@pytest.mark.parametrize("words", ["Main St", "Main Street"])
+def test_nothing_is_added_to_a_name_or_its_abbreviation(words: str) -> None:
+    maps = [a_map("Main Street", "Main Station Road", map_id="map_1"), a_map("Main Streetcar Way", map_id="map_2")]
+    assert found_roads(maps, words) == {"map_1": ("Main Street",)}
+
+
+def test_a_kind_of_road_alone_is_the_beginning_of_every_name_with_it() -> None:
+    havana, bogota = a_map("Calle", map_id="map_h"), a_map("Calle 122", "Carrera 7", map_id="map_b")
+    assert found_roads([havana, bogota], "Calle") == {"map_h": ("Calle",), "map_b": ("Calle 122",)}
 
 
 @pytest.mark.parametrize("kept", ["ring.net.xml", "ring.roads.xml", "ring.xml", "ring.osm"])

