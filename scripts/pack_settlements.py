@@ -1,4 +1,4 @@
-"""Write ``engine/maps/naming/settlements.json.gz``: GeoNames' settlements, of which ``gazetteer.py`` reads records by name.
+"""Write ``engine/maps/naming/settlements.json.gz``: settlements of GeoNames that ``gazetteer.py`` reads by name.
 
     python scripts/pack_settlements.py
 
