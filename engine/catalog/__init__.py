@@ -22,6 +22,8 @@
 ``open_catalogue``: Make the catalogue of a workspace ready, starter scenarios included.
 ``MOST_ENTRIES``: Planning problems of one file that are entered, and the step of the numbers between two artifacts.
 ``is_ready``: Whether the tables exist in this version.
+``EmbeddingModel``: A model that turns texts into vectors, by its name in the setting.
+``damaged_parts``: The files and generations of a text index that cannot be read.
 ``remove_damaged``: Remove these, so that they are made anew; returns them.
 ``description_of``: A scenario in a few plain sentences, from its facts.
 """
@@ -41,7 +43,7 @@ if TYPE_CHECKING:
     from .search import Ranking, Search, entries_of
     from .starter import ARCHIVE, open_catalogue, starter_files
     from .tables import MOST_ENTRIES, is_ready
-    from .vector_index import remove_damaged
+    from .vector_index import EmbeddingModel, damaged_parts, remove_damaged
     from .words import description_of
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)
