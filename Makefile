@@ -9,6 +9,7 @@ DEV_STAMP := $(VENV)/.installed-dev
 WORKERS ?= 2
 SEEDS ?= 1001 1002 1003
 RECORD ?= same-bytes.json
+MUTANTS ?=
 SEED ?= 1
 
 .PHONY: help notebook demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
@@ -149,7 +150,9 @@ bench-kills: $(DEV_STAMP)
 	@$(PYTHON) -m benchmarks.faults.mixed_load
 
 bench-mutation: $(DEV_STAMP)
-	@$(PYTHON) scripts/mutation --workers $(WORKERS) --seed $(SEED)
+	@$(VENV)/bin/mutmut run --max-children $(WORKERS) $(MUTANTS)
+	@$(VENV)/bin/mutmut results
+	@$(VENV)/bin/mutmut export-cicd-stats && cat mutants/mutmut-cicd-stats.json
 
 bench-growth: $(DEV_STAMP)
 	@$(PYTHON) -m benchmarks.growth
@@ -236,5 +239,5 @@ format: $(DEV_STAMP)
 	@$(VENV)/bin/ruff check --fix .
 
 clean:
-	@rm -rf $(VENV) site build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage .coverage.* demo-output soundness .mutation
+	@rm -rf $(VENV) site build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage .coverage.* demo-output soundness mutants
 	@find . -name __pycache__ -type d -not -path './$(VENV)/*' -prune -exec rm -rf {} +

@@ -42,8 +42,10 @@ import psutil
 from commonroad.common.file_reader import CommonRoadFileReader
 from mcp import Client, StdioServerParameters
 
-from plannerforge.engine.catalog import facts_of
-from plannerforge.engine.commonroad import LoadedScenario, Recording, RecordingStore, forget_obstacles, read_recorded
+from plannerforge.engine.catalog.tables import facts_of
+from plannerforge.engine.commonroad import LoadedScenario, read_recorded
+from plannerforge.engine.commonroad.reader import forget_obstacles
+from plannerforge.engine.commonroad.recordings import Recording, RecordingStore
 from plannerforge.engine.workspace import Database
 from plannerforge.evals.ground_truth.selection import read_requests
 from plannerforge.server.assembly import create_server

@@ -30,7 +30,9 @@ from mcp import Client
 from rich.console import Console
 from rich.table import Table
 
-from plannerforge.engine.execution import PRELOAD, Operation, Request, Response, no_progress, silent, warm_up
+from plannerforge.engine.execution import Operation, Request, Response, no_progress, silent
+from plannerforge.engine.execution.pool import PRELOAD
+from plannerforge.engine.execution.worker import warm_up
 from plannerforge.engine.workspace import Workspace
 from plannerforge.schemas.base import Model
 from plannerforge.schemas.runs import BatchRecord, RunRecord

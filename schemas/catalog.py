@@ -129,6 +129,8 @@ class FoundScenario(Model):
 
     scenario_id: str
     summary: str = Field(description="the scenario in a line")
+    counts: dict[str, int] = Field(default_factory=dict, description="road users by type")
+    ego_speed_mps: float | None = Field(None, description="speed of the ego at its start; null without an ego")
     satisfied: tuple[str, ...] = Field((), description="conditions that it satisfies, with its own figures")
     unmet: tuple[str, ...] = Field((), description="conditions that it does not satisfy")
     score: float | None = Field(None, description="likeness of the text, larger is better; None without text")

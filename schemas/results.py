@@ -218,6 +218,7 @@ class Suggestion(Model):
     weight: str = Field(description="name of the weight")
     direction: Literal["raise", "lower"] = Field(description="whether to raise or lower it")
     why: str = Field(description="why that should help")
+    value: float | None = Field(None, description="its value now")
     tried: TriedChange | None = None
 
 
@@ -237,6 +238,8 @@ class Finding(Model):
 
     name: str = Field(description="stable code of the kind of finding")
     statement: str = Field(description="what was found, in a sentence")
+    subject: str = Field("", description="the weight, cost term, constraint or group of scenarios that it is about")
+    figures: dict[str, float] = Field(default_factory=dict, description="the figures of the statement, by their names")
     run_ids: tuple[str, ...]
     moments: tuple[FindingMoment, ...] = Field((), description="moments of these runs by which it can be checked")
     run_count: int | None = None
@@ -496,6 +499,7 @@ class AnalyzeResultsResult(Result):
     rules: tuple[RuleVerdict, ...] = Field((), description="of a single run: what it makes of each traffic rule")
     rule_shares: tuple[RuleShare, ...] = Field((), description="runs that break each traffic rule")
     notes: tuple[str, ...] = ()
+    note_figures: dict[str, float] = Field(default_factory=dict, description="the figures of the notes, by their names")
     job_id: str = Field("", description="of the trial of suggestions, while it runs")
 
     def answer(self) -> Answer:

@@ -22,13 +22,22 @@ LAYERS = (
     "evals",
     "cli",
 )
-COMES_WITH = {"pydantic-core": "pydantic", "sumolib": "eclipse-sumo", "transformers": "sentence-transformers"}
+COMES_WITH = {
+    "pydantic-core": "pydantic",
+    "sumolib": "eclipse-sumo",
+    "transformers": "sentence-transformers",
+    "werkzeug": "pytest-httpserver",
+}
 SHARED_NAMES = {"opentelemetry": {"sdk": "opentelemetry-sdk", "exporter": "opentelemetry-exporter-otlp-json-http"}}
 """Top-level names that several packages share: which one a module below them is of, where it is not ``NAME-api``."""
 RUN_ELSEWHERE = {
     "benchmarks/analysis/crime_driver.py": "runs in the environment of CriMe, which is set beside our measures",
     "benchmarks/maps/factory_driver.py": "runs in the other generator's environment, which a bench makes for it",
     "benchmarks/tuning/reference_driver.py": "runs in the environment of the loop that is set beside ours",
+    **{
+        str(path.relative_to(CHECKOUT)): "runs in the environment of the client that it uses"
+        for path in (CHECKOUT / "benchmarks" / "serve" / "hosts" / "drivers").glob("*_driver.py")
+    },
 }
 ASKED_FOR_UNIMPORTED = {
     "commonroad-clcs": "commonroad-drivability-checker imports it without asking for it",

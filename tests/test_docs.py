@@ -70,7 +70,6 @@ GLOSSARY_EXCEPTIONS = {
     "ground_truth": "the name of a prediction, an argument of run_planner",
     "ground_distance_m": "along the surface of the earth, not a site network",
     "wrong_way": "the offence of driving against the direction of a lane",
-    "draw_wrong_way": "as above",
 }
 """Names with a word of the glossary's third column that may have it, and why."""
 

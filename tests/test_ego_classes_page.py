@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.engine.vehicles import EgoClass, ego_classes
+from plannerforge.engine.vehicles.models import EgoClass, ego_classes
 
 PAGE = (Path(__file__).parents[1] / "docs" / "planners.md").read_text(encoding="utf-8")
 

@@ -49,11 +49,11 @@ from plannerforge.engine.planners import (
     Plan,
     PlannedTrajectory,
     PlanningTask,
-    build_reference_path,
     check_planner,
     make_planner,
 )
 from plannerforge.engine.planners.lanes import build_road
+from plannerforge.engine.planners.reference_path import build_reference_path
 from plannerforge.engine.rendering import charts, pictures
 from plannerforge.engine.rendering.canvas import Drawing, new_figure
 from plannerforge.engine.scene import Scene

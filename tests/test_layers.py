@@ -34,7 +34,7 @@ LIGHT = [
     ("cosimulation", "presets", {"vehicles"}),
     ("execution", "Executor", set()),
     ("maps", "MAP_ENDINGS", set()),
-    ("network", "POSITION_WORDS", set()),
+    ("network", "station_m", set()),
     ("planners", "PLANNERS", set()),
     ("rendering", "report_image", {"execution", "workspace"}),
     ("traffic", "plan_counts", {"vehicles"}),

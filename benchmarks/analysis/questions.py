@@ -3,28 +3,31 @@
 Every turn of ``corpora/dev/e2e.jsonl`` that analyses or compares is asked, and every line of ``routing.jsonl`` that
 is about results (what each of these asks for was read by hand: ``_ROUTED``). A question about one run is asked of a run
 that collided, one that reached its goal and one that missed it, where it can be meant of all; a question about a batch
-of forty public scenarios, a comparison of two configurations on them, of all pairs or of one. It is answered where the
-text of the one call holds what is asked for, with the figures that the raw rows have.
+of forty public scenarios, a comparison of two configurations on them, of all pairs or of one. It is answered if the
+fields of the one call hold what is asked for, as the raw rows have it, and if its text shows the same figures.
 
 Keys: ``questions_answered``: share of the questions that were answered in all of these, of ``questions``.
 """
 
 import json
-import re
+import math
 import sys
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import anyio
+from mcp import Client
 
 from plannerforge.schemas.runs import RunRecord
+from plannerforge.server.assembly import create_server
 
-from ..harness import Figures, SeededBench
+from ..harness import Figures, SeededBench, settings_for
+from ..told_figures import agrees, figures_in
 from .public_runs import RawRuns, compared_batch, public_batch, public_server, raw_runs
 from .recomputed import Costs, Pairs, correlation, goal, metric
-from .sentences import N, agrees
 
 _ROUTED: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "rt-d-058": ("collision", ("collision_partner", "failure_reason")),
@@ -61,9 +64,26 @@ _SPAN = (2.0, 4.0)
 _COMPARE_WORDS = {"cost": "cost", "distance": "distance", "ttc": "time", "safer": "safety"}
 
 
-def _ending(record: RunRecord) -> str:
-    """Return the words that an answer has for the outcome of a run."""
-    return "reached the goal" if record.outcome == "goal_reached" else f"{record.outcome.replace('_', ' ')}: "
+_METRICS = {"distance": "minimum_distance_m", "time": "minimum_time_to_collision_s", "cost": "mean_total_cost"}
+
+
+@dataclass(frozen=True)
+class Told:
+    """An answer: its fields and its text."""
+
+    fields: Mapping[str, Any]
+    text: str = ""
+
+    def shows(self, *values: float) -> bool:
+        """Return whether the text holds each of some values, rounded, as a number or in percent."""
+        figures = figures_in(self.text)
+        return all(any(agrees(one, value) or agrees(one, 100 * value) for one in figures) for value in values)
+
+    def has(self, told: float | None, value: float | None) -> bool:
+        """Return whether a field is what was recomputed and the text shows it; None if there is no such value."""
+        if told is None or value is None:
+            return told is value
+        return math.isclose(told, value, rel_tol=1e-6, abs_tol=1e-9) and self.shows(value)
 
 
 @dataclass(frozen=True)
@@ -121,19 +141,21 @@ async def _measured(bench: SeededBench) -> tuple[int, list[str]]:
     """How many questions there are, and of those not answered: the line, what was asked, and the answer's beginning."""
     asked = questions(bench.shared / "corpora" / "dev")
     faults = []
-    async with public_server(bench) as client:
+    async with Client(create_server(settings_for(bench.folder("no_runs"), bench.shared, 1))) as client:
         for question in (one for one in asked if one.about == "nothing"):
             tool = "compare_results" if question.asks == ("compare",) else "analyze_results"
             answer = await client.call_tool(tool, {})
             if not answer.is_error or "run_planner" not in _text_of(answer):
                 faults.append(f"{question.line_id} of no run: {_text_of(answer)[:200]}")
+    async with public_server(bench) as client:
         two = await compared_batch(bench, client, await public_batch(bench, client))
         situations = Situations(raw_runs(bench, two))
         for question in (one for one in asked if one.about != "nothing"):
             for situation in situations.of(question):
                 answer = await client.call_tool(situation.tool, situation.arguments)
                 text = _text_of(answer)
-                lacking = [ask for ask in question.asks if not situation.holds(ask, text)]
+                told = Told(answer.structured_content or {}, text)
+                lacking = [ask for ask in question.asks if answer.is_error or not situation.holds(ask, told)]
                 if lacking:
                     faults.append(
                         f"{question.line_id} '{question.text}' {situation.arguments} lacks {lacking}:\n{text}\n"
@@ -151,7 +173,7 @@ class _Situation:
 
     tool: str
     arguments: dict[str, Any]
-    holds: Callable[[str, str], bool]
+    holds: Callable[[str, Told], bool]
 
 
 class Situations:
@@ -193,55 +215,62 @@ class Situations:
         arguments: dict[str, Any] = {"results": [record.run_id], "detail": detail}
         if detail == "timeline":
             arguments["where"] = ["time_s={:g}..{:g}".format(*_SPAN)]
-        return _Situation("analyze_results", arguments, lambda ask, text: self._run_holds(record, ask, text))
+        return _Situation("analyze_results", arguments, lambda ask, told: self._run_holds(record, ask, told))
 
-    def _run_holds(self, record: RunRecord, ask: str, text: str) -> bool:
-        hit, ended = record.collision, _ending(record) in text
-        figures: Mapping[str, Sequence[tuple[str, float | None]]] = {
-            "duration": [(rf"(?:at|by|within) {N} s", record.metrics.duration_s if record.metrics else None)]
-            if not hit
-            else [],
-            "criticality": [(rf"[Rr]isk score[^;]*?\) {N} of 5", metric(record, "risk score"))],
-            "jerk": [(rf"jerk {N} m/s³", metric(record, "largest jerk"))],
-            "ttc": [(rf"time to collision {N} s", metric(record, "time to collision"))] if not hit else [],
-            "min_distance": [(rf"Closest: {N} m", metric(record, "minimum distance"))] if not hit else [],
-        }
-        if ask in figures:
-            return ended and all(_told(pattern, value, text) for pattern, value in figures[ask])
-        if ask in ("outcome", "goal_reached", "collision"):
-            return ended and bool(re.search(rf"(?:at|by|within|after) {N} s", text))
-        if ask == "collision_partner":
-            return ended and (hit is None or hit.obstacle_id is None or f" {hit.obstacle_id} " in text)
-        if ask in ("failure_reason", "fault"):
-            return ended and (hit is None or "prevent" in text)
+    def _run_holds(self, record: RunRecord, ask: str, told: Told) -> bool:
+        (row,) = told.fields["rows"]
+        if (row["run_id"], row["outcome"]) != (record.run_id, record.outcome) or record.run_id not in told.text:
+            return False
+        hit, review = record.collision, told.fields["review"]
+        if ask in ("outcome", "goal_reached", "collision", "duration"):
+            return told.has(row["duration_s"], record.metrics.duration_s if record.metrics else None)
+        if ask in ("ttc", "min_distance") and hit:
+            return True  # it was 0: the collision says so
+        if ask in _OF_RUNS:
+            medians = {one["name"]: one["median"] for one in told.fields["metrics"]}
+            return told.has(medians.get(_OF_RUNS[ask]), metric(record, _OF_RUNS[ask]))
+        if ask in ("collision_partner", "failure_reason", "fault"):
+            if hit is None or hit.obstacle_id is None:
+                return bool(row["reason"])
+            contact = review["contact"]
+            named = contact["obstacle_id"] == hit.obstacle_id and told.shows(hit.obstacle_id)
+            return named and (ask == "collision_partner" or contact["prevention"] is not None)
         if ask == "span":
-            times = [float(time) for time in re.findall(rf"- {N} s: ", text)]
-            end = len(self._raw.steps[record.run_id].x_m) * record.step_s
-            return bool(times) and _SPAN[0] <= min(times) and max(times) <= min(_SPAN[1], end) and "of the cost" in text
-        return self._weights_told(ask, self._costs.terms(record), text)
+            times = [step["time_s"] for step in told.fields["timeline"]]
+            end = min(_SPAN[1], len(self._raw.steps[record.run_id].x_m) * record.step_s)
+            costs = all(step["largest_cost"] in told.text for step in told.fields["timeline"])
+            return bool(times) and _SPAN[0] <= min(times) and max(times) <= end and told.shows(*times) and costs
+        return self._weights_told(ask, self._costs.terms(record), told)
 
-    def _weights_told(self, ask: str, terms: Mapping[str, float], text: str) -> bool:
+    def _weights_told(self, ask: str, terms: Mapping[str, float], told: Told) -> bool:
         if ask == "cost_terms":
             largest = max(terms, key=lambda term: terms[term])
-            return _told(rf" {largest}: {N} % of the cost", 100 * terms[largest] / sum(terms.values()), text)
+            share = next(one["share"] for one in told.fields["costs"] if one["term"] == largest)
+            return largest in told.text and told.has(share, terms[largest] / sum(terms.values()))
         if ask == "recommendation":
-            return ("Suggest: " in text and "untried" in text) or "No change of a weight" in text
+            suggested = [one["suggestion"] for one in told.fields["findings"] if one["suggestion"]]
+            return all(one["weight"] in told.text and one["direction"] in told.text for one in suggested)
         raise ValueError(ask)
 
-    def _batch_holds(self, ask: str, text: str) -> bool:
+    def _batch_holds(self, ask: str, told: Told) -> bool:
         runs = [record for record in self._raw.valid if record.config_id == self._first]
+        reached, failed = sum(map(goal, runs)), [record for record in runs if not goal(record)]
         if ask == "success_rate":
-            return f"goal {sum(map(goal, runs))}/{len(runs)}" in text
+            rate = told.fields["success"]
+            return told.has(rate["count"], reached) and told.has(rate["of"], len(runs))
         if ask == "failure_modes":
-            counts = {one.outcome: sum(other.outcome == one.outcome for other in runs) for one in runs if not goal(one)}
-            return all(f"{outcome} {count} (" in text for outcome, count in counts.items())
+            counts = Counter(str(record.outcome) for record in failed)
+            listed = {one["outcome"]: one["count"] for one in told.fields["outcomes"]}
+            return all(name in told.text and told.has(listed.get(name), count) for name, count in counts.items())
         if ask == "correlation":
-            return all(_told(rf"success × {name}: ρ={N}", one[0], text) for name, one in self._correlated().items())
+            listed = {one["feature"]: one["rho"] for one in told.fields["correlations"]}
+            return all(told.has(listed.get(name), one[0]) for name, one in self._correlated().items())
         if ask == "ranking":
-            named = re.findall(r"^- run_\w+ (\S+) .*?: (\w+)", text, re.MULTILINE)
-            failed = {one.scenario_id for one in runs if not goal(one)}
-            return "hardest first" in text and {name for name, _ in named[: len(failed)]} == failed
-        return self._weights_told(ask, self._costs.means(runs), text)
+            names = [row["scenario_id"] for row in told.fields["rows"]]
+            places = [told.text.find(name) for name in names]
+            in_order = -1 not in places and places == sorted(places)
+            return in_order and set(names[: len(failed)]) == {record.scenario_id for record in failed}
+        return self._weights_told(ask, self._costs.means(runs), told)
 
     def _correlated(self) -> Mapping[str, Sequence[float]]:
         kept = tuple(record for record in self._raw.records if record.config_id == self._first)
@@ -249,36 +278,45 @@ class Situations:
 
     def _pair(self, before: RunRecord, after: RunRecord) -> _Situation:
         of = {"results": [before.run_id, after.run_id]}
-        return _Situation("compare_results", of, lambda ask, text: self._pair_holds(before, after, ask, text))
+        return _Situation("compare_results", of, lambda ask, told: self._pair_holds(before, after, ask, told))
 
-    def _pair_holds(self, before: RunRecord, after: RunRecord, ask: str, text: str) -> bool:
-        names = {"distance": "minimum distance", "time": "time to collision", "cost": "mean total cost"}
+    def _pair_holds(self, before: RunRecord, after: RunRecord, ask: str, told: Told) -> bool:
+        (comparison,) = told.fields["comparisons"]
         if ask == "success":
-            return all(_ending(one) in text and one.run_id in text for one in (before, after))
+            sides = [(one["run_id"], one["outcome"]) for one in comparison["single"]]
+            named = all(one.run_id in told.text for one in (before, after))
+            return named and sides == [(one.run_id, one.outcome) for one in (before, after)]
         if ask == "safety":
-            return all(self._pair_holds(before, after, other, text) for other in ("distance", "time"))
-        first, second = metric(before, names[ask]), metric(after, names[ask])
-        if first is None or second is None:
+            return all(self._pair_holds(before, after, other, told) for other in ("distance", "time"))
+        values = [metric(one, _METRICS[ask]) for one in (before, after)]
+        tested = {one["name"]: (one["median_before"], one["median_after"]) for one in comparison["metrics"]}
+        if comparison["cost"] is not None:
+            tested["mean_total_cost"] = (comparison["cost"]["before"], comparison["cost"]["after"])
+        if None in values:
             return True
-        told = re.search(rf"{names[ask]} {N}(?: → {N})?", text)
-        return told is not None and agrees(told[1], first) and agrees(told[2] or told[1], second)
+        return all(map(told.has, tested[_METRICS[ask]], values))
 
-    def _batches_hold(self, ask: str, text: str) -> bool:
-        both, neither = (self._pairs.count(before=value, after=value) for value in (True, False))
-        won, lost = self._pairs.count(before=False, after=True), self._pairs.count(before=True, after=False)
+    def _batches_hold(self, ask: str, told: Told) -> bool:
+        (comparison,) = told.fields["comparisons"]
+        success, count = comparison["success"], self._pairs.count
+        won, lost = count(before=False, after=True), count(before=True, after=False)
         if ask == "success":
-            told = "difference" in text or "success" in text.lower()
-            return told and f"both reach the goal {both}" in text and (not neither or f"neither {neither}" in text)
+            both, neither = (count(before=value, after=value) for value in (True, False))
+            return (success["both"], success["neither"]) == (both, neither) and told.shows(
+                both, *[neither] * (neither > 0)
+            )
         if ask == "flips":
-            won_told = f"flipped to success ({won})" in text if won else "flipped to success" not in text
-            return won_told and (f"flipped to failure ({lost})" in text if lost else "flipped to failure" not in text)
-        if ask == "metrics":
-            return all(self._batches_hold(other, text) for other in ("distance", "time"))
-        return {"distance": "minimum distance", "time": "time to collision", "cost": "cost"}.get(ask, "risk") in text
+            told_counts = (comparison["to_success_count"], comparison["to_failure_count"])
+            return told_counts == (won, lost) and told.shows(*(number for number in (won, lost) if number))
+        wanted = ("distance", "time") if ask == "metrics" else (ask,)
+        known = {one["name"] for one in comparison["metrics"]} | ({"mean_total_cost"} if comparison["cost"] else set())
+        return {_METRICS.get(name, "risk_score") for name in wanted} <= known
 
 
-def _told(pattern: str, value: float | None, text: str) -> bool:
-    """Whether the figure of a pattern is a value; of none, that the text says so."""
-    if value is None:
-        return "none: " in text
-    return any(agrees(shown, value) for shown in re.findall(pattern, text))
+_OF_RUNS = {
+    "criticality": "risk_score",
+    "jerk": "maximum_jerk_mps3",
+    "ttc": "minimum_time_to_collision_s",
+    "min_distance": "minimum_distance_m",
+}
+"""The metric of a run that answers what is asked for."""

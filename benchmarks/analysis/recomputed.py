@@ -20,23 +20,23 @@ from plannerforge.schemas.runs import RunRecord
 from .public_runs import RawRuns
 
 METRICS = {
-    "minimum distance": ("minimum_distance_m", 0.01, "valid"),
-    "time to collision": ("minimum_time_to_collision_s", 0.01, "valid"),
-    "time headway": ("minimum_time_headway_s", 0.01, "valid"),
-    "time gap": ("minimum_time_gap_s", 0.01, "valid"),
-    "risk score": ("risk_score", 0.0, "valid"),
-    "duration": ("duration_s", 0.01, "reached"),
-    "distance driven": ("distance_m", 0.01, "reached"),
-    "mean speed": ("mean_speed_mps", 0.01, "reached"),
-    "largest jerk": ("maximum_jerk_mps3", 0.01, "reached"),
-    "mean squared jerk": ("mean_squared_jerk", 0.01, "reached"),
-    "largest planar jerk": ("maximum_planar_jerk_mps3", 0.01, "reached"),
-    "hardest braking": ("maximum_braking_mps2", 0.01, "reached"),
-    "largest lateral acceleration": ("maximum_lateral_acceleration_mps2", 0.01, "reached"),
-    "fastest steering": ("maximum_steering_rate_radps", 0.001, "reached"),
-    "mean total cost": ("mean_total_cost", 0.0, "reached"),
+    "minimum_distance_m": (0.01, "valid"),
+    "minimum_time_to_collision_s": (0.01, "valid"),
+    "minimum_time_headway_s": (0.01, "valid"),
+    "minimum_time_gap_s": (0.01, "valid"),
+    "risk_score": (0.0, "valid"),
+    "duration_s": (0.01, "reached"),
+    "distance_m": (0.01, "reached"),
+    "mean_speed_mps": (0.01, "reached"),
+    "maximum_jerk_mps3": (0.01, "reached"),
+    "mean_squared_jerk": (0.01, "reached"),
+    "maximum_planar_jerk_mps3": (0.01, "reached"),
+    "maximum_braking_mps2": (0.01, "reached"),
+    "maximum_lateral_acceleration_mps2": (0.01, "reached"),
+    "maximum_steering_rate_radps": (0.001, "reached"),
+    "mean_total_cost": (0.0, "reached"),
 }
-"""By the words of the answers: the field, what is equal, and over which pairs it is compared."""
+"""By the name of the metric: what is equal, and over which pairs it is compared."""
 Z = float(norm.ppf(0.975))
 CAR_MPS2, CAR_TOP_MPS = 11.5, 50.8
 """The largest acceleration and speed of vehicle 2 of CommonRoad's vehicle models (3.0.2), the ego of public runs."""
@@ -50,8 +50,8 @@ def goal(record: RunRecord) -> bool:
 
 
 def metric(record: RunRecord, name: str) -> float | None:
-    """A metric of a run by the words of the answers."""
-    value: float | None = getattr(record.metrics, METRICS[name][0], None)
+    """A metric of a run; None without any."""
+    value: float | None = getattr(record.metrics, name, None)
     return value
 
 
@@ -171,14 +171,14 @@ class Pairs:
         found = []
         for one, other in self.pairs:
             before, after = metric(one, name), metric(other, name)
-            counted = METRICS[name][2] == "valid" or (goal(one) and goal(other))
+            counted = METRICS[name][1] == "valid" or (goal(one) and goal(other))
             if counted and before is not None and after is not None:
                 found.append((one.scenario_id, float(before), float(after)))
         return found
 
     def tested(self, name: str) -> dict[str, float] | None:
         """Wilcoxon's test on the means of scenarios with shift, interval and effect; None without pairs."""
-        tolerance, groups = METRICS[name][1], dict[str, list[float]]()
+        tolerance, groups = METRICS[name][0], dict[str, list[float]]()
         values = self.values(name)
         for scenario, before, after in values:
             equal = abs(after - before) <= max(tolerance, 1e-9 * max(abs(before), abs(after)))
@@ -195,6 +195,8 @@ class Pairs:
             "after": median(after for _, _, after in values),
             "pairs": len(values),
             "scenarios": len(means),
+            "higher": int((means > 0).sum()),
+            "lower": int((means < 0).sum()),
             "differing": int((means != 0).sum()),
             "shift": median(averages),
             "low": low,

@@ -29,7 +29,8 @@ from commonroad.scenario.traffic_light import (
 )
 from commonroad.scenario.traffic_sign import TrafficSign, TrafficSignElement, TrafficSignIDGermany
 
-from plannerforge.engine.analysis import RuledDrive, judged_by_rules
+from plannerforge.engine.analysis.ruled_drive import RuledDrive
+from plannerforge.engine.analysis.traffic_rules import judged_by_rules
 from plannerforge.engine.commonroad import Track
 
 from ..harness import Figures, SeededBench, share

@@ -1,15 +1,13 @@
-"""Every figure in answers, findings and reports, recomputed from the raw rows by code of its own (``recomputed``).
+"""The figures of answers, findings and reports: recomputed from the raw rows, and the same in fields and text.
 
 Answers of ``analyze_results`` on all runs (summary, findings, costs, rows), on two configurations on forty scenarios
-(by configuration), of ``compare_results`` on these, and the HTML report on them are read as text, as a person reads
-them. Rules know what the figures of a sentence are of, and recompute them from records, steps and scenario files; a
-figure that no rule knows counts as one that was not recomputed. It agrees where it is what rounds to the digits shown.
-Taken from the answers on single runs are who hit whom, who would have prevented it and what it is laid to, which
-``causes`` judges, which traffic rules they broke (``rules``), and the encounters that make a near miss. What is a name,
-a constant of the sentence (``95 %``) or a stored sentence of a run is no figure.
+(by configuration, findings, rules), and of ``compare_results`` on these are read twice. The figures of their fields are
+held against ``expected``, which recomputes them by code of its own. The figures of their text, and of the HTML report
+on the two configurations, have to stand in these fields (``told_figures``); no rule knows the words around them.
 
-Keys: ``statements_recomputed``: share of the figures that agree; ``figures``: how many there are;
-``figures_unknown``: those that no rule knows.
+Keys: ``statements_recomputed``: share of the figures in fields that agree; ``figures``: how many there are;
+``figures_unread``: those that nothing recomputes; ``figures_in_text``: figures of texts; ``figures_unknown``: those
+that no field holds.
 """
 
 import html
@@ -22,75 +20,110 @@ from typing import Any
 import anyio
 from mcp import Client
 
-from plannerforge.engine.rendering import MEASURED_CAPTION
+from plannerforge.engine.rendering.reports import MEASURED_CAPTION
 from plannerforge.engine.workspace import Workspace
 from plannerforge.evals.scoring.common import built_in
 from plannerforge.schemas.planning import PlannerConfiguration
 
 from ..harness import Figures, SeededBench, ask
+from ..told_figures import count_of, unknown_in_fields, unknown_in_text
+from .expected import Expected, Tally, is_close
 from .public_runs import DEFAULT, RawRuns, compared_batch, public_batch, public_server, raw_runs
 from .recomputed import goal
-from .sentences import Judge, Tally, is_close
 
 
 @dataclass(frozen=True)
 class Told:
-    """What is told of the runs of a batch, line by line, with the judge of it."""
+    """An answer: its text, its fields, and the arguments of the call."""
+
+    tool: str
+    asked: Mapping[str, Any]
+    text: str
+    fields: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class OnRuns:
+    """What is told of the runs of a batch, and what is needed to recompute it."""
 
     raw: RawRuns
     weights: Mapping[str, Mapping[str, float]]
     reviews: Mapping[str, Any]
-    lines: tuple[str, ...]
     rules: Mapping[str, Mapping[str, Any]]
+    answers: tuple[Told, ...]
+    page: str = ""
 
 
 def measure(bench: SeededBench) -> Figures:
     """The keys above, over all public scenarios or the bench's limit."""
-    tally = judged(anyio.run(collected, bench))
-    for fault in (*tally.wrong, *tally.unknown):
+    told = anyio.run(collected, bench)
+    tally, (in_text, unknown) = judged(told), in_texts(told)
+    for fault in (*tally.wrong, *(f"not recomputed: {place}" for place in tally.unread), *unknown):
         sys.stderr.write(f"{fault}\n")
     return {
         "statements_recomputed": round(tally.agreeing / tally.figures, 4) if tally.figures else 0.0,
         "figures": tally.figures,
-        "figures_unknown": len(tally.unknown),
+        "figures_unread": len(tally.unread),
+        "figures_in_text": in_text,
+        "figures_unknown": len(unknown),
     }
 
 
-def judged(told: Sequence[Told]) -> Tally:
-    """All figures of all lines."""
+def judged(told: Sequence[OnRuns]) -> Tally:
+    """Hold the figures of all fields against what is recomputed."""
     tally = Tally()
     for one in told:
-        findings = len({line for line in one.lines if line.startswith("- [")})
-        rules = Judge(one.raw, one.weights, one.reviews, findings, one.rules).rules()
-        for line in one.lines:
-            tally.read(line, rules)
+        findings = max(len(answer.fields.get("findings", ())) for answer in one.answers)
+        expected = Expected(one.raw, one.weights, one.reviews, one.rules, findings)
+        for answer in one.answers:
+            wanted = expected.comparison if answer.tool == "compare_results" else expected.analysis
+            tally.hold(answer.fields, wanted(answer.fields), answer.tool)
     return tally
 
 
-async def collected(bench: SeededBench) -> list[Told]:
+def in_texts(told: Sequence[OnRuns]) -> tuple[int, list[str]]:
+    """Return how many figures the texts hold, and those that no field holds.
+
+    A report may hold what any of the answers on its runs holds, and what is stored of these runs.
+    """
+    count, unknown = 0, list[str]()
+    for one in told:
+        for answer in one.answers:
+            count += count_of(answer.text, answer.fields, answer.asked)
+            unknown += unknown_in_text(answer.text, answer.fields, answer.asked)
+            unknown += unknown_in_fields(answer.fields, answer.asked)
+        stored = [record.model_dump(include={"reason", "metrics"}) for record in one.raw.records]
+        content = [*(answer.fields for answer in one.answers), one.reviews, one.weights, one.rules, stored]
+        count += count_of(one.page, content)
+        unknown += unknown_in_text(one.page, content)
+    return count, unknown
+
+
+async def collected(bench: SeededBench) -> list[OnRuns]:
     """The runs, and what the server says of them."""
     async with public_server(bench) as client:
         everything = await public_batch(bench, client)
         two = await compared_batch(bench, client, everything)
         whole, sample = raw_runs(bench, everything), raw_runs(bench, two)
-        of_all = [await _text(client, "analyze_results", everything, detail=detail) for detail in _DETAILS]
+        of_all = [await _told(client, "analyze_results", everything, detail=detail) for detail in _DETAILS]
         of_two = [
-            await _text(client, "analyze_results", two, breakdown="config"),
-            await _text(client, "analyze_results", two, detail="findings"),
-            await _text(client, "analyze_results", two, detail="rules"),
-            await _text(client, "compare_results", two),
-            await _report(bench, client, two),
+            await _told(client, "analyze_results", two, breakdown="config"),
+            await _told(client, "analyze_results", two, detail="findings"),
+            await _told(client, "analyze_results", two, detail="rules"),
+            await _told(client, "compare_results", two),
         ]
-        broken = await _rules(client, sample)
+        page, broken = await _report(bench, client, two), await _rules(client, sample)
         return [
-            Told(raw, _weights(bench, raw), await _reviews(client, raw), lines_of("\n".join(texts), raw), rules)
-            for raw, texts, rules in ((whole, of_all, {}), (sample, of_two, broken))
+            OnRuns(raw, _weights(bench, raw), await _reviews(client, raw), rules, tuple(answers), text)
+            for raw, answers, rules, text in ((whole, of_all, {}, ""), (sample, of_two, broken, page))
         ]
 
 
-async def _text(client: Client, tool: str, batch_id: str, **arguments: str) -> str:
-    answer = await client.call_tool(tool, {"results": [batch_id], **arguments})
-    return "\n".join(getattr(part, "text", "") for part in answer.content)
+async def _told(client: Client, tool: str, batch_id: str, **arguments: str) -> Told:
+    asked = {"results": [batch_id], **arguments}
+    answer = await client.call_tool(tool, asked)
+    text = "\n".join(getattr(part, "text", "") for part in answer.content)
+    return Told(tool, asked, text, answer.structured_content or {})
 
 
 async def _report(bench: SeededBench, client: Client, batch_id: str) -> str:
@@ -143,10 +176,3 @@ def page_text(page: str) -> str:
         text = " | ".join(re.findall(r"<td[^>]*>(.*?)</td>", inner, re.DOTALL)) if tag == "tr" else inner
         lines += [f"{text} {run}" if run and run not in text else text] if text else []
     return html.unescape("\n".join(lines))
-
-
-def lines_of(text: str, raw: RawRuns) -> tuple[str, ...]:
-    """The lines of a text without the sentences that are stored with the runs."""
-    for reason in sorted({one.reason for one in raw.records}, key=len, reverse=True):
-        text = text.replace(reason, "")
-    return tuple(text.splitlines())

@@ -1,9 +1,10 @@
 """``make bench-answers``: whether answers are true, hold what was asked, tell all faults of a call, and what they cost.
 
-Keys: ``cases``: questions that were asked; ``compared``: statements of their answers that the judge compared with the
-files; ``false_statements`` and ``contradictions`` among them; ``unanswered``: patterns that an answer had to hold and
-does not; ``places_understood``: share of the spellings of places, the lower one of those worked with and those kept
-aside; ``faults_told``: share of the calls with several faults that were refused with a word of each;
+Keys: ``cases``: questions that were asked; ``compared``: statements in the fields of their answers that the judge
+compared with the files; ``false_statements`` among them; ``contradictions``: fields that exclude one another or the
+text; ``figures_unknown``: figures of a text that no field holds; ``unanswered``: fields that an answer had to fill and
+to show and does not; ``places_understood``: share of the spellings of places, the lower one of those worked with and
+those kept aside; ``faults_told``: share of the calls with several faults that were refused with a word of each;
 ``answer_tokens_median``, ``answer_tokens_p95``: tokens of the answers to the calls of the dev corpora, ``*_before`` and
 ``tokens_ratio`` against the recording of an earlier version.
 
@@ -12,6 +13,7 @@ as a process of its own; ``--before FILE`` compares with such a recording.
 """
 
 import argparse
+import re
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -21,6 +23,7 @@ import anyio
 from mcp import Client
 
 from plannerforge.evals.scoring.files import World
+from plannerforge.tools.registry import TOOLS
 
 from ..harness import Figures, drawn, print_figures, scenario_files, shared_scenarios
 from .cases import Case, faulty_calls, sheet_of_catalogue, sheet_of_scenario
@@ -47,7 +50,7 @@ async def _measure(scenarios: int, every: int, before: Path | None, places: bool
 async def _told(scenarios: int) -> tuple[Figures, int]:
     """Figures of the judge over all cases, and how much was not answered; each miss is written to standard error."""
     files = drawn([path.stem for path in scenario_files(shared_scenarios(), None)], scenarios)
-    compared = false = excluded = missing = count = 0
+    compared = false = excluded = unknown = missing = count = 0
     with tempfile.TemporaryDirectory() as name:
         workspace = Path(name) / "workspace"
         async with opened(workspace, (shared_scenarios(),)) as client:
@@ -60,23 +63,32 @@ async def _told(scenarios: int) -> tuple[Figures, int]:
                 verdict = judge(told, World(workspace))
                 count, compared = count + 1, compared + verdict.compared
                 false, excluded = false + len(verdict.false_statements), excluded + len(verdict.contradictions)
+                unknown += len(verdict.unknown_figures)
                 lacks = _lacks(case, told)
                 missing += len(lacks)
                 for kind, words in (
                     ("FALSE", verdict.false_statements),
                     ("CONTRADICTION", verdict.contradictions),
+                    ("UNKNOWN", verdict.unknown_figures),
                     ("UNANSWERED", lacks),
                 ):
                     for word in words:
                         sys.stderr.write(f"{kind}: {case.tool} {dict(case.arguments)}: {word}\n")
     figures = {"cases": count, "compared": compared, "false_statements": false, "contradictions": excluded}
-    return figures, missing
+    return {**figures, "figures_unknown": unknown}, missing
+
+
+_REFUSED = re.compile(r"^\[\w+\] ")
+"""A refusal begins with its code."""
 
 
 def _lacks(case: Case, told: Told) -> list[str]:
-    """What an answer had to hold and does not; a refusal that may be has to say what is valid or what to do next."""
+    """What an answer had to hold and does not; a refusal that may be has to have a code and a next call."""
     if told.is_error and case.may_refuse:
-        return list(unanswered(told, (r"Next: |Valid: ",)))
+        is_whole = _REFUSED.match(told.text) and any(
+            name in told.text for name in ("{", *(spec.name for spec in TOOLS))
+        )
+        return [] if is_whole else [f"no code or no next call: {told.text[:200]}"]
     return [*(["refused: " + told.text[:200]] if told.is_error else []), *unanswered(told, case.asks)]
 
 

@@ -1,7 +1,8 @@
 """What is asked of the tools, and what an answer has to hold: questions of users as calls, and calls with many faults.
 
 A sheet is a row of cases that one client asks in turn, so that ``latest`` and ``previous_run`` mean what came before.
-Patterns are regular expressions that the answer's text has to hold; ``judge`` looks after what is true.
+What an answer has to hold are fields that it has to fill and to show (``judge.unanswered``); ``judge`` looks after what
+is true.
 """
 
 import csv
@@ -12,16 +13,8 @@ from pathlib import Path
 from typing import Any
 
 _FAULTS = Path(__file__).parent / "faults.tsv"
-_OUTCOME = (
-    r"reached the goal at|collision: |time ran out|timeout|goal missed|drove out|no trajectory|infeasible|off the road"
-)
-_EDIT_DONE = (
-    r"the edit is (?:done|not reached)|edits are done|without effect",
-    r"exactly as recorded",
-    r"for the ego",
-    r"^Next: ",
-)
-_REFUSED = r"Next: |Valid: "
+_OUTCOME = ("runs.run_id", "runs.reason")
+_EDIT_DONE = ("scenario_id|edits.what", "untouched")
 
 
 @dataclass(frozen=True)
@@ -55,68 +48,79 @@ def sheet_of_scenario(scenario_id: str) -> list[Case]:
     def edit(question: str, asks: Sequence[str], **values: Any) -> Case:
         return Case(question, "modify_scenario", {**own, "edits": [values]}, (*_EDIT_DONE, *asks), may_refuse=True)
 
-    described = (r"road users? beside the ego", r"^Ego: [\d.]+ m/s", r"Goal: ", r"Way: ")
+    described = ("counts|scenario_id", "description.ego.speed_mps", "description.ego.goal", "description.ego.way")
     return [
         Case("What is in it, and what has the ego to do?", "describe_scenario", own, described),
         Case(
             "Who is within 60 m?",
             "describe_scenario",
             {**own, "detail": "vehicles", "radius_m": 60},
-            (r"^- \d+ \w+|[Nn]o vehicle",),
+            ("description.vehicles.vehicle_id|description.vehicles_total",),
         ),
         Case(
             "Where does the nearest vehicle go, and where could it?",
             "describe_scenario",
             {**own, "focus": "nearest:1"},
-            (r"^Vehicle \d+ \(nearest:1\)", r"Recorded way: |recorded nowhere", r"Can reach: |Can reach no"),
+            (
+                "description.asked.vehicle.vehicle_id",
+                "description.asked.route",
+                "description.asked.reach.lanelet_id|description.asked.vehicle.lanelet",
+            ),
             may_refuse=True,
         ),
-        Case("Does the default planner make it?", "run_planner", {"scenarios": [scenario_id]}, (_OUTCOME, r"^Next: ")),
+        Case(
+            "Does the default planner make it?", "run_planner", {"scenarios": [scenario_id]}, (*_OUTCOME, "next_step")
+        ),
         Case(
             "What happened, when, and how hard was it?",
             "analyze_results",
             {"results": ["latest_run"]},
-            (_OUTCOME, r"^Largest: |no motion|invalid"),
+            ("rows.run_id", "rows.duration_s|rows.reason", "review.largest.value|rows.reason"),
         ),
         Case(
-            "Step by step?", "analyze_results", {"results": ["latest_run"], "detail": "timeline"}, (r"^- [\d.]+ s: ",)
+            "Step by step?",
+            "analyze_results",
+            {"results": ["latest_run"], "detail": "timeline"},
+            ("timeline.time_s", "timeline.speed_mps"),
         ),
         edit(
             "Make the two nearest aggressive.",
-            (r"aggressive", r"nearest:2: \d+"),
+            ("edits.vehicles", "edits.meant"),
             op="set_behaviour",
             vehicles=["nearest:2"],
             preset="aggressive",
         ),
-        edit("Take the nearest one out.", (r"removed 1: \d+",), op="remove_vehicle", vehicles=["nearest:1"]),
+        edit("Take the nearest one out.", ("removed",), op="remove_vehicle", vehicles=["nearest:1"]),
         edit(
             "Put a truck 40 m ahead of me.",
-            (r"truck \d+ on lanelet \d+ at [\d.]+ m.*, [\d.]+ m/s", r"gaps: "),
+            ("edits.vehicles", "edits.routes.lanelets", "touched.vehicle_id"),
             op="add_vehicle",
             vehicle_class="truck",
             at="ego",
             lane="same",
             offset_m=40,
         ),
-        edit("Send the nearest one left.", (r"lanelets? \d+",), op="reroute", vehicles=["nearest:1"], turn="left"),
-        Case("And now?", "run_planner", {"scenarios": ["latest"]}, (_OUTCOME,)),
+        edit(
+            "Send the nearest one left.", ("edits.routes.lanelets",), op="reroute", vehicles=["nearest:1"], turn="left"
+        ),
+        Case("And now?", "run_planner", {"scenarios": ["latest"]}, _OUTCOME),
         Case(
             "First run against second?",
             "compare_results",
             {"results": ["previous_run", "latest_run"]},
-            (r"same outcome|flipped|outcome", r"^- before: ", r"^- after: "),
+            ("comparisons.verdict", "comparisons.single.run_id"),
         ),
         Case(
             "Is the safety preset better than the default here?",
             "run_planner",
             {"scenarios": [scenario_id], "configs": ["frenetix:Default", "frenetix:Safety-Conservative"]},
-            (r"^batch_", r"goal \d of \d", r"Safety-Conservative"),
+            ("batch_id", "summary.outcomes", "summary.config_name"),
         ),
         Case(
             "What got better?",
             "compare_results",
             {"results": ["latest_batch"]},
-            (r"against frenetix:Default", r"weights changed"),
+            ("comparisons.before", "comparisons.weights.weight"),
         ),
     ]
 
@@ -177,7 +181,7 @@ def sheet_of_catalogue() -> list[Case]:
             f"Which ones: {json.dumps(given)}?",
             "find_scenarios",
             {**given, "limit": 50},
-            (r"^\d+ of \d+ scenarios? match", r"Left after"),
+            ("total", "catalogue", "stages.left"),
         )
         for given in SEARCHES
     ]
@@ -186,26 +190,31 @@ def sheet_of_catalogue() -> list[Case]:
             f"Make {json.dumps(given)}",
             "generate_scenarios",
             {"seed": seed, **given},
-            (r"vehicles?.*: the ego", r"Ego: ", r"goal \d+ m", r"^Next: "),
+            (
+                "scenarios.vehicles_realised",
+                "scenarios.ego_speed_mps",
+                "scenarios.goal_distance_m",
+                "scenarios.scenario_id",
+            ),
         )
         for seed, given in enumerate(GENERATIONS)
     ]
     cases += [
-        Case(
-            f"Take {json.dumps(given)}",
-            "configure_planner",
-            given,
-            (r"is current", r"Against |[Nn]othing|same weights"),
-        )
+        Case(f"Take {json.dumps(given)}", "configure_planner", given, ("config_id", "changes.name|against"))
         for given in CONFIGURATIONS
     ]
     return [
         *cases,
-        Case("Which planners and weights are there?", "list_planners", {}, (r"frenetix", r"jerk=", r"Presets")),
-        Case("What is in the catalogue?", "describe_catalog", {}, (r"\d+ scenarios",)),
-        Case("Which obstacles?", "describe_catalog", {"facet": "obstacles"}, (r"car \d+",)),
-        Case("What was configured?", "list_artifacts", {"kind": "config"}, (r"cfg_",)),
-        Case("What was run?", "list_artifacts", {"kind": "run"}, (r"run_",)),
+        Case(
+            "Which planners and weights are there?",
+            "list_planners",
+            {},
+            ("planners.name", "weights.name", "presets.name"),
+        ),
+        Case("What is in the catalogue?", "describe_catalog", {}, ("scenarios", "facets.facet")),
+        Case("Which obstacles?", "describe_catalog", {"facet": "obstacles"}, ("facets.counts.car",)),
+        Case("What was configured?", "list_artifacts", {"kind": "config"}, ("artifacts.artifact_id",)),
+        Case("What was run?", "list_artifacts", {"kind": "run"}, ("artifacts.artifact_id",)),
     ]
 
 

@@ -1,8 +1,9 @@
-"""Reads the statements of an answer's text and says of each whether the files bear it out.
+"""Says of the fields of an answer whether the files bear them out, and of its text whether it says the same.
 
-A statement is what a rule's pattern finds in the text: a count, a speed, a distance, a time, who hit whom, what is as
-it was. A rule compares it with what ``files`` reads, to the digits that are printed. Statements that exclude one
-another are contradictions: of one text, or of the text and the structured content beside it.
+A rule reads the fields of a tool's answer, such as a count, a speed, a distance, a time, who hit whom, or what stayed
+as it was, and compares each with what ``files`` reads. Fields that exclude one another are contradictions, and so are
+an id that the fields hold and the text does not, and a figure of the text that no field holds (``told_figures``). No
+rule knows the words of an answer.
 """
 
 import itertools
@@ -13,12 +14,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from plannerforge.evals.scoring.files import Body, RoadUser, SceneFile, StoredRun, World
+import shapely
+
+from plannerforge.evals.scoring.files import Body, SceneFile, StoredRun, World
+
+from ..told_figures import agrees, figures_in, unknown_in_text
 
 _STANDS_MPS = 0.1
 _SLACK_M = 0.75
 """A body's centre may lie this far beside a lanelet that it is on, as the matching to lanes has it (chosen)."""
-_SIDES = ("alongside", "ahead", "behind", "left", "right")
+_ARTIFACT = re.compile(r"\b(?:run|cfg|batch|search)_[0-9a-f]{12}\b")
+Fields = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -28,23 +34,30 @@ class Told:
     tool: str
     asked: Mapping[str, Any]
     text: str
-    structured: Mapping[str, Any]
+    structured: Fields
     is_error: bool
 
 
 @dataclass
 class Verdict:
-    """What was found in one answer: how many statements were compared, and those that do not hold."""
+    """What was found in one answer: how many statements were compared, those that do not hold, and figures of its text
+    that no field holds.
+    """
 
     compared: int = 0
     false_statements: list[str] = field(default_factory=list)
     contradictions: list[str] = field(default_factory=list)
+    unknown_figures: list[str] = field(default_factory=list)
 
     def holds(self, statement: str, true: bool, found: object = "") -> None:
-        """Count a statement, and keep it where it is false, with what the files say."""
+        """Count a statement, and keep it if it is false, with what the files say."""
         self.compared += 1
         if not true:
             self.false_statements.append(f"{statement} (the files: {found})")
+
+    def close(self, statement: str, told: float | None, found: float, slack: float = 1e-3) -> None:
+        """Count a figure, and keep it if it is not what the files say."""
+        self.holds(f"{statement} {told}", told is not None and abs(told - found) <= slack, found)
 
     def excludes(self, words: str) -> None:
         """Note two statements that cannot both be true."""
@@ -54,165 +67,134 @@ class Verdict:
 def judge(told: Told, world: World) -> Verdict:
     """Compare all statements of an answer that a rule reads."""
     verdict = Verdict()
-    for artifact in sorted(set(re.findall(r"\b(?:run|cfg|batch|search)_[0-9a-f]{12}\b", told.text))):
+    for artifact in sorted(set(_ARTIFACT.findall(told.text))):
         verdict.holds(f"there is {artifact}", world.kind_of(artifact) is not None, "no such artifact")
     if told.is_error:
         return verdict
-    for rule in _RULES.get(told.tool, ()):
-        rule(told, world, verdict)
+    _RULES.get(told.tool, _nothing)(told, world, verdict)
     _against_itself(told, verdict)
+    verdict.unknown_figures += unknown_in_text(told.text, told.structured, told.asked)
     return verdict
+
+
+def _nothing(told: Told, world: World, verdict: Verdict) -> None:
+    del told, world, verdict
 
 
 # Scenarios
 
 
 def _description(told: Told, world: World, verdict: Verdict) -> None:
-    scene = _scene(told, world, r"^(\S+) \(")
+    scene, description = world.scene(told.structured["scenario_id"]), told.structured["description"]
+    verdict.holds("the scenario is there", scene is not None)
     if scene is None:
         return
-    _road_users(told.text, scene, verdict)
-    _ego(told.text, scene, verdict)
-    _vehicles(told, scene, verdict)
+    for kind, count in told.structured["counts"].items():
+        verdict.holds(f"{count} {kind}", scene.counts[kind] == count, scene.counts[kind])
+    total, listed = sum(scene.counts.values()), sum(told.structured["counts"].values())
+    verdict.holds(f"{listed} road users", listed == total, total)
+    verdict.close("step", told.structured["step_s"], scene.step_s, 1e-9)
+    if description["ego"] is not None and scene.problems:
+        _ego(description["ego"], scene, verdict)
+        _vehicles(description, scene, verdict)
 
 
-def _scene(told: Told, world: World, pattern: str) -> SceneFile | None:
-    found = re.search(pattern, told.text, re.MULTILINE)
-    return None if found is None else world.scene(found[1])
-
-
-def _road_users(text: str, scene: SceneFile, verdict: Verdict) -> None:
-    if (found := re.search(r"(\d+|no) road users? beside the ego(?: \(([^)]*)\))?", text)) is None:
-        return
-    counts, total = scene.counts, sum(scene.counts.values())
-    verdict.holds(found[0], _number(found[1]) == total, total)
-    for count, name in re.findall(r"(\d+) ([a-zA-Z ]+?)s?(?:,|$)", found[2] or ""):
-        real = sum(many for kind, many in counts.items() if _plain(kind) == _plain(name))
-        verdict.holds(f"{count} {name}", int(count) == real, real)
-
-
-def _number(word: str) -> int:
-    return 0 if word == "no" else int(word)
-
-
-def _plain(kind: str) -> str:
-    """A class as it is compared: without case, blanks and the plural."""
-    plain = re.sub(r"[^a-z]", "", kind.lower())
-    return {"buse": "bus", "person": "pedestrian"}.get(plain, plain)
-
-
-def _ego(text: str, scene: SceneFile, verdict: Verdict) -> None:
-    if (
-        not scene.problems
-        or (found := re.search(r"^Ego: ([\d.]+) m/s on lanelets? ([\d, ]+?), (\d+) lane", text, re.MULTILINE)) is None
-    ):
-        return
+def _ego(told: Fields, scene: SceneFile, verdict: Verdict) -> None:
     problem = scene.problems[0]
     start = problem.start
-    verdict.holds(f"ego {found[1]} m/s", _shown(start.speed, found[1]), start.speed)
-    under = scene.under(start.x, start.y, 0.3)
-    named = {int(key) for key in found[2].split(", ")}
-    verdict.holds(f"ego on lanelets {found[2]}", named <= under, sorted(under))
-    lanes = {scene.lanes_beside(key) for key in named & set(scene.lanelets)}
-    verdict.holds(f"{found[3]} lanes", int(found[3]) in lanes, sorted(lanes))
-    goals = re.search(r"Goal: [^.]*?at (\d+(?:\.\d+)?)(?:\.\.(\d+(?:\.\d+)?))? s", text)
-    if goals is not None and len(problem.goals) == 1:
-        goal = problem.goals[0]
-        first, last = ((step - start.step) * scene.step_s for step in (goal.first_step, goal.last_step))
-        told = (goals[1], goals[2] or goals[1])
-        verdict.holds(goals[0][-30:], _shown(first, told[0]) and _shown(last, told[1]), (first, last))
-    region = re.search(r"region ([\d.]+) m away(?: on lanelet (\d+))?", text)
-    if region is not None and problem.goals and problem.goals[0].areas:
-        middle = problem.goals[0].areas[0].centroid
-        away = math.dist((start.x, start.y), middle.coords[0])
-        verdict.holds(region[0], _shown(away, region[1], 0.3), away)
-        if region[2]:
-            lane = scene.lanelets.get(int(region[2]))
-            verdict.holds(region[0], lane is not None and lane.polygon.distance(middle) <= _SLACK_M)
-
-
-_VEHICLE = re.compile(r"^- (\d+) (\w+)(?: \(\w+\))?: (.*)$", re.MULTILINE)
-
-
-def _vehicles(told: Told, scene: SceneFile, verdict: Verdict) -> None:
-    if not scene.problems:
+    verdict.close("speed of the ego", told["speed_mps"], start.speed)
+    under, named = scene.under(start.x, start.y, 0.3), set(told["lanelets"])
+    verdict.holds(f"ego on lanelets {named}", named <= under, sorted(under))
+    lanes = {scene.lanes_beside(key) for key in named & set(scene.lanelets)} or {0}
+    verdict.holds(f"{told['lanes']} lanes", told["lanes"] in lanes, sorted(lanes))
+    if len(problem.goals) != 1:
         return
-    start, first = scene.problems[0].start, scene.problems[0].start.step
-    ego = Body(start.x, start.y, start.heading, start.speed, 4.508, 1.61)
-    around = _focus(told.text, scene, first, verdict)
-    middle = around or ego
-    lines = _VEHICLE.findall(told.text)
-    for key, kind, words in lines:
-        user = scene.users.get(int(key))
-        verdict.holds(f"{key} is a {kind}", user is not None and _plain(user.kind) == _plain(kind), user and user.kind)
-        if user is not None:
-            _place(key, words, user, scene, ego, middle if around else None, verdict)
-    _listed(told.text, [int(key) for key, *_ in lines], scene, middle, first, around is not None, verdict)
+    goal = problem.goals[0]
+    window = [(step - start.step) * scene.step_s for step in (goal.first_step, goal.last_step)]
+    for name, found in zip(("goal_from_s", "goal_until_s"), window, strict=True):
+        verdict.close(name, told[name], found)
+    if goal.areas and told["goal_distance_m"] is not None:
+        middle = goal.areas[0].centroid
+        verdict.close(
+            "distance to the goal", told["goal_distance_m"], _apart((start.x, start.y), middle.coords[0]), 0.3
+        )
+        for key in told["goal_lanelets"]:
+            verdict.holds(f"goal on lanelet {key}", _is_near(scene, key, middle))
 
 
-def _focus(text: str, scene: SceneFile, step: int, verdict: Verdict) -> Body | None:
-    """The vehicle that the description is about; None where that is the ego."""
-    if (found := re.search(r"^Vehicle (\d+)(?: \([^)]*\))?: (.*)$", text, re.MULTILINE)) is None:
-        return None
-    user = scene.users.get(int(found[1]))
-    verdict.holds(f"there is a vehicle {found[1]}", user is not None)
+def _apart(one: Sequence[float], other: Sequence[float]) -> float:
+    return math.dist((one[0], one[1]), (other[0], other[1]))
+
+
+def _is_near(scene: SceneFile, key: int, shape: Any, slack: float = _SLACK_M) -> bool:
+    """Return whether a shape is on a lanelet, or not farther from it than the slack."""
+    lane = scene.lanelets.get(key)
+    return lane is not None and lane.polygon.distance(shape) <= slack
+
+
+def _vehicles(told: Fields, scene: SceneFile, verdict: Verdict) -> None:
+    start = scene.problems[0].start
+    ego, asked = Body(start.x, start.y, start.heading, start.speed, 4.508, 1.61), told["asked"] or {}
+    focus = None
+    if asked.get("vehicle") is not None:
+        focus = _focus(asked, scene, start.step, verdict)
+        _vehicle(asked["vehicle"], scene, ego, None, verdict)
+    for vehicle in told["vehicles"]:
+        _vehicle(vehicle, scene, ego, focus or ego, verdict)
+    middle, away = focus or ego, list[float]()
+    for vehicle in told["vehicles"]:
+        body = scene.present(start.step).get(vehicle["vehicle_id"])
+        away += [_apart((body.x, body.y), (middle.x, middle.y))] if body is not None else []
+    in_order = all(one <= other + 3.0 for one, other in itertools.pairwise(away))
+    verdict.holds("nearest first", in_order, [round(value, 1) for value in away])
+    total = sum(scene.counts.values()) - (focus is not None)
+    verdict.holds(f"{told['vehicles_total']} vehicles", told["vehicles_total"] == total, total)
+
+
+def _focus(asked: Fields, scene: SceneFile, step: int, verdict: Verdict) -> Body | None:
+    """Return the vehicle that the description is about."""
+    user = scene.users.get(asked["vehicle"]["vehicle_id"])
+    verdict.holds(f"there is a vehicle {asked['vehicle']['vehicle_id']}", user is not None)
     if user is None:
         return None
-    if (way := re.search(r"Recorded way: lanelets? ([\d → ]+)", found[2])) is not None:
-        for key in way[1].split(" → "):
-            lane = scene.lanelets.get(int(key))
-            near = lane is not None and any(
-                lane.polygon.distance(_point(state.x, state.y)) <= _SLACK_M for state in user.states.values()
-            )
-            verdict.holds(f"vehicle {found[1]} is recorded on lanelet {key}", near)
+    for key in asked["route"]:
+        near = any(_is_near(scene, key, _point(state.x, state.y)) for state in user.states.values())
+        verdict.holds(f"vehicle {user.key} is recorded on lanelet {key}", near)
     return user.at(min(user.states) if step not in user.states and not user.is_static else step)
 
 
 def _point(x: float, y: float) -> Any:
-    import shapely
-
     return shapely.Point(x, y)
 
 
-def _place(
-    key: str, words: str, user: RoadUser, scene: SceneFile, ego: Body, focus: Body | None, verdict: Verdict
-) -> None:
-    """Distance, side, speed, gap and lanelet of a vehicle, as seen when the ego starts or when it comes."""
-    late = re.search(r"(?:comes|appears|from) (?:at |after )?([\d.]+) s", words)
+def _vehicle(told: Fields, scene: SceneFile, ego: Body, middle: Body | None, verdict: Verdict) -> None:
+    """Class, distance, speed, gap and lanelet of a vehicle when the ego starts."""
+    key, user = told["vehicle_id"], scene.users.get(told["vehicle_id"])
+    verdict.holds(f"{key} is a {told['kind']}", user is not None and user.kind == told["kind"], user and user.kind)
     start = scene.problems[0].start.step
-    step = start if late is None and (user.is_static or start in user.states) else min(user.states)
-    body = user.at(step)
-    if body is None or step != start:
+    if user is None or not (user.is_static or start in user.states):
         return
-    away = math.dist((body.x, body.y), (ego.x, ego.y))
-    if focus is not None and (found := re.search(r"(\d+) m from vehicle", words)) is not None:
-        from_focus = math.dist((body.x, body.y), (focus.x, focus.y))
-        verdict.holds(f"{key}: {found[0]}", _shown(from_focus, found[1], 0.51), from_focus)
-    if (
-        found := re.search(r"(\d+) m (ahead|behind)?\s?(left|right)?", words.split("seen from the ego")[-1])
-    ) is not None:
-        along, aside = ego.local(body.x, body.y)
-        metres = float(found[1])
+    body = user.at(start)
+    if body is None:
+        return
+    if middle is not None:
+        away = _apart((body.x, body.y), (middle.x, middle.y))
+        verdict.close(f"{key}: distance", told["distance_m"], away, 0.06)
+    speed = user.states[start].speed if start in user.states else 0.0
+    verdict.close(f"{key}: speed", told["speed_mps"], speed)
+    if told["lanelet"] is not None:
+        verdict.holds(f"{key} on lanelet {told['lanelet']}", _is_near(scene, told["lanelet"], body.polygon, 0.3))
+    away, along = _apart((body.x, body.y), (ego.x, ego.y)), ego.local(body.x, body.y)[0]
+    if told["ahead_m"] is not None:
         lane_m = min((abs(ahead) for ahead in _along_lanes(scene, ego, body)), default=away)
-        fits = min(abs(along), away, lane_m) - 1.0 <= metres <= 1.6 * away + 3.0
-        verdict.holds(f"{key}: {found[0]}", fits, f"{away:.1f} m, {along:.1f} m along")
-        if found[2] and away < 40.0:
-            ahead = along > -2.0 if found[2] == "ahead" else along < 2.0
-            verdict.holds(f"{key} is {found[2]}", ahead, f"{along:.1f} m along")
-        if found[3]:
-            verdict.holds(f"{key} is {found[3]}", (aside > -2.0) == (found[3] == "left") or abs(aside) < 2.0, aside)
-    speed = user.states[step].speed if step in user.states else 0.0
-    if (found := re.search(r"([\d.]+) m/s", words)) is not None:
-        verdict.holds(f"{key}: {found[0]}", _shown(speed, found[1]), speed)
-    elif re.search(r"\bstands\b|\bparked\b", words):
-        verdict.holds(f"{key} stands", abs(speed) <= _STANDS_MPS + 0.05, speed)
-    if (found := re.search(r"gap ([\d.]+) m", words)) is not None:
+        fits = min(abs(along), away, lane_m) - 1.0 <= abs(told["ahead_m"]) <= 1.6 * away + 3.0
+        verdict.holds(f"{key}: {told['ahead_m']} m ahead", fits, f"{away:.1f} m, {along:.1f} m along")
+        if 2.0 < abs(told["ahead_m"]) < 40.0:
+            same_way = along > -2.0 if told["ahead_m"] > 0 else along < 2.0
+            verdict.holds(f"{key} ahead or behind", same_way, f"{along:.1f} m along")
+    if told["gap_m"] is not None:
         gap = ego.gap_to(body)
-        verdict.holds(f"{key}: {found[0]}", gap - 1.5 <= float(found[1]) <= 1.6 * gap + 4.0, gap)
-    if (found := re.search(r"lanelet (\d+)", words)) is not None:
-        lane = scene.lanelets.get(int(found[1]))
-        near = lane is not None and lane.polygon.distance(body.polygon) <= 0.3
-        verdict.holds(f"{key}: {found[0]}", near, sorted(scene.under(body.x, body.y, _SLACK_M)))
+        verdict.holds(f"{key}: gap {told['gap_m']} m", gap - 1.5 <= told["gap_m"] <= 1.6 * gap + 4.0, gap)
 
 
 def _along_lanes(scene: SceneFile, ego: Body, body: Body) -> Iterator[float]:
@@ -222,158 +204,121 @@ def _along_lanes(scene: SceneFile, ego: Body, body: Body) -> Iterator[float]:
         yield centre.project(_point(body.x, body.y)) - centre.project(_point(ego.x, ego.y))
 
 
-def _listed(
-    text: str, keys: Sequence[int], scene: SceneFile, middle: Body, step: int, focused: bool, verdict: Verdict
-) -> None:
-    """The nearest come first, and with those that are not shown they are all."""
-    present = scene.present(step)
-    away = {key: math.dist((body.x, body.y), (middle.x, middle.y)) for key, body in present.items()}
-    shown = [away[key] for key in keys if key in away]
-    if re.search(r"^Vehicles, nearest", text, re.MULTILINE) and shown:
-        sorted_enough = all(one <= other + 3.0 for one, other in itertools.pairwise(shown))
-        verdict.holds("nearest first", sorted_enough, [round(value, 1) for value in shown])
-    if (more := re.search(r"\((\d+) more: ", text)) is not None and keys:
-        total = sum(scene.counts.values()) - focused
-        verdict.holds(f"{len(keys)} shown and {more[0]}", len(keys) + int(more[1]) == total, total)
-
-
 def _generation(told: Told, world: World, verdict: Verdict) -> None:
-    for made in told.structured.get("scenarios", []):
+    for made in told.structured["scenarios"]:
         scene = world.scene(str(made["scenario_id"]))
         verdict.holds(f"{made['scenario_id']} is there", scene is not None)
-        if scene is None or len(told.structured["scenarios"]) > 1:
+        if scene is None:
             continue
-        real = sum(scene.counts.values()) + 1
-        if (
-            found := re.search(r"(\d+) vehicles?(?: of (\d+) that[^:]*)?: the ego((?:, \d+ \w+)*)", told.text)
-        ) is not None:
-            verdict.holds(found[0], int(found[1]) == real, real)
-            parts = [int(count) for count in re.findall(r"\d+", found[3])]
-            verdict.holds(f"{found[0]} add up", 1 + sum(parts) == int(found[1]), 1 + sum(parts))
+        real, classes = sum(scene.counts.values()) + 1, made["classes_realised"]
+        on_foot = classes.get("pedestrian", 0)
+        verdict.holds(f"{made['vehicles_realised']} vehicles", made["vehicles_realised"] + on_foot == real, real)
+        verdict.holds(f"{classes} add up", 1 + sum(classes.values()) == real, real)
         problem = scene.problems[0]
-        if found := re.search(
-            r"at ([\d.]+) m/s; goal (\d+) m ahead on lanelet (\d+) within ([\d.]+) to ([\d.]+) s", told.text
-        ):
-            verdict.holds(f"ego at {found[1]} m/s", _shown(problem.start.speed, found[1]), problem.start.speed)
-            goal = problem.goals[0]
-            window = (goal.first_step * scene.step_s, goal.last_step * scene.step_s)
-            fits = _shown(window[0], found[4]) and _shown(window[1], found[5])
-            verdict.holds(f"goal within {found[4]} to {found[5]} s", fits, window)
-            centre = goal.areas[0].centroid if goal.areas else None
-            lane = scene.lanelets.get(int(found[3]))
-            if centre is not None:
-                on_it = lane is not None and lane.polygon.distance(centre) <= _SLACK_M
-                verdict.holds(f"goal on lanelet {found[3]}", on_it)
-                straight = math.dist((problem.start.x, problem.start.y), centre.coords[0])
-                verdict.holds(f"goal {found[2]} m ahead", float(found[2]) >= straight - 1.0, straight)
+        verdict.close("speed of the ego", made["ego_speed_mps"], problem.start.speed)
+        goal = problem.goals[0]
+        window = [(step - problem.start.step) * scene.step_s for step in (goal.first_step, goal.last_step)]
+        for name, value, found in zip(("first", "last"), made["goal_time_s"], window, strict=True):
+            verdict.close(f"{name} time of the goal", value, found, scene.step_s / 2)
+        if goal.areas:
+            centre = goal.areas[0].centroid
+            verdict.holds(f"goal on {made['goal_lanelet']}", _is_near(scene, made["goal_lanelet"], centre))
+            straight = _apart((problem.start.x, problem.start.y), centre.coords[0])
+            ahead = made["goal_distance_m"]
+            verdict.holds(f"goal {ahead} m ahead", straight - 1.0 <= ahead <= 3.0 * straight + 50.0, straight)
 
 
 # Edits
 
 
 def _edit(told: Told, world: World, verdict: Verdict) -> None:
-    if (found := re.search(r"^(\S+) \(from (\S+?)\)", told.text)) is None:
+    fields = told.structured
+    if fields["scenario_id"] is None:
         return
-    scene, base = world.scene(found[1]), world.scene(found[2])
-    verdict.holds(f"{found[1]} is there", scene is not None and base is not None)
+    scene, base = world.scene(fields["scenario_id"]), world.scene(fields["base_id"])
+    verdict.holds(f"{fields['scenario_id']} is there", scene is not None and base is not None)
     if scene is None or base is None:
         return
     same = sum(base.texts.get(key) == text for key, text in scene.texts.items())
-    if (kept := re.search(r"^(\d+|No|All \d+) vehicles? exactly as recorded", told.text, re.MULTILINE)) is not None:
-        verdict.holds(kept[0], int((re.findall(r"\d+", kept[1]) or ["0"])[0]) == same, same)
-    for removed in re.findall(r"removed \d+: ([\d, ]+)", told.text):
-        for key in re.findall(r"\d+", removed):
-            verdict.holds(f"{key} is removed", int(key) not in scene.users and int(key) in base.users)
-    for kind, key, lane, speed in re.findall(
-        r"add_vehicle \(P\): (\w+) (\d+) on lanelet (\d+) at [\d.]+ m(?: \([^)]*\))?, ([\d.]+) m/s", told.text
-    ):
-        user = scene.users.get(int(key))
-        verdict.holds(f"{key} is added", user is not None and int(key) not in base.users)
-        if user is not None:
-            verdict.holds(f"added {key} at {speed} m/s", _shown(user.first.speed, speed, 0.3), user.first.speed)
-            spot = _point(user.first.x, user.first.y)
-            under = int(lane) in scene.lanelets and scene.lanelets[int(lane)].polygon.distance(spot) <= _SLACK_M
-            verdict.holds(f"added {key} on lanelet {lane}", under)
-            del kind
-    _meant(told, base, verdict)
-    _danger(told, verdict)
+    verdict.holds(f"{fields['untouched']} as recorded", fields["untouched"] == same, same)
+    gone = sorted(base.users.keys() - scene.users.keys())
+    verdict.holds(f"removed {fields['removed']}", sorted(fields["removed"]) == gone, gone)
+    added = sorted(scene.users.keys() - base.users.keys())
+    told_added = sorted(one["vehicle_id"] for one in fields["touched"] if one["cause"] == "added")
+    verdict.holds(f"added {told_added}", told_added == added, added)
+    for one in fields["touched"]:
+        user = scene.users.get(one["vehicle_id"])
+        changed = user is not None and base.texts.get(user.key) != scene.texts.get(user.key)
+        verdict.holds(f"{one['vehicle_id']} is touched", changed)
+    for report in fields["edits"]:
+        for route in report["routes"]:
+            _route(route, scene, verdict)
+    for asked, report in zip(told.asked.get("edits", ()), fields["edits"], strict=False):
+        _meant(asked, report, base, verdict)
+    for when in ("ego_before", "ego_after"):
+        danger = fields[when]
+        if danger is not None and danger["risk_score"] is not None and not danger["left_out"]:
+            hit = danger["minimum_distance_m"] == 0
+            if hit != (danger["risk_score"] == 0):
+                verdict.excludes(f"{when}: risk score {danger['risk_score']} and {danger['minimum_distance_m']} m")
 
 
-def _meant(told: Told, base: SceneFile, verdict: Verdict) -> None:
-    """Who was meant by ``nearest:N``: the N nearest that move, centre to centre, when the ego starts."""
-    if not base.problems or (found := re.search(r"\(nearest:(\d+): ([^)]*)\)", told.text)) is None:
+def _route(told: Fields, scene: SceneFile, verdict: Verdict) -> None:
+    """Where a touched vehicle drives: along these lanelets, or along the first of them if it does not arrive."""
+    user = scene.users.get(told["vehicle_id"])
+    if user is None:
         return
-    named = [int(key) for key in re.findall(r"(?:^|; )(\d+) \w+", found[2])]
+    for key in told["lanelets"][: 1 if told["arrives"] is False else None]:
+        near = any(_is_near(scene, key, _point(state.x, state.y)) for state in user.states.values())
+        verdict.holds(f"{user.key} drives on lanelet {key}", near)
+    if told["arrives"] is False and not told["reason"]:
+        verdict.excludes(f"{user.key} does not arrive, without a reason")
+
+
+def _meant(asked: Fields, report: Fields, base: SceneFile, verdict: Verdict) -> None:
+    """Who was meant by ``nearest:N``: the N nearest that move, centre to centre, when the ego starts."""
+    selectors = asked.get("vehicles", ())
+    found = re.fullmatch(r"nearest:(\d+)", selectors[0]) if len(selectors) == 1 else None
+    if found is None or not base.problems:
+        return
     start = base.problems[0].start
     away = {
-        key: math.dist((body.x, body.y), (start.x, start.y))
+        key: _apart((body.x, body.y), (start.x, start.y))
         for key, body in base.present(start.step).items()
         if not base.users[key].is_static
     }
     nearest = sorted(away, key=away.__getitem__)[: int(found[1])]
-    verdict.holds(f"nearest:{found[1]} are {named}", set(named) == set(nearest), nearest)
-
-
-def _danger(told: Told, verdict: Verdict) -> None:
-    """What an edit says of the ego's danger is said once: nothing new, or what changed from what to what."""
-    nothing = "Nothing new for the ego" in told.text
-    line = next((line for line in told.text.splitlines() if "for the ego" in line), "")
-    changed = [(a, b) for a, b in re.findall(r"([\d.]+|none[^,→]*) (?:m |s )?→ ([\d.]+|none[^,.]*)", line)]
-    if nothing and changed:
-        verdict.excludes(f"nothing new, and {changed}")
-    if line.startswith("New for the ego") and changed and all(a.strip() == b.strip() for a, b in changed):
-        verdict.excludes(f"new, but the same: {changed}")
-    risk = re.search(r"risk score \(0 worst, 5 best\) (?:[\d]+ → )?(\d+)", line)
-    hits = re.search(r"collision (?:[^,.]*→ )?(with \d+|none)", line)
-    if risk is not None and hits is not None and (risk[1] == "0") != (hits[1] != "none"):
-        verdict.excludes(f"risk score {risk[1]} and collision {hits[1]}")
+    verdict.holds(f"{selectors[0]} are {report['vehicles']}", set(report["vehicles"]) == set(nearest), nearest)
 
 
 # Runs
 
 
 def _runs(told: Told, world: World, verdict: Verdict) -> None:
-    lines = told.text.splitlines()
-    for number, line in enumerate(lines):
-        found = re.search(r"\b(run_[0-9a-f]{12}) on \S+ under .*?: (?=[a-z])(.*)$", line)
-        named = found or re.search(r"^- (?:before|after): (.*) \((run_[0-9a-f]{12})\)$", line)
-        if named is None:
-            continue
-        run_id, words = (named[1], named[2]) if found else (named[2], named[1])
-        run = world.run(run_id)
-        if run is None:
-            continue
-        _outcome(words, run, world, verdict)
-        if number == 0 and told.tool in ("run_planner", "analyze_results"):
-            _moments(told.text, run, world, verdict)
+    fields = told.structured
+    rows = [*fields.get("runs", ()), *fields.get("failures", ())] if told.tool == "run_planner" else fields["rows"]
+    for row in rows:
+        run = world.run(row["run_id"])
+        if run is not None:
+            _outcome(row, run, world, verdict)
+            review = row.get("review") or (fields.get("review") if len(rows) == 1 else None)
+            if review is not None:
+                _moments(review, run, world, verdict)
+    run = world.run(rows[0]["run_id"]) if len(rows) == 1 else None
+    if run is not None:
+        _figures(fields, run, world, verdict)
 
 
-def _outcome(words: str, run: StoredRun, world: World, verdict: Verdict) -> None:
+def _outcome(row: Fields, run: StoredRun, world: World, verdict: Verdict) -> None:
     scene = world.scene(run.scenario_id)
     if scene is None:
         return
-    if (found := re.match(r"reached the goal at ([\d.]+) s \(step (\d+)\)", words)) is not None:
-        verdict.holds(words, run.outcome == "goal_reached" and _reaches(run, scene), run.outcome)
-        taken = (run.last_step - run.first_step) * run.step_s
-        verdict.holds(f"at {found[1]} s", _shown(taken, found[1]), taken)
-        return
-    if not words.startswith("collision"):
-        verdict.holds(words, run.outcome not in ("goal_reached", "collision"), run.outcome)
-        return
-    found = re.search(r"(\w+) (\d+)[^(]* at ([\d.]+) s \(ego ([\d.]+) m/s(?:, (?:\w+ \d+|it) ([\d.]+) m/s)?", words)
-    verdict.holds(words, run.outcome == "collision", run.outcome)
-    if found is None:
-        return
-    step = run.first_step + round(float(found[3]) / run.step_s)
-    ego, others = run.ego_at(step), world.others_of(run, step)
-    other = others.get(int(found[2]))
-    touches = ego is not None and other is not None and ego.gap_to(other[1]) <= 0.05
-    verdict.holds(f"touches {found[2]} at {found[3]} s", touches, ego and other and ego.gap_to(other[1]))
-    if ego is not None and other is not None:
-        verdict.holds(f"ego {found[4]} m/s", _shown(ego.speed, found[4]), ego.speed)
-        if found[5]:
-            verdict.holds(f"{found[2]} {found[5]} m/s", _shown(abs(other[1].speed), found[5]), other[1].speed)
-        verdict.holds(f"{found[2]} is a {found[1]}", _plain(other[0]) == _plain(found[1]), other[0])
+    verdict.holds(f"{row['run_id']} on {row['scenario_id']}", row["scenario_id"] == run.scenario_id, run.scenario_id)
+    verdict.holds(f"outcome {row['outcome']}", row["outcome"] == run.outcome, run.outcome)
+    if row["outcome"] == "goal_reached":
+        verdict.holds("the goal is reached", _reaches(run, scene), "not in the goal")
+    if row["duration_s"] is not None:
+        verdict.close("duration", row["duration_s"], (run.last_step - run.first_step) * run.step_s)
 
 
 def _reaches(run: StoredRun, scene: SceneFile) -> bool:
@@ -391,108 +336,116 @@ def _reaches(run: StoredRun, scene: SceneFile) -> bool:
     return False
 
 
-def _moments(text: str, run: StoredRun, world: World, verdict: Verdict) -> None:
-    """The closest moment, the largest motions, and the figures of a single run."""
-    gaps = [
-        (ego.gap_to(body), key, step)
-        for step in range(run.first_step, run.last_step + 1)
-        if (ego := run.ego_at(step)) is not None
-        for key, (_, body) in world.others_of(run, step).items()
-        if math.dist((ego.x, ego.y), (body.x, body.y)) < 60.0
-    ]
-    if found := re.search(
-        r"^Closest: ([\d.]+) m to \w+ (\d+)[^(;]* at ([\d.]+) s \(ego ([\d.]+), it ([\d.]+) m/s", text, re.MULTILINE
-    ):
-        least = min(gaps)[0] if gaps else math.nan
-        verdict.holds(f"closest {found[1]} m", _shown(least, found[1], 0.02), least)
-        step = run.first_step + round(float(found[3]) / run.step_s)
-        ego, other = run.ego_at(step), world.others_of(run, step).get(int(found[2]))
-        there = ego is not None and other is not None and abs(ego.gap_to(other[1]) - least) < 0.02
-        verdict.holds(f"to {found[2]} at {found[3]} s", there, min(gaps)[1:] if gaps else "nobody near")
+def _moments(review: Fields, run: StoredRun, world: World, verdict: Verdict) -> None:
+    """How a run collided, its closest moment, and its largest motions."""
+    contact, closest = review["contact"], review["closest"]
+    if contact is not None and contact["obstacle_id"] is not None:
+        ego, other = _both(run, world, contact)
+        gap = math.nan if ego is None or other is None else ego.gap_to(other[1])
+        verdict.holds(f"touches {contact['obstacle_id']} at {contact['time_s']} s", gap <= 0.05, gap)
         if ego is not None and other is not None:
-            speeds = _shown(ego.speed, found[4]) and _shown(abs(other[1].speed), found[5])
-            verdict.holds(f"ego {found[4]}, it {found[5]} m/s", speeds, (ego.speed, other[1].speed))
+            verdict.close("speed of the ego at the collision", contact["ego_speed_mps"], ego.speed)
+            if contact["other_speed_mps"] is not None:
+                verdict.close("speed of the other then", abs(contact["other_speed_mps"]), abs(other[1].speed))
+            verdict.holds(f"hit a {contact['obstacle_class']}", other[0] == contact["obstacle_class"], other[0])
+    if closest is not None:
+        least = min(_gaps(run, world), default=math.nan)
+        verdict.close("closest", closest["gap_m"], least, 0.02)
+        ego, other = _both(run, world, closest)
+        there = ego is not None and other is not None and abs(ego.gap_to(other[1]) - least) < 0.02
+        verdict.holds(f"to {closest['obstacle_id']} at {closest['time_s']} s", there, least)
+        if ego is not None and other is not None:
+            verdict.close("speed of the ego then", closest["ego_speed_mps"], ego.speed)
+            verdict.close("speed of the other then", abs(closest["other_speed_mps"]), abs(other[1].speed))
+    accelerations = run.series("acceleration_mps2")
+    for largest in review["largest"]:
+        sign = {"acceleration": 1, "braking": -1}.get(largest["name"])
+        if sign is not None and len(accelerations) > 1:
+            values = sign * accelerations[1:]
+            verdict.close(f"largest {largest['name']}", largest["value"], float(values.max()))
+            at = float(sign * accelerations[round(largest["time_s"] / run.step_s)])
+            verdict.close(f"{largest['name']} at {largest['time_s']} s", largest["value"], at)
+
+
+def _both(run: StoredRun, world: World, moment: Fields) -> tuple[Body | None, tuple[str, Body] | None]:
+    """The ego and the other at a moment of a run."""
+    step = run.first_step + round(moment["time_s"] / run.step_s)
+    return run.ego_at(step), world.others_of(run, step).get(moment["obstacle_id"])
+
+
+def _gaps(run: StoredRun, world: World) -> Iterator[float]:
+    for step in range(run.first_step, run.last_step + 1):
+        ego = run.ego_at(step)
+        for _, body in world.others_of(run, step).values() if ego is not None else ():
+            if ego is not None and math.dist((ego.x, ego.y), (body.x, body.y)) < 60.0:
+                yield ego.gap_to(body)
+
+
+def _figures(fields: Fields, run: StoredRun, world: World, verdict: Verdict) -> None:
+    """The distance that a single run drove, and its moments one by one."""
     steps = list(zip(run.series("x_m"), run.series("y_m"), strict=True))
     driven = sum(math.dist(one, other) for one, other in itertools.pairwise(steps))
-    if (found := re.search(r"distance driven ([\d.]+) m", text)) is not None:
-        verdict.holds(found[0], _shown(driven, found[1], 0.005 * driven), driven)
-    accelerations = run.series("acceleration_mps2")
-    for word, sign in (("acceleration", 1), ("braking", -1)):
-        found = re.search(rf"(?:Largest:|,) {word} ([\d.]+) m/s² at ([\d.]+) s", text)
-        if found is not None and len(accelerations) > 1:
-            values = sign * accelerations[1:]
-            verdict.holds(f"{word} {found[1]} m/s²", _shown(float(values.max()), found[1]), float(values.max()))
-            at = float(accelerations[round(float(found[2]) / run.step_s)]) * sign
-            verdict.holds(f"{word} at {found[2]} s", _shown(at, found[1]), at)
-    for time, speed, gap, key in re.findall(
-        r"^- ([\d.]+) s: ([\d.]+) m/s, [^,]*, ([\d.]+) m to (\d+)", text, re.MULTILINE
-    ):
-        step = run.first_step + round(float(time) / run.step_s)
-        ego, other = run.ego_at(step), world.others_of(run, step).get(int(key))
-        verdict.holds(f"{speed} m/s at {time} s", ego is not None and _shown(ego.speed, speed), ego and ego.speed)
+    for metric in fields.get("metrics", ()):
+        if metric["name"] == "distance_m":
+            verdict.close("distance driven", metric["median"], driven, 0.005 * driven)
+    for moment in fields.get("timeline", ()):
+        ego, other = _both(run, world, moment)
+        if ego is not None:
+            verdict.close(f"speed at {moment['time_s']} s", moment["speed_mps"], ego.speed)
         if ego is not None and other is not None:
-            verdict.holds(
-                f"{gap} m to {key} at {time} s", _shown(ego.gap_to(other[1]), gap, 0.02), ego.gap_to(other[1])
-            )
+            verdict.close(f"gap at {moment['time_s']} s", moment["gap_m"], ego.gap_to(other[1]), 0.02)
 
 
 def _comparison(told: Told, world: World, verdict: Verdict) -> None:
-    _runs(told, world, verdict)
-    pairs = dict(re.findall(r"^- (before|after): .*\((run_[0-9a-f]{12})\)$", told.text, re.MULTILINE))
-    runs = {word: world.run(key) for word, key in pairs.items()}
-    before, after = runs.get("before"), runs.get("after")
-    if before is None or after is None:
-        return
-    same = before.outcome == after.outcome
-    if "same outcome" in told.text.splitlines()[0]:
-        verdict.holds("same outcome", same, (before.outcome, after.outcome))
-    for parent, child in re.findall(r"^- edited \((\S+) → (\S+?)\):", told.text, re.MULTILINE):
-        parents = world.recipe(child).get("parents", [])
-        verdict.holds(f"{child} is edited from {parent}", parent in parents, parents)
-    names = {"duration": "duration_s", "minimum distance": "minimum_distance_m", "mean speed": "mean_speed_mps"}
-    names |= {"distance driven": "distance_m"}
-    for line in told.text.splitlines():
-        for name, first, second in re.findall(r"([a-z][a-z ]+?) ([\d.]+) → ([\d.]+)", line):
-            key = names.get(name.removeprefix("worse: ").removeprefix("better: ").strip())
-            if key is not None and line.startswith(("- better", "- worse")):
-                values = [run.record["metrics"][key] for run in (before, after)]
-                fits = _shown(values[0], first) and _shown(values[1], second)
-                verdict.holds(f"{name} {first} → {second}", fits, values)
+    for comparison in told.structured["comparisons"]:
+        for pair in comparison["edited"]:
+            parents = world.recipe(pair["after"]).get("parents", [])
+            verdict.holds(f"{pair['after']} is edited from {pair['before']}", pair["before"] in parents, parents)
+        if comparison["single"] is None:
+            continue
+        runs = [world.run(side["run_id"]) for side in comparison["single"]]
+        for side, run in zip(comparison["single"], runs, strict=True):
+            if run is not None:
+                verdict.holds(f"outcome {side['outcome']}", side["outcome"] == run.outcome, run.outcome)
+                _moments(side["review"], run, world, verdict)
+        before, after = runs
+        if before is None or after is None:
+            continue
+        goals = [run.outcome == "goal_reached" for run in (before, after)]
+        alike = comparison["headline_code"] == "one_pair_same"
+        verdict.holds(comparison["headline_code"], alike == (goals[0] == goals[1]), goals)
+        for metric in comparison["metrics"]:
+            for end, run in (("median_before", before), ("median_after", after)):
+                if metric[end] is not None:
+                    verdict.close(f"{metric['name']} {end}", metric[end], run.record["metrics"][metric["name"]])
 
 
 # Searches and configurations
 
 
 def _search(told: Told, world: World, verdict: Verdict) -> None:
-    scenes = world.scenes()
-    if (found := re.search(r"^(\d+) of (\d+) scenarios? match", told.text)) is None:
-        return
-    verdict.holds(f"of {found[2]} scenarios", int(found[2]) == len(scenes), len(scenes))
+    fields, scenes = told.structured, world.scenes()
+    verdict.holds(f"of {fields['catalogue']} scenarios", fields["catalogue"] == len(scenes), len(scenes))
     fit = [key for key, scene in scenes.items() if _fits(scene, told.asked)]
-    judged = set(told.asked) <= {
-        "obstacles",
-        "ego_speed",
-        "tags",
-        "country",
-        "city",
-        "limit",
-        "sort",
-        "text",
-        "scenario_id",
-    }
-    if judged and "text" not in told.asked:
-        verdict.holds(f"{found[1]} match", int(found[1]) == len(fit), len(fit))
-    if "FALLBACK" in told.text or int(found[1]) == 0:
-        return
-    for key, words in re.findall(r"^- (\S+?): (.*)$", told.text, re.MULTILINE):
-        scene = scenes.get(key)
-        verdict.holds(f"{key} matches", scene is not None and (not judged or key in fit))
+    judged = set(told.asked) <= {"obstacles", "ego_speed", "tags", "country", "city", "limit", "sort", "scenario_id"}
+    if judged:
+        verdict.holds(f"{fields['total']} match", fields["total"] == len(fit), len(fit))
+    for found in (*fields["matches"], *fields["fallback"]):
+        scene = scenes.get(found["scenario_id"])
+        is_match = found in fields["matches"]
+        fits = scene is not None and (not judged or (found["scenario_id"] in fit) == is_match)
+        verdict.holds(f"{found['scenario_id']} matches: {is_match}", fits)
         if scene is not None:
-            for count, name in re.findall(r"(\d+) ([a-zA-Z]+?)s?(?:,| ·)", words.split(", ego ")[0] + ","):
-                real = sum(many for kind, many in scene.counts.items() if _plain(kind) == _plain(name))
-                verdict.holds(f"{key}: {count} {name}", int(count) == real, real)
-            if (speed := re.search(r"ego ([\d.]+) m/s", words)) is not None and scene.problems:
-                verdict.holds(f"{key}: {speed[0]}", _shown(scene.problems[0].start.speed, speed[1]))
+            counts = {kind: count for kind, count in scene.counts.items() if count}
+            verdict.holds(f"{found['scenario_id']}: {found['counts']}", found["counts"] == counts, counts)
+            if scene.problems:
+                verdict.close(found["scenario_id"], found["ego_speed_mps"], scene.problems[0].start.speed)
+
+
+def _plain(kind: str) -> str:
+    """A class as it is compared: without case and blanks."""
+    plain = re.sub(r"[^a-z]", "", kind.lower())
+    return {"person": "pedestrian"}.get(plain, plain)
 
 
 def _fits(scene: SceneFile, asked: Mapping[str, Any]) -> bool:
@@ -514,13 +467,13 @@ def _fits(scene: SceneFile, asked: Mapping[str, Any]) -> bool:
 
 
 def _configuration(told: Told, world: World, verdict: Verdict) -> None:
-    if (found := re.search(r"^(cfg_[0-9a-f]{12}) ", told.text)) is None:
-        return
-    stored = world.record("config", found[1])
-    verdict.holds(f"{found[1]} is stored", stored is not None)
+    config_id = told.structured["config_id"]
+    stored = world.record("config", config_id)
+    verdict.holds(f"{config_id} is stored", stored is not None)
     weights = {} if stored is None else stored.get("weights", {})
-    for name, value in re.findall(r"([a-z_]+) [\d.e+-]+ → ([\d.e+-]+\d|\d)", told.text):
-        verdict.holds(f"{name} → {value}", name in weights and _shown(weights[name], value), weights.get(name))
+    for change in told.structured["changes"]:
+        if change["name"] in weights:
+            verdict.close(change["name"], change["after"], weights[change["name"]], 1e-9)
 
 
 # All answers
@@ -530,43 +483,61 @@ def _against_itself(told: Told, verdict: Verdict) -> None:
     text, structured = told.text, told.structured
     for key in ("scenario_id", "search_id", "batch_id", "config_id"):
         value = structured.get(key)
-        if told.tool != "describe_scenario" and isinstance(value, str) and value and value not in text:
+        if told.tool not in ("describe_scenario", "list_planners") and isinstance(value, str) and value not in text:
             verdict.excludes(f"structured {key} {value} is not in the text")
-    for run in structured.get("runs", []) if told.tool == "run_planner" else []:
-        said = next((line for line in text.splitlines() if str(run["run_id"]) in line), "")
-        if said and (run["outcome"] == "collision") != (": collision: " in said):
-            verdict.excludes(f"structured outcome {run['outcome']}, text: {said}")
-    unexplained = re.search(r"does not (?:arrive|get there)(?![^\n]*[:(,;])", text)
-    if "the edit is done" in text and unexplained:
-        verdict.excludes("done, but does not arrive, without a reason")
-    for count, of in re.findall(r"\b(\d+) of (\d+)\b", text):
-        if int(count) > int(of):
+    for part in _parts(structured):
+        count, of = part.get("count"), part.get("of")
+        if isinstance(count, int) and isinstance(of, int) and count > of:
             verdict.excludes(f"{count} of {of}")
 
 
-def _shown(value: float, printed: str, slack: float = 0.0) -> bool:
-    """Whether a value is what was printed, to the digits that are there."""
-    digits = len(printed.partition(".")[2])
-    significant = len(printed.replace(".", "").lstrip("0"))
-    half = 0.5 * 10.0**-digits
-    if digits == 0 and significant >= 3:
-        half = max(half, 0.005 * abs(value))
-    return abs(value - float(printed)) <= half + slack + 1e-6
+def _parts(content: Any) -> Iterator[Fields]:
+    """Yield every object in structured content."""
+    if isinstance(content, Mapping):
+        yield content
+    for part in content.values() if isinstance(content, Mapping) else content if isinstance(content, list) else ():
+        yield from _parts(part)
 
 
-_Rule = Callable[[Told, World, Verdict], None]
-_RULES: Mapping[str, tuple[_Rule, ...]] = {
-    "describe_scenario": (_description,),
-    "generate_scenarios": (_generation,),
-    "modify_scenario": (_edit,),
-    "run_planner": (_runs,),
-    "analyze_results": (_runs,),
-    "compare_results": (_comparison,),
-    "find_scenarios": (_search,),
-    "configure_planner": (_configuration,),
+_RULES: Mapping[str, Callable[[Told, World, Verdict], None]] = {
+    "describe_scenario": _description,
+    "generate_scenarios": _generation,
+    "modify_scenario": _edit,
+    "run_planner": _runs,
+    "analyze_results": _runs,
+    "compare_results": _comparison,
+    "find_scenarios": _search,
+    "configure_planner": _configuration,
 }
 
 
 def unanswered(told: Told, asks: Sequence[str]) -> Iterator[str]:
-    """The patterns of what an answer has to hold that its text does not hold."""
-    return (ask for ask in asks if re.search(ask, told.text, re.MULTILINE) is None)
+    """The fields that an answer has to fill, as ``runs.outcome``, that it does not fill or whose value its text lacks.
+
+    Any element of a list may hold a field, and any of several fields that ``|`` separates will do. A name without a
+    blank and a number have to stand in the text.
+    """
+    for ask in asks:
+        values = [value for path in ask.split("|") for value in _at(told.structured, path.split("."))]
+        if not any(_is_told(value, told.text) for value in values):
+            yield ask
+
+
+def _at(content: Any, path: Sequence[str]) -> Iterator[Any]:
+    if isinstance(content, list):
+        for part in content:
+            yield from _at(part, path)
+    elif not path:
+        yield content
+    elif isinstance(content, Mapping) and path[0] in content:
+        yield from _at(content[path[0]], path[1:])
+
+
+def _is_told(value: Any, text: str) -> bool:
+    if isinstance(value, bool):
+        return True
+    if isinstance(value, int | float):
+        return any(agrees(figure, value) for figure in figures_in(text))
+    if isinstance(value, str):
+        return bool(value) and (bool(re.search(r"\s", value)) or value.replace("_", " ") in text.replace("_", " "))
+    return bool(value)

@@ -29,16 +29,9 @@ import numpy as np
 import psutil
 from mcp import Client
 
-from plannerforge.engine.catalog import (
-    COMPLETE,
-    Vectors,
-    descriptions,
-    ensure_generation,
-    is_ready,
-    listed_version,
-    query,
-    refresh,
-)
+from plannerforge.engine.catalog import is_ready
+from plannerforge.engine.catalog.tables import descriptions, listed_version, refresh
+from plannerforge.engine.catalog.vector_index import COMPLETE, Vectors, ensure_generation, query
 from plannerforge.engine.workspace import Workspace
 from plannerforge.schemas.scenarios import ScenarioRecord
 from plannerforge.server.assembly import create_server

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from plannerforge.engine.commonroad import LoadedScenario, read_scenario, schema_errors
 from plannerforge.engine.execution import silent
-from plannerforge.engine.generation import convert_map, generate_scenario
+from plannerforge.engine.generation import generate_scenario
+from plannerforge.engine.generation.site_network import convert_map
 from plannerforge.engine.maps import MapEntry, MapMatch, is_net
 from plannerforge.engine.network import build_road_network, read_net
 from plannerforge.engine.planners import make_planner, simulate

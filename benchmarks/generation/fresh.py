@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 
 from plannerforge.engine.execution import silent
-from plannerforge.engine.generation import convert_map
+from plannerforge.engine.generation.site_network import convert_map
 from plannerforge.engine.maps import LINKS, ROADS, MapEntry, cut_map, is_net, read_map, read_map_file
 from plannerforge.engine.network import build_road_network, read_net
 from plannerforge.engine.vehicles import vehicle_classes

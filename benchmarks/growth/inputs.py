@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from plannerforge.engine.maps import Sketch
+from plannerforge.engine.maps.drawn_library import Sketch
 
 Point = tuple[float, float]
 _WIDTH_M, _APART_M, _STEP_S, _SPEED_MPS = 3.5, 120.0, 0.1, 5.0

@@ -9,13 +9,14 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from plannerforge.engine.catalog import Search, add_facts, build_index, prepare, rank, scenario_facets
+from plannerforge.engine.catalog import Search, build_index, rank, scenario_facets
+from plannerforge.engine.catalog.tables import add_facts, prepare
 from plannerforge.engine.commonroad import read_recorded, read_scenario
 from plannerforge.engine.edits import apply_edits
 from plannerforge.engine.execution import silent
 from plannerforge.engine.maps import MapEntry, find_maps, read_map
 from plannerforge.engine.network import NetLayout, build_road_network, check_file, read_net, straight_speeds, sumo_net
-from plannerforge.engine.planners import open_traffic
+from plannerforge.engine.planners.registry import open_traffic
 from plannerforge.engine.rendering import render
 from plannerforge.engine.scenarios import describe, read_facts
 from plannerforge.engine.scene import Scene

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plannerforge.engine.commonroad import read_scenario
-from plannerforge.engine.planners import DrivenStates, refusal
+from plannerforge.engine.planners.driving.acceptance import DrivenStates, refusal
 from plannerforge.engine.vehicles import vehicle_of
 from plannerforge.schemas.runs import RunSteps
 

@@ -37,13 +37,13 @@ from plannerforge.engine.planners import (
     PlannedTrajectory,
     Planner,
     PlanningTask,
-    RecordedTraffic,
-    ScenarioFile,
-    planner_driver,
     programs_named,
     run_planner,
     simulate,
 )
+from plannerforge.engine.planners.external.command import ScenarioFile
+from plannerforge.engine.planners.external.program import planner_driver
+from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
 from plannerforge.schemas.errors import PlannerFailure
 from plannerforge.schemas.planning import CommandPlanner, PlannerConfiguration, PlannerDeclaration, RunRequest
 

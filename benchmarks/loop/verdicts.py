@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from plannerforge.engine.analysis import Surroundings, prevention_of
+from plannerforge.engine.analysis.prevention import Surroundings, prevention_of
 from plannerforge.engine.commonroad import Track
 
 from ..harness import Figures, SeededBench, share

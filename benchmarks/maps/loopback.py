@@ -6,6 +6,7 @@ before the next answers of one of them. All requests are noted.
 """
 
 import json
+import logging
 import re
 import threading
 import time
@@ -15,13 +16,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from functools import cached_property
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any, Literal
-from urllib.parse import parse_qs, urlsplit
 
 from anyascii import anyascii
 from lxml import etree
+from pytest_httpserver import HTTPServer
+from werkzeug import Request as WebRequest
+from werkzeug import Response
 
 from .extracts import Box, Extract, QueryError, run_query
 
@@ -277,34 +279,30 @@ class MapServers:
         for number, place in enumerate(self._places):
             for word in place.own_words:
                 self._by_word.setdefault(word, []).append(number)
-        self._server = ThreadingHTTPServer(("127.0.0.1", 0), _handler(self))
-        self._server.daemon_threads = True
-        self.stopped, self._serves = threading.Event(), False
+        self._server = HTTPServer(host="127.0.0.1", port=0, threaded=True)
+        self._server.expect_request(_ANY_PATH).respond_with_handler(self._answer)
+        self.stopped = threading.Event()
 
     @contextmanager
     def running(self) -> Iterator["MapServers"]:
         """Serve until the block is left."""
-        thread = threading.Thread(target=self._server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
-        thread.start()
-        self._serves = True
+        logging.getLogger("werkzeug").setLevel(logging.CRITICAL)  # it logs each request, and each client that leaves
+        self._server.start()
         try:
             yield self
         finally:
             self.stop()
-            thread.join()
 
     def stop(self) -> None:
         """Answer no more: what connects is refused."""
-        if not self.stopped.is_set():
-            self.stopped.set()
-            if self._serves:
-                self._server.shutdown()
-            self._server.server_close()
+        self.stopped.set()
+        if self._server.is_running():
+            self._server.stop()
 
     @property
     def port(self) -> int:
-        """The port."""
-        return int(self._server.server_address[1])
+        """The port, known while it serves and afterwards."""
+        return int(self._server.port)
 
     @property
     def nominatim(self) -> str:
@@ -363,6 +361,85 @@ class MapServers:
             key, value = held.lacks
             listed = [one for one in listed if one.get("tags", {}).get(key) != value]
         return ("application/json", _as_json(listed, held)) if kind == "json" else ("text/xml", _as_xml(listed, held))
+
+    def _answer(self, asked: WebRequest) -> Response:
+        """What a service says: what it is asked for, or the fault that is next."""
+        service, given = asked.path.split("/")[1], {**asked.args.to_dict(), **asked.form.to_dict()}
+        agent = asked.headers.get("user-agent", "")
+        self.requests.append(Request(service, asked.path, given, agent, time.monotonic()))
+        fault = self._fault(service, asked.path)
+        if fault is not None:
+            return self._wrong(fault, service)
+        if service != "nominatim":
+            return self._overpass(service, asked.path, given)
+        if asked.path.endswith("/search"):
+            return _json(self.search(given))
+        return _json(self.lookup(given.get("osm_ids", ""))) if asked.path.endswith("/lookup") else _plain(b"OK")
+
+    def _fault(self, service: str, path: str) -> Fault | None:
+        """The next fault; that of slots shows in the status, all others in what is asked for."""
+        waiting = self.faults.get(service)
+        if not waiting or (waiting[0].kind == "no_slot") != path.endswith("/status"):
+            return None
+        return waiting.popleft()
+
+    def _overpass(self, service: str, path: str, given: Mapping[str, str]) -> Response:
+        if path.endswith("/status"):
+            return _plain(_status(2, 0))
+        if path.endswith("/kill_my_queries"):
+            return _plain(b"(pid 1)\n")
+        try:
+            kind, body = self.query(service, given.get("data", ""))
+        except QueryError as error:
+            return Response(_page("OSM3S Response", f"line 1: {error}"), 400, content_type="text/html; charset=utf-8")
+        return Response(body, content_type=kind)
+
+    def _wrong(self, fault: Fault, service: str) -> Response:
+        if fault.kind in _REFUSALS:
+            after = {} if fault.wait_s is None else {"Retry-After": str(fault.wait_s)}
+            return Response(_page("Error", _REFUSALS[fault.kind]), int(fault.kind), after, content_type="text/html")
+        if fault.kind == "no_slot":
+            return _plain(_status(0, fault.wait_s or 60))
+        if fault.kind == "html":
+            return Response(_page("OSM3S Response", "runtime error: open64: 0 Success"), content_type="text/html")
+        if fault.kind == "redirect":
+            return Response(b"", 302, {"Location": "http://127.0.0.2:9/elsewhere"})
+        if fault.kind in ("slow", "cut", "huge", "drip"):
+            length = {"Content-Length": "100000"} if fault.kind == "cut" else {}
+            return Response(self._stream(fault.kind), 200, length, content_type="application/json")
+        remark = 'runtime error: Query timed out in "query" at line 1 after 31 seconds.'
+        bodies = {
+            "empty": b"[]" if service == "nominatim" else _as_json([], Mirror(service)),
+            "remark": _as_json([], Mirror(service), remark),
+            "garbage": b'{"version": 0.6, "elements": [{"type": ',
+            "forged": fault.body,
+        }
+        return Response(bodies[fault.kind], content_type="application/json")
+
+    def _stream(self, kind: str) -> Iterator[bytes]:
+        """An answer that is too long, too slow, or breaks off."""
+        if kind == "slow":
+            self.stopped.wait(_MOST_SLOW_S)
+            return
+        yield b'{"version": 0.6, "elements": [\n'
+        chunk = b'{"type": "node", "id": 1, "lat": 1.0, "lon": 1.0},\n' * 20_000
+        for _ in range(_HUGE_MB * 1024**2 // len(chunk) if kind == "huge" else 0):
+            yield chunk
+        until = time.monotonic() + _MOST_SLOW_S
+        while kind == "drip" and time.monotonic() < until and not self.stopped.wait(0.2):
+            yield b" "
+
+
+_ANY_PATH = re.compile(".*")
+_REFUSALS = {"429": "rate_limited", "504": "The server is probably too busy", "403": "blocked"}
+
+
+def _json(content: Any) -> Response:
+    return Response(json.dumps(content), content_type="application/json; charset=utf-8")
+
+
+def _plain(body: bytes) -> Response:
+    return Response(body, content_type="text/plain")
 
 
 _BOX = re.compile(r"\(" + ",".join([r"\s*(-?\d+(?:\.\d+)?)\s*"] * 4) + r"\)")
@@ -425,123 +502,3 @@ def _status(free: int, wait_s: int) -> bytes:
         f"Connected as: 2130706433\nCurrent time: {now:%Y-%m-%dT%H:%M:%SZ}\nAnnounced endpoint: none\nRate limit: 2\n"
         f"{slots}\nCurrently running queries (pid, space limit, time limit, start time):\n"
     ).encode()
-
-
-def _handler(servers: MapServers) -> type[BaseHTTPRequestHandler]:
-    """A request handler that asks these services."""
-
-    class Handler(BaseHTTPRequestHandler):
-        protocol_version = "HTTP/1.1"
-
-        def do_GET(self) -> None:
-            self._answer(parse_qs(urlsplit(self.path).query, keep_blank_values=True))
-
-        def do_POST(self) -> None:
-            body = self.rfile.read(int(self.headers.get("content-length", "0"))).decode()
-            self._answer(parse_qs(body, keep_blank_values=True))
-
-        def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - its name in the base class
-            del format, args
-
-        def _answer(self, given: Mapping[str, Sequence[str]]) -> None:
-            path = urlsplit(self.path).path
-            service = path.split("/")[1]
-            parameters = {name: values[0] for name, values in given.items()}
-            agent = self.headers.get("user-agent", "")
-            servers.requests.append(Request(service, path, parameters, agent, time.monotonic()))
-            fault = self._fault(service, path)
-            try:
-                if fault is not None:
-                    self._do_wrong(fault, service)
-                elif service == "nominatim":
-                    self._nominatim(path, parameters)
-                else:
-                    self._overpass(service, path, parameters)
-            except (BrokenPipeError, ConnectionResetError):  # the client had enough
-                self.close_connection = True
-
-        def _fault(self, service: str, path: str) -> Fault | None:
-            """The next fault; that of slots shows in the status, all others in what is asked for."""
-            waiting = servers.faults.get(service)
-            if not waiting or (waiting[0].kind == "no_slot") != path.endswith("/status"):
-                return None
-            return waiting.popleft()
-
-        def _nominatim(self, path: str, parameters: Mapping[str, str]) -> None:
-            if path.endswith("/search"):
-                self._send(200, "application/json; charset=utf-8", json.dumps(servers.search(parameters)).encode())
-            elif path.endswith("/lookup"):
-                found = servers.lookup(parameters.get("osm_ids", ""))
-                self._send(200, "application/json; charset=utf-8", json.dumps(found).encode())
-            else:
-                self._send(200, "text/plain", b"OK")
-
-        def _overpass(self, service: str, path: str, parameters: Mapping[str, str]) -> None:
-            if path.endswith("/status"):
-                self._send(200, "text/plain", _status(2, 0))
-            elif path.endswith("/kill_my_queries"):
-                self._send(200, "text/plain", b"(pid 1)\n")
-            else:
-                try:
-                    kind, body = servers.query(service, parameters.get("data", ""))
-                except QueryError as error:
-                    self._send(400, "text/html; charset=utf-8", _page("OSM3S Response", f"line 1: {error}"))
-                    return
-                self._send(200, kind, body)
-
-        def _do_wrong(self, fault: Fault, service: str) -> None:
-            after = {} if fault.wait_s is None else {"Retry-After": str(fault.wait_s)}
-            mirror = Mirror(service)
-            if fault.kind == "no_slot":
-                self._send(200, "text/plain", _status(0, fault.wait_s or 60))
-            elif fault.kind in ("429", "504", "403"):
-                said = {"429": "rate_limited", "504": "The server is probably too busy", "403": "blocked"}[fault.kind]
-                self._send(int(fault.kind), "text/html", _page("Error", said), after)
-            elif fault.kind == "slow":
-                servers.stopped.wait(_MOST_SLOW_S)
-                self.close_connection = True
-            elif fault.kind == "html":
-                self._send(200, "text/html", _page("OSM3S Response", "runtime error: open64: 0 Success"))
-            elif fault.kind == "empty":
-                self._send(200, "application/json", b"[]" if service == "nominatim" else _as_json([], mirror))
-            elif fault.kind == "remark":
-                remark = 'runtime error: Query timed out in "query" at line 1 after 31 seconds.'
-                self._send(200, "application/json", _as_json([], mirror, remark))
-            elif fault.kind == "garbage":
-                self._send(200, "application/json", b'{"version": 0.6, "elements": [{"type": ')
-            elif fault.kind == "forged":
-                self._send(200, "application/json", fault.body)
-            elif fault.kind == "redirect":
-                self._send(302, "text/plain", b"", {"Location": "http://127.0.0.2:9/elsewhere"})
-            else:
-                self._stream(fault.kind)
-
-        def _stream(self, kind: str) -> None:
-            """An answer that is too long, too slow, or breaks off."""
-            self.send_response(200)
-            self.send_header("Content-Type", "application/json")
-            self.send_header("Connection", "close")
-            if kind == "cut":
-                self.send_header("Content-Length", "100000")
-            self.end_headers()
-            self.close_connection = True
-            self.wfile.write(b'{"version": 0.6, "elements": [\n')
-            if kind == "huge":
-                chunk = b'{"type": "node", "id": 1, "lat": 1.0, "lon": 1.0},\n' * 20_000
-                for _ in range(_HUGE_MB * 1024**2 // len(chunk)):
-                    self.wfile.write(chunk)
-            elif kind == "drip":
-                until = time.monotonic() + _MOST_SLOW_S
-                while time.monotonic() < until and not servers.stopped.wait(0.2):
-                    self.wfile.write(b" ")
-
-        def _send(self, status: int, kind: str, body: bytes, headers: Mapping[str, str] | None = None) -> None:
-            self.send_response(status)
-            self.send_header("Content-Type", kind)
-            self.send_header("Content-Length", str(len(body)))
-            for name, value in (headers or {}).items():
-                self.send_header(name, value)
-            self.end_headers()
-            self.wfile.write(body)
-
-    return Handler

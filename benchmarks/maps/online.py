@@ -259,9 +259,8 @@ async def _same_bytes(bench: MapsBench, requests: Sequence[BenchRequest]) -> dic
     shutil.copytree(first / ANSWERS_FOLDER, second / ANSWERS_FOLDER)
     verdicts: list[bool] = []
     chosen = requests[:: max(1, len(requests) // _SAME_BYTES)][:_SAME_BYTES]
-    stopped = MapServers((), ())
-    settings = _settings(bench, second, stopped, maps_online="cache", nominatim_url=_kept_address(first))
-    stopped.stop()
+    with MapServers((), ()).running() as stopped:
+        settings = _settings(bench, second, stopped, maps_online="cache", nominatim_url=_kept_address(first))
     async with Client(create_server(settings)) as client:
         for request in chosen:
             answered = await _call(client, _given(request))

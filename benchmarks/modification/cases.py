@@ -11,7 +11,8 @@ from tempfile import TemporaryDirectory
 import anyio
 
 from plannerforge.engine.commonroad import Track, read_scenario
-from plannerforge.engine.edits import HIT_ON_ENTRY, PLACE_TAKEN, SCENARIO_FILE, apply_edits
+from plannerforge.engine.edits import SCENARIO_FILE, apply_edits
+from plannerforge.engine.edits.entries import HIT_ON_ENTRY, PLACE_TAKEN
 from plannerforge.engine.execution import silent
 from plannerforge.engine.scene import Scene
 from plannerforge.engine.workspace import Recipe, Workspace

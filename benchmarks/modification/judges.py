@@ -17,7 +17,7 @@ from lxml import etree
 
 from plannerforge.engine.commonroad import Track
 from plannerforge.engine.geometry import Points, length_m, oriented_rectangle, point_at, project
-from plannerforge.engine.network import POSITION_WORDS
+from plannerforge.engine.network.positions import POSITION_WORDS
 from plannerforge.engine.scene import Scene
 from plannerforge.evals.ground_truth.reach import SHARES, nearest_m, places_along, places_on
 

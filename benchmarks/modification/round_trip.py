@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from plannerforge.engine.commonroad import Track
-from plannerforge.engine.cosimulation import Actor, ShownState, SimulationSetup, replayed_actor, replayed_states
+from plannerforge.engine.cosimulation import Actor, SimulationSetup, replayed_actor
+from plannerforge.engine.cosimulation.replay import ShownState, replayed_states
 from plannerforge.engine.network import sumo_net
 from plannerforge.engine.scene import LaneMatch, Scene
 

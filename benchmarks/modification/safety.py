@@ -16,7 +16,8 @@ import numpy as np
 
 from plannerforge.engine.commonroad import derived_benchmark_id
 from plannerforge.engine.cosimulation import not_drivable
-from plannerforge.engine.edits import apply_edits, reachable_lanelets
+from plannerforge.engine.edits import apply_edits
+from plannerforge.engine.edits.references import reachable_lanelets
 from plannerforge.engine.execution import silent
 from plannerforge.engine.planners import run_planner
 from plannerforge.engine.scene import Scene

@@ -21,7 +21,7 @@ from lxml import etree
 
 from plannerforge.engine.commonroad import LoadedScenario, Track, read_scenario, recorded_tracks, schema_errors
 from plannerforge.engine.cosimulation import ROUTES_FILE, TYPES_FILE
-from plannerforge.engine.edits import NET_FILE
+from plannerforge.engine.edits.apply import NET_FILE
 from plannerforge.engine.geometry import Points
 from plannerforge.engine.scene import Scene
 from plannerforge.schemas.modification import ModificationOutcome

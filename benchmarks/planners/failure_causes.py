@@ -9,7 +9,7 @@ import numpy as np
 from plannerforge.engine.analysis import driven_tracks
 from plannerforge.engine.commonroad import Track, read_scenario
 from plannerforge.engine.geometry import wrap_angle
-from plannerforge.engine.planners import RecordedTraffic
+from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
 from plannerforge.schemas.runs import RunRecord, RunSteps
 
 from ..tracks import ahead_and_left_m

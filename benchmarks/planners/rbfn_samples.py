@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from plannerforge.engine.geometry import Points, Values
-from plannerforge.engine.planners import PRIMITIVE_INPUTS, PRIMITIVE_NODES
+from plannerforge.engine.planners.rbfn.network import PRIMITIVE_INPUTS, PRIMITIVE_NODES
 
 CURVATURE_SHARE = 0.01
 """Chosen: weight of the curvature's change beside the speed's. A right angle (B² about 10) is then worth a change of

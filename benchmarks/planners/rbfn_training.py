@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from plannerforge.engine.geometry import Points, Values
-from plannerforge.engine.planners import PRIMITIVE_NODES, PrimitiveNetwork, driven_poses, straight_lines
+from plannerforge.engine.planners.rbfn.network import PRIMITIVE_NODES, PrimitiveNetwork, driven_poses, straight_lines
 
 from ..harness import print_figures
 from .rbfn_samples import PrimitiveSamples, solved_samples

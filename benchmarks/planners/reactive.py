@@ -28,7 +28,6 @@ from plannerforge.engine.execution import silent
 from plannerforge.engine.geometry import arc_length, interpolate, point_at, project, wrap_angle
 from plannerforge.engine.planners import (
     PLANNERS,
-    DrivenRun,
     EgoState,
     Observation,
     Plan,
@@ -36,9 +35,10 @@ from plannerforge.engine.planners import (
     Planner,
     PlanningTask,
     make_planner,
-    open_traffic,
     simulate,
 )
+from plannerforge.engine.planners.registry import open_traffic
+from plannerforge.engine.planners.simulation import DrivenRun
 from plannerforge.engine.vehicles import BMW_320I
 from plannerforge.evals.scoring.common import built_in
 from plannerforge.schemas.runs import Traffic

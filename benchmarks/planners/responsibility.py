@@ -22,15 +22,9 @@ from scipy.stats import spearmanr
 from plannerforge.engine.catalog import ARCHIVE
 from plannerforge.engine.commonroad import read_scenario
 from plannerforge.engine.execution import silent
-from plannerforge.engine.planners import (
-    CandidateBatch,
-    Frenetix,
-    Observation,
-    Plan,
-    PlanningTask,
-    responsibility,
-    simulate,
-)
+from plannerforge.engine.planners import Observation, Plan, PlanningTask, simulate
+from plannerforge.engine.planners.frenetix.costs import CandidateBatch, responsibility
+from plannerforge.engine.planners.frenetix.planner import Frenetix
 from plannerforge.evals.scoring.common import built_in
 
 from ..harness import print_figures

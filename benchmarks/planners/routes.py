@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plannerforge.engine.commonroad import read_scenario
-from plannerforge.engine.planners import BEYOND_GOAL_M, build_reference_path
+from plannerforge.engine.planners.reference_path import BEYOND_GOAL_M, build_reference_path
 from plannerforge.engine.scene import find_route, goal_lanelets
 
 from ..harness import percentile_95, print_figures, scenario_arguments, scenario_files

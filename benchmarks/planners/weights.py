@@ -21,7 +21,8 @@ from mcp import Client
 from rich.console import Console
 from rich.table import Table
 
-from plannerforge.engine.analysis import SignedRank, mean_terms, signed_rank
+from plannerforge.engine.analysis.run_set import mean_terms
+from plannerforge.engine.analysis.statistics import SignedRank, signed_rank
 from plannerforge.engine.workspace import Workspace
 from plannerforge.evals.scoring.common import built_in
 from plannerforge.schemas.planning import PlannerConfiguration

@@ -26,7 +26,8 @@ import anyio
 from mcp import Client
 from rich.console import Console
 
-from plannerforge.engine.catalog import entries_of, facts_of
+from plannerforge.engine.catalog import entries_of
+from plannerforge.engine.catalog.tables import facts_of
 from plannerforge.engine.workspace import Database
 from plannerforge.evals.ground_truth.selection import Request, read_requests
 from plannerforge.evals.results.rates import rate_text

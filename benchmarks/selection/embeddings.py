@@ -34,7 +34,8 @@ import numpy as np
 from mcp import Client
 from numpy.typing import NDArray
 
-from plannerforge.engine.catalog import EmbeddingModel, descriptions, facts_of
+from plannerforge.engine.catalog.tables import descriptions, facts_of
+from plannerforge.engine.catalog.vector_index import EmbeddingModel
 from plannerforge.engine.workspace import Database
 from plannerforge.evals.ground_truth.selection import Request, read_requests
 from plannerforge.schemas.catalog import ENGLISH_MODEL, PACKAGED_MODEL

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from plannerforge.engine.catalog import EmbeddingModel, Ranking, Search, rank
+from plannerforge.engine.catalog import Ranking, Search, rank
+from plannerforge.engine.catalog.vector_index import EmbeddingModel
 from plannerforge.engine.execution import silent
 from plannerforge.engine.workspace import Database
 from plannerforge.evals.ground_truth.selection import Request, arguments_of, extract_score, refused_arguments, spoiled

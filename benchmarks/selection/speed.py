@@ -15,7 +15,7 @@ from pathlib import Path
 import anyio
 from mcp import Client, StdioServerParameters
 
-from plannerforge.engine.catalog import add_facts, prepare
+from plannerforge.engine.catalog.tables import add_facts, prepare
 from plannerforge.evals.ground_truth.selection import Request
 from plannerforge.schemas.scenarios import ParticipantFacts, ScenarioFacts
 from plannerforge.server.assembly import create_server

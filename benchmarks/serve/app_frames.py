@@ -53,7 +53,7 @@ def measure(bench: ServeBench) -> Figures:
     folder = bench.folder("frames")
     page_file = folder / "player.html"
     vehicles = anyio.run(_write_player, folder / "workspace", page_file)
-    with chromium(folder / "profile") as browser:
+    with chromium() as browser:
         page = browser.open(page_file.as_uri(), *_VIEWPORT)
         page.wait_for("document.querySelector('.player')")
         whole, following = _played(page, _ALL), _played(page, _FOLLOW)

@@ -20,12 +20,12 @@ from plannerforge.engine.commonroad import ScenarioDocument, Track, read_recorde
 from plannerforge.engine.criticality import drive_criticality
 from plannerforge.engine.edits import apply_edits, scene_of
 from plannerforge.engine.execution import silent
-from plannerforge.engine.generation import check_scenario
+from plannerforge.engine.generation.checks import check_scenario
 from plannerforge.engine.geometry import BoxTrack
 from plannerforge.engine.network import check_file
 from plannerforge.engine.planners import run_planner
 from plannerforge.engine.scenarios import describe, read_facts
-from plannerforge.engine.vehicles import EGO_SIZE_M
+from plannerforge.engine.vehicles.models import EGO_SIZE_M
 from plannerforge.evals.scoring.common import built_in
 from plannerforge.schemas.errors import PlannerForgeError
 from plannerforge.schemas.modification import Edit, ModificationRequest

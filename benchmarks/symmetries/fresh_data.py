@@ -39,7 +39,7 @@ from plannerforge.engine.commonroad import derived_benchmark_id
 from plannerforge.engine.execution import silent
 from plannerforge.engine.generation import generate_scenario
 from plannerforge.engine.geometry import Points, Values, arc_length, length_m, point_at
-from plannerforge.engine.maps import Sketch
+from plannerforge.engine.maps.drawn_library import Sketch
 from plannerforge.engine.vehicles import vehicle_classes
 from plannerforge.schemas.errors import PlannerForgeError
 from plannerforge.schemas.generation import AskedGoal, GenerationRequest, VehicleDemand

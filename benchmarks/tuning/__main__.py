@@ -9,15 +9,12 @@ keys and judges by code apart from the product. The keys that count:
 ``sensitivity``: ``sensitivity_planted`` (a weight that matters and one that does nothing are told as such).
 ``optimised``: ``optimised_gain``, ``optimised_gain_low``, ``optimised_collision_change`` (what a search gains on roads
 that it has not seen).
-``random_search``: ``random_gain``, ``random_held_out`` (the best of a large random search, where it was chosen and
-where it was not).
 ``rbfn``: ``rbfn_end_error_m``, ``rbfn_us_per_primitive``, ``rbfn_success``, ``frenetix_success`` (what the primitives
 of MP-RBFN are worth, and how it fares where the future is known).
 ``requests``: ``requests_exact``, ``refused_right`` (every line of the tuning corpus as arguments).
 ``own_planners``: ``own_faults_named`` (programs that go wrong are each a named error of their run).
 ``speed``: ``run_median_s``, ``two_worker_speedup``, ``first_run_s`` and the shares of the stages of a run.
 ``tables``: ``success_PLANNER_N``, ``collisions_PLANNER_N`` (every planner on the presets of 50, 100 and all scenarios).
-``safety``: ``safety_to_success``, ``safety_unpreventable`` and others: why Safety-Conservative gains little here.
 ``reference``: ``reference_agree`` (share of scenarios that end as in the public loop around Frenetix),
 ``reference_time_ratio`` (processor time of its runs over that of ours).
 ``reference_presets``: ``reference_guessed_to_success`` and others: what Safety-Conservative gains in that loop.
@@ -44,8 +41,6 @@ PARTS: Parts[TuningBench] = Parts(
         "weight_files": ("yaml_exact",),
         "sensitivity": ("sensitivity_planted",),
         "optimised": ("optimised_gain", "optimised_gain_low", "optimised_collision_change"),
-        "random_search": ("random_gain", "random_held_out"),
-        "safety": ("safety_to_success", "safety_unpreventable"),
         "tables": ("tabled", "success_frenetix_500"),
         "reference": ("reference_agree", "reference_time_ratio"),
         "reference_presets": ("reference_guessed_to_success", "own_guessed_to_success"),

@@ -34,17 +34,8 @@ from mcp import Client
 from plannerforge.engine.commonroad import read_scenario
 from plannerforge.engine.execution import silent
 from plannerforge.engine.geometry import Points, Values
-from plannerforge.engine.planners import (
-    Observation,
-    Plan,
-    PlanningTask,
-    PrimitiveEnds,
-    PrimitiveNetwork,
-    check_planner,
-    make_planner,
-    motion_primitives,
-    simulate,
-)
+from plannerforge.engine.planners import Observation, Plan, PlanningTask, check_planner, make_planner, simulate
+from plannerforge.engine.planners.rbfn.network import PrimitiveEnds, PrimitiveNetwork, motion_primitives
 from plannerforge.evals.scoring.common import built_in
 from plannerforge.server.assembly import create_server
 

@@ -39,19 +39,12 @@ import numpy as np
 from plannerforge.engine.commonroad import read_scenario
 from plannerforge.engine.execution import silent
 from plannerforge.engine.geometry import Points
-from plannerforge.engine.planners import (
-    Frenetix,
-    Observation,
-    Plan,
-    PlannedTrajectory,
-    PlanningTask,
-    RecordedTraffic,
-    ReferenceDesiredSpeed,
-    follows,
-    run_planner,
-    run_steps,
-    simulate,
-)
+from plannerforge.engine.planners import Observation, Plan, PlannedTrajectory, PlanningTask, run_planner, simulate
+from plannerforge.engine.planners.driving.desired_speed import ReferenceDesiredSpeed
+from plannerforge.engine.planners.frenetix.planner import Frenetix
+from plannerforge.engine.planners.prediction import follows
+from plannerforge.engine.planners.runs import run_steps
+from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
 from plannerforge.engine.vehicles import vehicle_of
 from plannerforge.evals.scoring.common import built_in
 from plannerforge.schemas.planning import RunRequest

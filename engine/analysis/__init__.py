@@ -14,20 +14,13 @@
 ``METRICS``: the metrics of a run with unit, direction and the runs in which they may be compared.
 ``MetricSpec``: one of these metrics.
 ``cost_shares``: mean weighted cost of each term and its share, by configuration, the largest first.
-``mean_terms``: mean weighted cost of each term over the planning steps of a run.
-``prevention_of``: Which reference drivers in the ego's place prevent a collision.
-``Surroundings``: What is around a collision: the others, the road, and the ego's lane.
 ``review_runs``: an operation: who hit whom, the closest moment and the largest motions of each run.
-``RuledDrive``: a drive among others on a lanelet network, as traffic rules look at it.
-``judged_by_rules``: what a drive makes of each traffic rule.
 ``RunSet``: a set of runs with their steps, configurations and scenarios.
 ``driven_tracks``: how the obstacles of reactive traffic moved in a run, by id.
 ``read_series``: the series of a run, or None if it was stored without them.
 ``read_steps``: the steps of a run, or None where none were kept.
-``SignedRank``: result of the signed-rank test on differences after − before.
 ``mcnemar_exact``: two-sided p of the exact McNemar test on discordant pairs.
 ``rate``: a share with its 95 % Wilson interval.
-``signed_rank``: Wilcoxon's signed-rank test on paired differences.
 ``success_rates``: an operation: the rates of sets of trials, with the scenario as the unit.
 ``wilson_interval``: the Wilson score interval of a binomial share.
 """
@@ -41,12 +34,9 @@ if TYPE_CHECKING:
     from .comparison import compare
     from .limits import Judged, Limit, parse_limit
     from .moments import Course, course_of, review_runs
-    from .prevention import Surroundings, prevention_of
-    from .ruled_drive import RuledDrive
-    from .run_set import METRICS, MetricSpec, RunSet, cost_shares, driven_tracks, mean_terms, read_series, read_steps
+    from .run_set import METRICS, MetricSpec, RunSet, cost_shares, driven_tracks, read_series, read_steps
     from .run_table import write_run_table, write_step_table
-    from .statistics import SignedRank, mcnemar_exact, rate, signed_rank, success_rates, wilson_interval
+    from .statistics import mcnemar_exact, rate, success_rates, wilson_interval
     from .summary import analyse
-    from .traffic_rules import judged_by_rules
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

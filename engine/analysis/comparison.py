@@ -193,6 +193,8 @@ def _finished(
         metrics_code=_metrics_code(metrics),
         verdict=_verdict(success, metrics, pairing.pairs, strata),
         run_ids=_evidence([*to_success, *to_failure], metrics, pairing.pairs),
+        run_count=2 * len(pairing.pairs),
+        least_differing=FEWEST_PAIRS,
         paired=_paired(before, after, pairing),
         edited=tuple(_edited(pair, lineages) for pair in edited[:_LISTED_EDITED]),
         edited_count=len(edited),
@@ -478,6 +480,7 @@ def _flip(pair: tuple[RunRecord, RunRecord], runs: RunSet, place: int) -> Flip:
         after_run=after.run_id,
         after_scenario_id="" if after.scenario_id == before.scenario_id else after.scenario_id,
         why="" if contact is None else contact.in_words(),
+        contact=contact,
     )
 
 

@@ -29,13 +29,18 @@ class _Scenario:
     success: float
 
 
-def correlations(runs: RunSet) -> tuple[tuple[Correlation, ...], str]:
-    """Spearman correlations of features with success, the strongest first, and a note where there are none."""
+Note = tuple[str, Mapping[str, float]]
+"""A sentence, and its figures by their names."""
+
+
+def correlations(runs: RunSet) -> tuple[tuple[Correlation, ...], Note]:
+    """Spearman correlations of features with success, the strongest first, and a note if there are none."""
     seen = _scenarios(runs)
     if len(seen) < _FEWEST_SCENARIOS:
-        return (), f"no correlations: valid runs of {len(seen)} scenarios, at least {_FEWEST_SCENARIOS} are needed"
+        words = f"no correlations: valid runs of {len(seen)} scenarios, at least {_FEWEST_SCENARIOS} are needed"
+        return (), (words, {"scenarios": len(seen), "least_scenarios": _FEWEST_SCENARIOS})
     if len({scenario.success for scenario in seen}) == 1:
-        return (), "no correlations: all scenarios ended alike"
+        return (), ("no correlations: all scenarios ended alike", {})
     tested = {name: (n, *found) for name in _FEATURES if (found := _plain(seen, name)) for n in [_count(seen, name)]}
     adjusted = holm([p for _, _, p in tested.values()])
     listed = []
@@ -53,7 +58,7 @@ def correlations(runs: RunSet) -> tuple[tuple[Correlation, ...], str]:
                 held_fixed=held,
             )
         )
-    return tuple(sorted(listed, key=lambda item: (-abs(item.rho), item.feature))), ""
+    return tuple(sorted(listed, key=lambda item: (-abs(item.rho), item.feature))), ("", {})
 
 
 def _scenarios(runs: RunSet) -> list[_Scenario]:

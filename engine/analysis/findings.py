@@ -87,6 +87,12 @@ class Evidence:
         hits = sum(map(hit_another, self.runs.failures))
         return "" if len(self._sampled_hits) == hits else f" (a random {len(self._sampled_hits)} of {hits} collisions)"
 
+    @cached_property
+    def sampled_hits(self) -> dict[str, float]:
+        """The figures of ``among_hits``."""
+        hits = sum(map(hit_another, self.runs.failures))
+        return _sample_figures(len(self._sampled_hits), collisions=hits)
+
     def is_the_others(self, record: RunRecord) -> bool:
         """Return whether another drove into the ego from behind, or no reference driver prevents the collision.
 
@@ -145,7 +151,14 @@ def _main_failure(evidence: Evidence) -> Iterator[Finding]:
         for record in failures
         if record.outcome == outcome and record.metrics is not None
     )
-    yield Finding(name="main_failure", statement=statement, run_ids=run_ids, moments=ends, next_step=next_step)
+    yield Finding(
+        name="main_failure",
+        statement=statement,
+        figures={"runs": count, "failures": len(failures), "valid_runs": len(evidence.runs.valid)},
+        run_ids=run_ids,
+        moments=ends,
+        next_step=next_step,
+    )
 
 
 _FEW = 2
@@ -167,6 +180,7 @@ def _unforeseen(evidence: Evidence) -> Iterator[Finding]:
             f"predicted a second before: by that both would have been {median(gaps):.1f} m apart (median)"
             f"{evidence.among_hits}."
         ),
+        figures={"runs": len(missed), "of": len(known), "median_gap_m": median(gaps), **evidence.sampled_hits},
         run_ids=_ids(missed),
         moments=_hits_of(evidence, missed),
         alternatives="the plan kept too little distance for any prediction to be wrong",
@@ -205,11 +219,19 @@ def _weight_off(evidence: Evidence) -> Iterator[Finding]:
             words = " or ".join(outcome.replace("_", " ") for outcome in outcomes)
             yield Finding(
                 name="weight_off",
+                subject=name,
                 statement=(
                     f"{name} is {weights.get(name, 0.0):g} under {records[0].config_name}, {default:g} by default, and "
                     f"{len(failed)} of {len(records)} runs fail in a way that it works against ({words})"
                     f"{evidence.among_hits}."
                 ),
+                figures={
+                    "weight": weights.get(name, 0.0),
+                    "default_weight": default,
+                    "runs": len(failed),
+                    "of": len(records),
+                    **evidence.sampled_hits,
+                },
                 run_ids=_ids(failed),
                 alternatives="these scenarios are hard under the default too: run it beside",
                 suggestion=_suggestion(runs, config_id, name),
@@ -236,15 +258,22 @@ def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
         weak = tuple(run_id for run_id, share in shares.items() if share < _WEAK_SHARE)
         if not weak or len(weak) * 2 < len(shares):
             continue
-        middle = 100 * median(shares[run_id] for run_id in weak)
+        middle = median(shares[run_id] for run_id in weak)
         known = [name for name in _GUARDS["collision"] if name in runs.weights(config_id)]
         yield Finding(
             name="weak_obstacle_cost",
             statement=(
                 f"In {len(weak)} of {len(shares)} collisions of {records[0].config_name} that an ego could prevent, "
                 f"obstacles made up under {100 * _WEAK_SHARE:.0f} % of the chosen cost in the last second "
-                f"(median {middle:.1f} %){evidence.among_hits}."
+                f"(median {100 * middle:.1f} %){evidence.among_hits}."
             ),
+            figures={
+                "runs": len(weak),
+                "of": len(shares),
+                "most_share": _WEAK_SHARE,
+                "median_share": middle,
+                **evidence.sampled_hits,
+            },
             run_ids=weak,
             moments=_hits_of(evidence, (record for record in records if record.run_id in weak)),
             alternatives="the other was not predicted to be there, so that no weight would have seen it",
@@ -303,6 +332,7 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
     looked_at = evidence.sample(late)
     sample = "" if len(looked_at) == len(late) else f"a random {len(looked_at)} of "
     of = f"{sample}{len(late)} late runs"
+    all_late = {"of": len(looked_at), **_sample_figures(len(looked_at), late_runs=len(late))}
     too_far = [record for record in looked_at if cannot_be_reached(runs, record)]
     rest = [record for record in looked_at if record not in too_far]
     if too_far:
@@ -312,6 +342,7 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
                 f"{len(too_far)} of {of} could not be on time: their goal is farther away than an ego "
                 "comes that accelerates to the speed limit and keeps it."
             ),
+            figures={"runs": len(too_far), **all_late},
             run_ids=_ids(too_far),
             moments=tuple(FindingMoment(run_id=one.run_id, time_s=0.0, code="goal_out_of_reach") for one in too_far),
             next_step="modify_scenario set_goal with a later time or a nearer goal",
@@ -323,6 +354,7 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
             yield Finding(
                 name=name,
                 statement=f"{len(members)} of {of} {words} for {100 * _HELD_UP_SHARE:.0f} % of the drive or more.",
+                figures={"runs": len(members), **all_late, "least_share": _HELD_UP_SHARE},
                 run_ids=_ids(members),
                 moments=_paces_of(evidence, members, codes),
                 alternatives=alternatives,
@@ -365,11 +397,29 @@ def _own_doing(evidence: Evidence) -> Iterator[Finding]:
                     f"In {len(members)} of {len(records)} late or collided runs of {records[0].config_name}{sample} "
                     f"the ego {words}; in {run_id} it {worst.in_words()}."
                 ),
+                figures={
+                    "runs": len(members),
+                    "of": len(records),
+                    **_sample_figures(len(looked_at), failures=len(failed)),
+                    **_figures_of(worst),
+                },
                 run_ids=_ids(members),
                 moments=_paces_of(evidence, members, codes),
                 alternatives="the planner saw a reason that is not on the road: a prediction, or its desired speed",
                 next_step=f"analyze_results results=[{run_id}] detail=timeline where=['time_s={_around(worst)}']",
             )
+
+
+def _figures_of(moment: PaceMoment) -> dict[str, float]:
+    """Return the figures of a stretch that its words hold."""
+    names = ("since_s", "until_s", "largest_mps2", "distance_m", "obstacle_id")
+    return {name: value for name in names if (value := getattr(moment, name)) is not None}
+
+
+def _sample_figures(looked_at: int, **of: int) -> dict[str, float]:
+    """Return how many of some runs were looked at, or nothing if all were."""
+    (count,) = of.values()
+    return {} if looked_at == count else {"looked_at": looked_at, **of}
 
 
 def _around(moment: PaceMoment) -> str:
@@ -411,10 +461,12 @@ def _held_back(runs: RunSet, config_id: str, records: list[RunRecord]) -> Iterat
     largest = max(terms, key=lambda term: (terms[term], term))
     yield Finding(
         name="held_back",
+        subject=largest,
         statement=(
             f"{len(records)} of the runs of {records[0].config_name} ran out of time or came too late; {largest} was "
             f"{100 * terms[largest]:.0f} % of the cost in the median one."
         ),
+        figures={"runs": len(records), "median_share": terms[largest]},
         run_ids=_ids(records),
         alternatives="the goal's time suits another speed, or traffic leaves no way",
         suggestion=_suggestion(runs, config_id, largest, lower=largest != _PROGRESS_TERM),
@@ -443,10 +495,12 @@ def _rejecting_constraint(evidence: Evidence) -> Iterator[Finding]:
     run_ids = _ids(stuck)
     yield Finding(
         name="rejecting_constraint",
+        subject=name,
         statement=(
             f"In {count} of {len(stuck)} infeasible runs the constraint {name} rejected most candidates, "
             f"{100 * median(shares):.0f} % of the rejected ones in the median run."
         ),
+        figures={"runs": count, "of": len(stuck), "median_share": median(shares)},
         run_ids=run_ids,
         alternatives="the sampling holds no candidate that this place allows: sampling_level",
         next_step=f"analyze_results results=[{run_ids[0]}] detail=timeline",
@@ -484,6 +538,14 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
                 f"In {len(own)} of {of} of {records[0].config_name} the ego came within "
                 f"{CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s of another ahead or crossing{others}."
             ),
+            figures={
+                "runs": len(own),
+                "of": len(records),
+                "gap_m": CRITICAL_GAP_M,
+                "time_to_collision_s": CRITICAL_TIME_TO_COLLISION_S,
+                "by_others": len(close) - len(own),
+                **_sample_figures(len(close), close_runs=len(near)),
+            },
             run_ids=_ids(own),
             moments=tuple(
                 FindingMoment(run_id=one.run_id, time_s=moment.time_s, code="near_miss")
@@ -534,6 +596,12 @@ def _uncomfortable_turns(evidence: Evidence) -> Iterator[Finding]:
                 f"{len(harsh)} of {len(values)} successes of {records[0].config_name} exceeded {_COMFORTABLE_MPS2:g} "
                 f"m/s² of lateral acceleration (largest {max(values.values()):.1f})."
             ),
+            figures={
+                "runs": len(harsh),
+                "of": len(values),
+                "limit_mps2": _COMFORTABLE_MPS2,
+                "largest_mps2": max(values.values()),
+            },
             run_ids=harsh,
             moments=_sharpest(runs, harsh),
             alternatives="the way to the goal is that narrow at the speed that its time asks for",
@@ -566,9 +634,11 @@ def _dominating_cost(evidence: Evidence) -> Iterator[Finding]:
             if share > _DOMINATING_SHARE:
                 yield Finding(
                     name="dominating_cost",
+                    subject=term,
                     statement=(
                         f"{term} is {100 * share:.0f} % of the cost in the median run under {records[0].config_name}."
                     ),
+                    figures={"median_share": share},
                     run_ids=_ids(record for record in records if record.run_id in runs.steps),
                     alternatives=(
                         "a term that is alike for all candidates decides nothing, however large: what differs between "
@@ -598,6 +668,7 @@ def _idle_weights(evidence: Evidence) -> Iterator[Finding]:
                 f"{', '.join(idle)} of {records[0].config_name} cost nothing in any of {len(run_ids)} runs: changing "
                 f"{'it' if len(idle) == 1 else 'them'} upward may do nothing on such scenarios."
             ),
+            figures={"runs": len(run_ids)},
             run_ids=run_ids,
             alternatives="candidates that were not chosen may have cost by it",
         )
@@ -639,10 +710,18 @@ def _harder_group(evidence: Evidence) -> Iterator[Finding]:
         members = groups[name] - mastered
         yield Finding(
             name="harder_group",
+            subject=name.split()[-1],
             statement=(
                 f"Scenarios {name} are harder: goal in {inside[0]} of {inside[1]}, of the others in {outside[0]} of "
                 f"{outside[1]} (Fisher's exact test, Holm p {p_figure(p)})."
             ),
+            figures={
+                "reached": inside[0],
+                "of": inside[1],
+                "reached_by_others": outside[0],
+                "of_others": outside[1],
+                "p_holm": p,
+            },
             run_ids=_ids(record for record in runs.failures if runs.root(record) in members),
             alternatives="what comes with it, such as density or road: see the correlations with these held fixed",
             next_step="analyze_results breakdown=obstacle_class",
@@ -680,6 +759,7 @@ def _hard_scenarios(evidence: Evidence) -> Iterator[Finding]:
     yield Finding(
         name="hard_scenarios",
         statement=f"{len(fair)} of {len(tried)} scenarios failed under every configuration tried{apart}: {shown}.",
+        figures={"scenarios": len(fair), "of": len(tried), "by_others": others},
         run_ids=_ids(record for key in names for record in fair[key]),
         alternatives="a goal that cannot be reached, or a prediction that misses what happens there",
         next_step=f"describe_scenario scenario_id={names[0]} detail=checks",
@@ -696,7 +776,7 @@ def _suggestion(runs: RunSet, config_id: str, weight: str, *, lower: bool = Fals
     if value is None or (lower and value == 0):
         return None
     direction = "lower" if lower else "raise"
-    return Suggestion(config_id=config_id, weight=weight, direction=direction, why=f"it is {value:g} now")
+    return Suggestion(config_id=config_id, weight=weight, direction=direction, why=f"it is {value:g} now", value=value)
 
 
 _Find = Callable[[Evidence], Iterable[Finding]]

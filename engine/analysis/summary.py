@@ -5,7 +5,7 @@ Invalid items stand apart and are in no denominator.
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from ...schemas.runs import AT_GOAL, CRITICAL_TIME_TO_COLLISION_S, Encounter, Ou
 from ..commonroad import parse_benchmark_id
 from ..execution import ProgressReporter, silent
 from .causes import beyond_vehicle, collision_causes, trivial_goals
-from .correlations import correlations
+from .correlations import Note, correlations
 from .filters import matching, on_outcome, window_of
 from .findings import find_all
 from .measures import MOST_MEASURED, measure_spreads, measures_of
@@ -87,7 +87,7 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
             valid=[f"0 to {len(runs.sources) - 1}"],
         )
     report(0.1, "reading runs")
-    correlated, note = correlations(runs) if detail in ("summary", "findings") else ((), "")
+    correlated, note = correlations(runs) if detail in ("summary", "findings") else ((), ("", {}))
     findings = find_all(runs) if detail in ("summary", "findings") else ()
     stated = _summary_findings(findings) if detail == "summary" else findings
     report(0.7, "findings done")
@@ -103,6 +103,7 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
     single = len(runs.sources) == 1
     summed = detail == "summary" and not single
     shares = rule_shares(runs) if detail == "rules" and not single else ()
+    notes = list(_notes(runs, request, note, len(grouped), len(findings) - len(stated)))
     result = AnalyzeResultsResult(
         results=request.results,
         runs=len(runs.sources),
@@ -144,7 +145,8 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         beyond_vehicle=beyond_vehicle(runs) if summed else None,
         rules=rule_verdicts(runs, runs.records[0]) if single and detail in ("summary", "rules") else (),
         rule_shares=tuple(one.model_copy(update={"run_ids": one.run_ids[:_FINDING_RUNS]}) for one in shares),
-        notes=_notes(runs, request, note, len(grouped), len(findings) - len(stated)),
+        notes=tuple(words for words, _ in notes),
+        note_figures={name: value for _, figures in notes for name, value in figures.items()},
     )
     report(1.0, "analysed")
     return result
@@ -218,43 +220,41 @@ def _rows(runs: RunSet, records: Sequence[RunRecord]) -> tuple[RunRow, ...]:
 
 
 def _notes(
-    runs: RunSet, request: AnalyseRequest, correlation: str, group_count: int, hidden_findings: int
-) -> tuple[str, ...]:
-    notes = []
+    runs: RunSet, request: AnalyseRequest, correlation: Note, group_count: int, hidden_findings: int
+) -> Iterator[Note]:
+    """Yield each note with its figures, by their names."""
     if request.lost:
         first = request.lost[0]
-        notes.append(
-            f"{len(request.lost)} cells gave no run and are in no figure; the first: {first.scenario_id} with "
-            f"{first.config_id}: {first.error}"
-        )
+        words = f"{len(request.lost)} cells gave no run and are in no figure; the first: {first.scenario_id} with "
+        yield words + f"{first.config_id}: {first.error}", {"lost_cells": len(request.lost)}
     if request.where:
-        notes.append(f"{len(runs.sources)} of {len(request.runs)} runs meet {' and '.join(request.where)}")
+        words = f"{len(runs.sources)} of {len(request.runs)} runs meet {' and '.join(request.where)}"
+        yield words, {"asked_runs": len(request.runs)}
     older = sum(record.success_rule == "driven@1" for record in runs.valid) if request.detail == "summary" else 0
     if older and len(runs.sources) > 1:
-        notes.append(f"{older} of {len(runs.valid)} valid runs are judged by {_OLD_RULE}")
-    if correlation and request.detail == "findings" and len(runs.sources) > 1:
-        notes.append(correlation)
+        yield f"{older} of {len(runs.valid)} valid runs are judged by {_OLD_RULE}", {"older_rule_runs": older}
+    if correlation[0] and request.detail == "findings" and len(runs.sources) > 1:
+        yield correlation
     if request.detail == "summary" and hidden_findings:
-        notes.append(f"more findings ({hidden_findings}) with detail=findings")
+        yield f"more findings ({hidden_findings}) with detail=findings", {"hidden_findings": hidden_findings}
     shown = len(_page(runs, request)) if request.detail == "rows" else 0
     if shown and shown < len(runs.sources):
-        page = f"{request.offset + 1} to {request.offset + shown}"
-        notes.append(f"runs {page} of {len(runs.sources)}, failures first")
+        page = {"first_row": request.offset + 1, "last_row": request.offset + shown}
+        yield f"runs {page['first_row']} to {page['last_row']} of {len(runs.sources)}, failures first", page
     if request.detail == "rules" and len(runs.valid) > MOST_RUNS:
-        notes.append(
-            f"traffic rules of a random {MOST_RUNS} of {len(runs.valid)} valid runs, by scenario; narrow with where"
-        )
+        words = f"traffic rules of a random {MOST_RUNS} of {len(runs.valid)} valid runs, by scenario; narrow with where"
+        yield words, {"judged_runs": MOST_RUNS}
     if request.detail == "measures" and len(runs.valid) > MOST_MEASURED:
-        notes.append(f"a random {MOST_MEASURED} of {len(runs.valid)} valid runs are measured; narrow with where")
+        words = f"a random {MOST_MEASURED} of {len(runs.valid)} valid runs are measured; narrow with where"
+        yield words, {"measured_runs": MOST_MEASURED}
     if group_count > _MOST_GROUPS:
-        notes.append(f"{_MOST_GROUPS} of {group_count} groups shown; narrow with where")
+        yield f"{_MOST_GROUPS} of {group_count} groups shown; narrow with where", {"groups": group_count}
     gone = sorted({config.planner for config in runs.configs if config.default_weights is None})
     if gone and request.detail in ("summary", "findings"):
-        notes.append(f"not installed here: {', '.join(gone)}; no finding holds a weight against its default")
+        yield f"not installed here: {', '.join(gone)}; no finding holds a weight against its default", {}
     without = sum(record.run_id not in runs.steps for record in runs.valid) if request.detail == "costs" else 0
     if without:
-        notes.append(f"{without} runs have no recorded steps and are in no cost figure")
-    return tuple(notes)
+        yield f"{without} runs have no recorded steps and are in no cost figure", {"stepless_runs": without}
 
 
 def _by_any_motion(runs: RunSet) -> Rate | None:

@@ -21,18 +21,8 @@
 ``starter_files``: A context with some of the starter scenarios as files.
 ``open_catalogue``: Make the catalogue of a workspace ready, starter scenarios included.
 ``MOST_ENTRIES``: Planning problems of one file that are entered, and the step of the numbers between two artifacts.
-``add_facts``: Enter one entry in the tables.
-``descriptions``: The description of every scenario by id.
-``facts_of``: The facts of scenarios by id.
 ``is_ready``: Whether the tables exist in this version.
-``prepare``: Make the tables, empty.
-``listed_version``: The version of a scenario that the catalogue lists.
-``refresh``: Enter the scenarios that are stored but not yet in the tables; returns their number.
-``COMPLETE``: The name of the file that marks a generation of the text index as complete.
 ``EmbeddingModel``: A model that turns texts into vectors, by its name in the setting.
-``Vectors``: The type of vectors: an array of 32-bit floats.
-``ensure_generation``: The folder of the text index for these texts, and whether it was built now.
-``query``: The scenarios nearest to a vector, with cosine likeness in [−1, 1].
 ``damaged_parts``: The files and generations of a text index that cannot be read.
 ``remove_damaged``: Remove these, so that they are made anew; returns them.
 ``description_of``: A scenario in a few plain sentences, from its facts.
@@ -52,8 +42,8 @@ if TYPE_CHECKING:
     from .said import manoeuvres_in
     from .search import Ranking, Search, entries_of
     from .starter import ARCHIVE, open_catalogue, starter_files
-    from .tables import MOST_ENTRIES, add_facts, descriptions, facts_of, is_ready, listed_version, prepare, refresh
-    from .vector_index import COMPLETE, EmbeddingModel, Vectors, damaged_parts, ensure_generation, query, remove_damaged
+    from .tables import MOST_ENTRIES, is_ready
+    from .vector_index import EmbeddingModel, damaged_parts, remove_damaged
     from .words import description_of
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -329,6 +329,8 @@ class Search:
                 FoundScenario(
                     scenario_id=key,
                     summary=summary(facts[key]),
+                    counts={name: count for name, count in facts[key].participants.counts.items() if count},
+                    ego_speed_mps=None if (ego := facts[key].ego) is None else ego.speed_mps,
                     satisfied=tuple(dict.fromkeys(_evidence(one, facts[key]) for one in satisfied)),
                     unmet=(
                         *(f"{one.label} ({_evidence(one, facts[key])})" for one in unmet),

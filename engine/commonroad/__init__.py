@@ -12,10 +12,7 @@
 ``schema_faults``: What CommonRoad's schema (2020a) finds wrong with a file's tree, with the places in the file.
 ``LoadedScenario``: A CommonRoad scenario in memory, with its planning problems and the file it came from.
 ``RecordedScenario``: A scenario with its recording as tracks.
-``Recording``: What reading a file gives, as it is kept on disk.
-``RecordingStore``: Scenarios that were read and checked, on disk by their content.
 ``XmlLimits``: What an XML file may hold at most before any parser of a library sees it.
-``forget_obstacles``: Read all obstacles anew from now on, as a worker does that has just started.
 ``kept_recording``: A CommonRoad file as ``read_recorded`` reads it, once for the same content.
 ``read_recorded``: Read a CommonRoad file (2018b or 2020a) with its recording as arrays in place of objects.
 ``read_scenario``: Scan and read a CommonRoad file (2018b or 2020a).
@@ -40,9 +37,6 @@
 ``sign_keys``: The keys of all signs in the vocabulary, sorted, each once.
 ``signs_of``: The signs that these lanelets refer to.
 ``speed_limit_number``: The number to write for a speed limit in a country; None where CommonRoad has none.
-``MOST_CHILDREN``: How many elements stand directly below one of a name at most.
-``MOST_OF_A_KIND``: How many elements of a name a file holds at most.
-``NUMBER_RANGES``: What the numbers of a scenario file may be, by the name of their element or attribute.
 """
 
 from typing import TYPE_CHECKING
@@ -65,13 +59,11 @@ if TYPE_CHECKING:
         LoadedScenario,
         RecordedScenario,
         XmlLimits,
-        forget_obstacles,
         kept_recording,
         read_recorded,
         read_scenario,
         scan_xml,
     )
-    from .recordings import Recording, RecordingStore
     from .road_elements import LaneletElement, RoadDocument, read_road_document, road_document
     from .tracks import Track, center_of, last_recorded_step, middle_of, recorded_tracks, size_of, static_tracks
     from .traffic_signs import (
@@ -84,6 +76,5 @@ if TYPE_CHECKING:
         signs_of,
         speed_limit_number,
     )
-    from .value_limits import MOST_CHILDREN, MOST_OF_A_KIND, NUMBER_RANGES
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -45,8 +45,6 @@
 ``ROUTES_FILE``: Name of the file of the routes that the vehicles drove.
 ``resimulate``: Simulate as long as any vehicle is driven; the ``DrivenTrack`` of each by id.
 ``DrivenTrack``: What SUMO made of a driven vehicle: its front bumper in m, and its lanes.
-``replayed_states``: What SUMO shows of all actors after every step, by SUMO's id and step.
-``ShownState``: What SUMO shows of a vehicle: front bumper in m, degrees clockwise from north, and speed in m/s.
 ``taken_over_track``: A driven track smoothed and joined to its recorded start without a jump.
 ``TakenOverTrack``: The new track of a vehicle from the hand-over on, with its accelerations.
 """
@@ -80,16 +78,7 @@ if TYPE_CHECKING:
         recorded_plan,
         sent_on,
     )
-    from .replay import (
-        ROUTES_FILE,
-        TYPES_FILE,
-        DrivenTrack,
-        ShownState,
-        SimulationSetup,
-        open_simulation,
-        replayed_states,
-        resimulate,
-    )
+    from .replay import ROUTES_FILE, TYPES_FILE, DrivenTrack, SimulationSetup, open_simulation, resimulate
     from .scripts import beyond, joined_track, line_from, resized, scripted_track, smooth_step
     from .triggers import Act, LateralAct, Script, ScriptPart, SpeedAct, Trigger
 

@@ -21,7 +21,6 @@
 ``Task``: A call that is carried out apart, whose answer is asked for later.
 ``TaskStore``: Reads and writes tasks.
 ``hide_environment``: Let other processes no longer read the environment that this one was started with.
-``without_settings``: An environment without the settings that only the server reads, such as its tokens.
 ``Limits``: The folders, processes, memory in bytes and time in seconds that a call may use.
 ``end_with_parent``: Have the operating system kill this process when the one that started it is gone.
 ``limit_memory``: Bound the data memory of this process, in bytes.
@@ -31,9 +30,7 @@
 ``CallThreads``: Threads with event loops of their own, lent to one call after the other.
 ``OwnThread``: A thread for one user, such as a stream.
 ``run_in``: Run an async function in the event loop of another thread.
-``PRELOAD``: Names of the modules that a worker imports before its first order, by lane.
 ``WorkerPool``: Runs operations in worker processes.
-``warm_up``: Import modules and leave them out of later garbage collections, which need not walk through what stays.
 """
 
 from typing import TYPE_CHECKING
@@ -43,7 +40,7 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .claims import Claims
     from .cluster import ClusterExecutor
-    from .environment import hide_environment, without_settings
+    from .environment import hide_environment
     from .executor import (
         Executor,
         ExecutorAround,
@@ -58,9 +55,8 @@ if TYPE_CHECKING:
     )
     from .jobs import Job, JobProgress, JobRunner, JobStore, JobWork, RunApart
     from .limits import HeapsGivenBack, Limits, end_with_parent, limit_memory, share_heaps
-    from .pool import PRELOAD, WorkerPool
+    from .pool import WorkerPool
     from .tasks import Task, TaskStore
     from .threads import CallThreads, OwnThread, ReachableExecutor, run_in
-    from .worker import warm_up
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

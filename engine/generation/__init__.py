@@ -9,10 +9,6 @@
 ``TRIES``: Rows with a combination that are refused before it is said not to be possible.
 ``combinations_in``: The combinations of levels that a row of a coverage plan holds.
 ``generate_scenario``: Make one scenario in the request's folder; an operation for a worker.
-``SiteNetwork``: The road network of a site, as SUMO's net and as lanelets.
-``build_network``: Build the road network of a site from a cut of its map.
-``check_scenario``: What others will find in a written scenario: schema, goal, collisions, feasibility, road network.
-``convert_map``: Convert an OpenStreetMap extract to a SUMO net on which cars can drive, with notes on the settings.
 ``count_sites``: The number of different sites of a map that fit a request; an operation for a worker.
 ``made_before``: What was asked for the scenarios of a workspace, each once, without where and by which numbers.
 ``plan_coverage``: How far a coverage plan has come, and its next rows; an operation for a worker.
@@ -23,11 +19,9 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .checks import check_scenario
     from .coverage import TRIES, combinations_in, plan_coverage
     from .generator import generate_scenario
     from .plan_rows import Hopeless, Levels, PlanCounts, PlanRow, PlanRows, RowState, made_before
-    from .site_network import SiteNetwork, build_network, convert_map
     from .sites import count_sites
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -21,7 +21,6 @@
 ``without_repeats``: The polyline without vertices that lie closer than the tolerance to the one before.
 ``wrap_angle``: The angle in [−π, π).
 ``wrap_angles``: The angles in [−π, π).
-``MeetingPairs``: Pairs of shapes that meet, and whether these are all.
 ``meeting_pairs``: Which of many shapes of shapely meet, up to a number of pairs that grows as they do.
 ``BoxTrack``: A rectangle (length, width in m) at every step from 0 on.
 ``first_overlaps``: All pairs of tracks that overlap, each with the first step at which they do.
@@ -36,7 +35,7 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .curves import hermite, unit
     from .following import PathFollower, project_along
-    from .pairs import MeetingPairs, meeting_pairs
+    from .pairs import meeting_pairs
     from .polyline import (
         Points,
         Values,

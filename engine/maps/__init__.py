@@ -29,14 +29,11 @@
 ``read_map_file``: The map in a file of either kind, scanned and read.
 ``site_finder``: The finder of sites on a map; of the map that was read last, the one that has searched it.
 ``OsmMap``: An OpenStreetMap extract as nodes, ways and relations.
-``OsmWay``: A way of it with its tags and nodes.
 ``fetch_maps``: An operation: fetch the roads of a place or box from Overpass.
 ``locate_place``: An operation: find out through Nominatim what place some words mean.
 ``match_fetched``: A fetched map as one that shows what was asked for.
 ``NOT_SHOWN``: Reason of a refusal because no map shows the place, the country or the box.
-``ground_distance_m``: Distance in m of two (latitude, longitude) pairs in degrees.
 ``write_as_xml``: An operation: write a binary extract (.osm.pbf) as XML into a folder.
-``Sketch``: A map being drawn road by road, in metres; written as OpenStreetMap XML.
 ``Gathering``: Positions of which no two lie closer together than a reach.
 ``country_code``: ISO 3166-1 alpha-3 of a code or a name in several languages; None for anything else.
 ``countries_spelt_like``: Codes of the countries with a name, in any language, that is spelt nearly so.
@@ -70,7 +67,6 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .drawn_library import Sketch
     from .extracts.cutting import cut_extract
     from .extracts.indexing import index_extract
     from .facts import read_map
@@ -95,7 +91,7 @@ if TYPE_CHECKING:
     from .naming.places import countries_spelt_like, country_code, country_name, fold, place_keys
     from .online.fetch import fetch_maps
     from .online.places import locate_place
-    from .osm import OsmMap, OsmWay, ground_distance_m, write_as_xml
+    from .osm import OsmMap, write_as_xml
     from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, resolve_road_classes
     from .site_roads.cut import cut_map, cut_net
     from .site_roads.jurisdictions import jurisdiction_of

@@ -21,7 +21,6 @@
 ``read_walk_net``: The pavements, corners and crossings of a SUMO net.
 ``Walkway``: A lanelet for pedestrians in both directions.
 ``run_netconvert``: Run netconvert with the options and those for good geometry inside junctions; its warnings.
-``POSITION_WORDS``: Words for places along a lanelet, with their shares of its length.
 ``station_m``: Arc length in m for a position word, a fraction or metres, at least a centimetre inside the lanelet.
 ``Incoming``: One arm of an intersection.
 ``LaneletLookup``: Finds lanelets of one network by position and heading.
@@ -56,7 +55,7 @@ if TYPE_CHECKING:
     from .lanelet_net import GeoReference, lights_begin_at, net_over_lanelets
     from .net_parser import MOTOR_CLASSES, NetEdge, SumoNet, read_net
     from .netconvert import cap_speeds, convert_osm, run_netconvert
-    from .positions import POSITION_WORDS, station_m
+    from .positions import station_m
     from .road_network import (
         WIDEST_TURN_RAD,
         Incoming,

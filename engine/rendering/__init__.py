@@ -1,7 +1,6 @@
 """Pictures, animations, charts, reports and views.
 
 ``render``: an operation: draws a picture, an animation or a chart into a folder.
-``MEASURED_CAPTION``: the caption of the table of what was measured of a run.
 ``write_report``: an operation: writes sections as one HTML page.
 ``write_view``: an operation: writes the data of a view, which its page shows.
 ``empty_page``: the page of a kind of view without data, for a host that brings them.
@@ -23,7 +22,6 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .pictures import render
     from .reports import (
-        MEASURED_CAPTION,
         analysis_section,
         batch_section,
         comparison_section,

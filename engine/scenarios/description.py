@@ -276,10 +276,24 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
         lanelets=lanelets,
         lanes=max((len(scene.lanelet_graph.beside([key])) for key in lanelets), default=0),
         goal=_goal_words(problem, scene.step_s, point, goals),
+        **_goal_figures(problem, scene.step_s, point),
         goal_lanelets=goals,
         route=route.lanelets if route else (),
         way=way,
     )
+
+
+def _goal_figures(problem: "PlanningProblem", step_s: float, start: Any) -> dict[str, float]:
+    """Return the figures of a goal that has one state: its time, and how far the middle of its region is."""
+    states = problem.goal.state_list
+    if len(states) != 1:
+        return {}
+    time, centers = getattr(states[0], "time_step", None), goal_centers(problem)
+    figures = {} if not centers else {"goal_distance_m": float(np.linalg.norm(centers[0] - start))}
+    if time is None:
+        return figures
+    first, last = getattr(time, "start", time), getattr(time, "end", time)
+    return {**figures, "goal_from_s": first * step_s, "goal_until_s": last * step_s}
 
 
 def _friction_words(friction: float | None) -> str:

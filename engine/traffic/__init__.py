@@ -19,7 +19,6 @@
 ``TooFewFoundRoom``: What is raised where too few vehicles are there at step 0.
 ``simulate_traffic``: Fill a site with the wanted vehicles, let them drive for the warm-up and record what follows.
 ``DrivingStyle``: How all drivers of a traffic drive: a factor on free speeds, parameters of SUMO's vehicle types.
-``Calibration``: A published calibration of drivers: what it sets, by whom it is.
 ``published_calibrations``: All published calibrations of drivers by name.
 ``SPEED_FACTORS``: Free speeds in bad weather over those in good weather.
 ``SPEED_FACTORS_SOURCE``: Whose figures they are.
@@ -28,7 +27,6 @@
 ``NIGHT_HOURS``: Hours that are night.
 ``words_of_hour``: What a catalogue calls an hour: night, rush hour or nothing.
 ``vehicles_per_lane_km``: How dense traffic is in an hour of a working day.
-``WALKING_SOURCE``: Whose figures of walking speeds are used.
 ``WalkedPerson``: A person who was simulated, and whether he is on a crossing during the recording.
 ``Pedestrians``: Puts people onto the pavements of a simulation, and records them.
 ``apart``: The people who overlap no vehicle and nobody before them.
@@ -51,7 +49,6 @@ if TYPE_CHECKING:
         SHARES_OF_DAY_SOURCE,
         SPEED_FACTORS,
         SPEED_FACTORS_SOURCE,
-        Calibration,
         heavy_factor,
         published_calibrations,
         vehicles_per_lane_km,
@@ -59,7 +56,7 @@ if TYPE_CHECKING:
     )
     from .demand import OpenEdges, TripMaker, lane_km_of
     from .motions import DECIMALS, DroppedVehicle, GeneratedVehicle, drop_infeasible, generated_vehicles
-    from .pedestrians import WALKING_SOURCE, Pedestrians, WalkedPerson, apart, plan_walks
+    from .pedestrians import Pedestrians, WalkedPerson, apart, plan_walks
     from .simulation import WARM_UP_S, DrivingStyle, TooFewFoundRoom, simulate_traffic
     from .sumo import NO_LANE, LaneChanges, LaneHint, Sumo, sumo_pose, sumo_running, sumo_version, vehicle_type
     from .vehicle_counts import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, plan_counts

@@ -19,12 +19,10 @@
 ``fewest_configurations``: How many configurations the smallest design of a sensitivity analysis drives.
 ``sensitivity_design``: an operation: the points at which a sensitivity analysis looks.
 ``sensitivity_effects``: an operation: which weights matter, from the objective at these points.
-``Setting``: One setting: its unit, range and meaning.
 ``known_settings``: All settings by name, in their order.
 ``setting_values``: Every setting with the value in force, in their order.
 ``PlannerTuning``: What can be set in one planner: weights, presets, and settings that do nothing in it.
 ``tuning_of``: The tuning of a planner by its name.
-``WeightFile``: The planner of a weight file, and its weights and settings as assignments.
 ``read_weight_file``: What a cost-weight file holds; ``UnsafeInput`` where it is not of that form.
 ``read_yaml``: A YAML file as mappings, lists and texts; ``UnsafeInput`` where it is hostile.
 ``to_yaml``: A configuration as the text of a cost-weight file.
@@ -46,8 +44,8 @@ if TYPE_CHECKING:
     from .objectives import Constraint, Objective, parse_constraint, parse_objective
     from .search import Dimension, dimensions, judge_gain, point_of, propose, values_at
     from .sensitivity import fewest_configurations, sensitivity_design, sensitivity_effects
-    from .settings import Setting, known_settings, setting_values
+    from .settings import known_settings, setting_values
     from .tunings import PlannerTuning, tuning_of
-    from .weight_file import WeightFile, read_weight_file, read_yaml, to_yaml
+    from .weight_file import read_weight_file, read_yaml, to_yaml
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -11,22 +11,15 @@
 ``latest_passing_s``: The time after which a vehicle has certainly driven a distance; infinite if it can stop before.
 ``least_time_s``: The shortest time in which a car covers a distance from a speed.
 ``rear_axle``: The position of the rear axle, shape (2,) in m, for a centre and heading.
-``EgoClass``: What an ego of a class is and can do: its vehicle, motion model, and where its limits come from.
 ``ego_class``: The class of an ego by its word; ``UnknownName`` for another.
 ``ego_class_of``: What the ego is in the place of a recorded vehicle of a CommonRoad type and length; None for others.
-``ego_classes``: What the ego can be, by the word for it in requests.
 ``fits_together``: Whether a body of a length can have such axles.
 ``parameter_values``: A vehicle's parameters by name, in their order.
 ``BMW_320I``: CommonRoad's vehicle 2, the ego where nothing states another.
 ``COMFORTABLE_MPS2``: Braking and lateral acceleration of a driver who is in no trouble, in m/s².
-``EGO_SIZE_M``: Length and width of the ego where no configuration states a vehicle, in m.
 ``GRAVITY_MPS2``: The acceleration of free fall, in m/s².
 ``HARDEST_BRAKING_MPS2``: The deceleration that tyres hold on a dry road, in m/s².
-``HARDEST_LATERAL_MPS2``: The lateral acceleration that tyres hold on a dry road, in m/s².
-``LARGEST_ACCELERATION_MPS2``: The largest acceleration and braking of vehicle 2, taken as a bound of every car.
-``LARGEST_SPEED_MPS``: The top speed of vehicle 2, taken as a bound of every car.
 ``MODEL_WORDS``: CommonRoad's names of motion models, in words.
-``PARAMETER_NAMES``: The names of a vehicle's parameters, in their order.
 ``VEHICLES``: CommonRoad's vehicles by their id.
 ``VehicleParameters``: Size and limits of an ego.
 ``comfortable_mps2``: Braking and lateral acceleration of a driver who is in no trouble on a road of some friction.
@@ -65,22 +58,15 @@ if TYPE_CHECKING:
     from .models import (
         BMW_320I,
         COMFORTABLE_MPS2,
-        EGO_SIZE_M,
         GRAVITY_MPS2,
         HARDEST_BRAKING_MPS2,
-        HARDEST_LATERAL_MPS2,
-        LARGEST_ACCELERATION_MPS2,
-        LARGEST_SPEED_MPS,
         MODEL_WORDS,
-        PARAMETER_NAMES,
         VEHICLES,
-        EgoClass,
         VehicleParameters,
         comfortable_mps2,
         commonroad_vehicle,
         ego_class,
         ego_class_of,
-        ego_classes,
         fits_together,
         hardest_braking_mps2,
         parameter_values,

@@ -23,8 +23,6 @@
 ``content_digest``: SHA-256 of a file, hexadecimal.
 ``Recipe``: The tool, its resolved arguments, the artifacts it started from, the seed, and the versions that matter.
 ``versions_of``: The installed versions of packages, and our own, for a recipe.
-``FolderUse``: What a part of the workspace takes.
-``Disagreement``: Something that records and files of a workspace disagree on.
 ``room_used``: What each part of the workspace takes.
 ``disagreements``: What does not fit together in a workspace.
 ``repair``: Takes out artifacts whose record calls cannot read or believe.
@@ -56,6 +54,6 @@ if TYPE_CHECKING:
     from .database import Database, make_private, still_runs, stored_json
     from .export import REPORT_NAME, Export, plan_exports, refuse_taken, write_export, write_whole
     from .recipe import Recipe, content_digest, versions_of
-    from .upkeep import Disagreement, FolderUse, Quota, disagreements, make_room, repair, room_used
+    from .upkeep import Quota, disagreements, make_room, repair, room_used
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 from ..base import Answer, Arguments, Model, Result
 from ..measures import metric_meant, metric_words
 from ..results import SIGNIFICANCE_LEVEL, ConfigWeights, MetricName, Rate, figure, with_unit
-from ..runs import Lineage, Outcome, RunReview, RunSource, ScenarioSource, ending
+from ..runs import Contact, Lineage, Outcome, RunReview, RunSource, ScenarioSource, ending
 from ..text import measured, p_figure, p_in_words
 
 HeadlineCode = Literal[
@@ -124,6 +124,7 @@ class Flip(Model):
     after_run: str = Field(description="id of the other side's run")
     after_scenario_id: str = Field("", description="where another version of the scenario was run after")
     why: str = ""
+    contact: Contact | None = Field(None, description="what `why` tells of")
 
 
 class WeightChange(Model):
@@ -249,6 +250,8 @@ class Comparison(Model):
     run_ids: tuple[str, ...] = Field(
         (), description="runs by which it can be checked: flipped pairs first, at most eight"
     )
+    run_count: int = Field(0, description="runs of all pairs")
+    least_differing: int = Field(0, description="scenarios that have to differ for a test to show anything")
     paired: str = Field("", description="what was paired with what, where several results were named")
     edited: tuple[EditedPair, ...] = Field((), description="pairs by lineage: at most ten")
     edited_count: int = Field(0, description="pairs of a scenario and an edited one")

@@ -14,7 +14,6 @@ from pathlib import Path
 import pytest
 from support.builders import town_road
 from support.runs import DEFAULT, SAFE, record, source
-from support.server import Connect
 
 from benchmarks.harness import LeftOut
 from benchmarks.serve import app_bridge
@@ -27,7 +26,6 @@ from plannerforge.engine.rendering import empty_page, write_view
 from plannerforge.schemas.planning import RunPlans, ShownPlan
 from plannerforge.schemas.rendering import ViewKind, ViewPane, ViewRequest
 from plannerforge.schemas.runs import RunSource, ScenarioSource
-from plannerforge.server.settings import Settings
 
 needs_browser = pytest.mark.skipif(find_chromium() is None, reason="Chromium is not installed")
 TOWN = "ZAM_Builder-1_1_T-1"
@@ -106,8 +104,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def browser(folder: Path) -> Iterator[Browser]:
-    with chromium(folder / "profile") as opened:
+def browser() -> Iterator[Browser]:
+    with chromium() as opened:
         yield opened
 
 
@@ -290,16 +288,3 @@ def test_bridge_is_left_out_with_the_reason_of_npm(tmp_path: Path) -> None:
     assert node_in(tmp_path, str(program)) == Node(program)
     with pytest.raises(LeftOut, match=r"the bridge cannot be had by npm: no network"):
         app_bridge.bundle(tmp_path / "folder", str(program))
-
-
-@pytest.mark.anyio
-@pytest.mark.usefixtures("starter_ready")
-async def test_starter_scenarios_stand_in_for_recordings_that_are_not_there(
-    connect: Connect, settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PLANNERFORGE_SHARED", str(tmp_path / "none"))
-    async with connect(settings) as client:
-        found = await app_bridge.recordings(client, tmp_path)
-        for name in found:
-            assert not (await client.call_tool("describe_scenario", {"scenario_id": name})).is_error
-    assert len(set(found)) == 3

@@ -513,8 +513,9 @@ def test_a_client_sees_nothing_of_the_user(tmp_path: Path, monkeypatch: pytest.M
 
 def test_every_driver_stands_alone() -> None:
     drivers = Path(running.__file__).parent / "drivers"
-    assert {host.driver for host in HOSTS} == {path.name for path in drivers.iterdir()}
-    for path in drivers.glob("*.py.txt"):
+    there = [*drivers.glob("*_driver.py"), *drivers.glob("*.mjs")]
+    assert {host.driver for host in HOSTS} == {path.name for path in there}
+    for path in drivers.glob("*_driver.py"):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         assert "plannerforge" not in {
             (node.module or "").partition(".")[0] for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)
@@ -534,7 +535,7 @@ def test_a_client_that_is_not_known_is_refused() -> None:
 
 
 SHOWN = summary_of([ShownResult("modify_scenario", "the edit is done"), ShownResult("render", "", 1)])
-MADE = Host("made", "Made Client", "pip", ("made==1",), "fastmcp.py.txt", help="retries=3")
+MADE = Host("made", "Made Client", "pip", ("made==1",), "fastmcp_driver.py", help="retries=3")
 GOOD = StoryRun("stdio", False, (), "made 1", "2026-07-28", SHOWN, True, 3, goes_on=True)
 BAD = replace(GOOD, faults=("not carried out: render",), goes_on=False)
 

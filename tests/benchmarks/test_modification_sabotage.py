@@ -13,10 +13,10 @@ from benchmarks.modification import cases as modification_cases
 from benchmarks.modification.__main__ import figures_of, refusal_rows
 from benchmarks.modification.cases import Case, Effort, Measured, Refusal, measure_line, several_calls_equal
 from plannerforge.engine.cosimulation.driver import usual_behaviour
-from plannerforge.engine.edits import HIT_ON_ENTRY, PLACE_TAKEN
 from plannerforge.engine.edits import rerouting as reroute
 from plannerforge.engine.edits import simulation as cascade
 from plannerforge.engine.edits.apply import OPERATIONS
+from plannerforge.engine.edits.entries import HIT_ON_ENTRY, PLACE_TAKEN
 from plannerforge.engine.workspace.artifacts import Artifact
 from plannerforge.evals.ground_truth.modification import edit_of
 from plannerforge.schemas.errors import NotPossible, WorkerFailure

@@ -2,13 +2,14 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.runs import DEFAULT, SAFE, metrics, record
 
 from benchmarks.analysis.public_runs import RawRuns
-from benchmarks.analysis.questions import Question, Situations, questions
-from plannerforge.schemas.runs import BatchRecord
+from benchmarks.analysis.questions import Question, Situations, Told, questions
+from plannerforge.schemas.runs import BatchRecord, RunRecord
 
 
 @pytest.fixture
@@ -44,32 +45,39 @@ def test_every_turn_about_results_is_asked(shared_data: Path) -> None:
     assert asked == about
 
 
+def of_run(one: RunRecord, **fields: Any) -> dict[str, Any]:
+    row = {"run_id": one.run_id, "outcome": one.outcome, "duration_s": one.metrics.duration_s, "reason": "it ended"}
+    return {"rows": [row], "review": None, "metrics": [], **fields}
+
+
 @pytest.mark.parametrize(
-    ("ask", "answer", "lacking"),
-    [
-        ("criticality", "reached the goal at 5.0 s. Risk score (0 a collision, 5 negligible) 2 of 5", "3 of 5"),
-        ("min_distance", "reached the goal at 5.0 s. Closest: 2.5 m to car 7", "Closest: 2.6 m"),
-        ("duration", "reached the goal at 5.0 s (step 50)", "at 5.2 s"),
-        ("recommendation", "Suggest: raise velocity (untried)", "Findings:"),
-    ],
+    ("ask", "name", "value"), [("criticality", "risk_score", 2.0), ("min_distance", "minimum_distance_m", 2.5)]
 )
-def test_an_answer_with_another_figure_is_none(raw: RawRuns, ask: str, answer: str, lacking: str) -> None:
+def test_an_answer_with_another_figure_is_none(raw: RawRuns, ask: str, name: str, value: float) -> None:
+    run = next(one for one in raw.records if one.outcome == "goal_reached")
     situation = Situations(raw).of(Question("x", "?", "goal_reached", (ask,)))[0]
-    assert situation.holds(ask, answer)
-    assert not situation.holds(ask, f"reached the goal at 9.0 s, {lacking}")
+    fields = of_run(run, metrics=[{"name": name, "median": value}])
+    assert situation.holds(ask, Told(fields, f"{run.run_id} came to {value}"))
+    assert not situation.holds(ask, Told(fields, f"{run.run_id} came to {value + 1}"))
+    wrong = of_run(run, metrics=[{"name": name, "median": value + 1}])
+    assert not situation.holds(ask, Told(wrong, f"{run.run_id} came to {value} or {value + 1}"))
 
 
 def test_a_question_about_one_run_is_asked_of_each_way_to_end(raw: RawRuns) -> None:
     asked = Situations(raw).of(Question("x", "?", "run", ("outcome",)))
     assert len(asked) == 2
-    assert asked[0].holds("outcome", "collision: hit from behind by car 7 at 4.0 s")
-    assert not asked[0].holds("outcome", "reached the goal at 4.0 s")
+    hit, reached = raw.records[:2]
+    told = Told(of_run(hit), f"{hit.run_id} after {hit.metrics.duration_s} s")
+    assert asked[0].holds("outcome", told)
+    assert not asked[0].holds("outcome", Told(of_run(reached), told.text))
+    assert not asked[0].holds("outcome", Told(of_run(hit), f"{hit.run_id} after 99.9 s"))
 
 
 def test_rates_and_rankings_of_a_batch_are_recounted(raw: RawRuns) -> None:
     situation = Situations(raw).of(Question("x", "?", "batch", ("success_rate",)))[0]
-    assert situation.holds("success_rate", "goal 1/2 = 50 %")
-    assert not situation.holds("success_rate", "goal 2/2 = 100 %")
-    hit, reached = "- run_a ZAM_T-1_1_T-1 Default: collision", "- run_b ZAM_T-2_1_T-1 Default: reached"
-    assert situation.holds("ranking", f"The hardest first:\n{hit}\n{reached}")
-    assert not situation.holds("ranking", f"The hardest first:\n{reached}\n{hit}")
+    assert situation.holds("success_rate", Told({"success": {"count": 1, "of": 2}}, "1/2 reached it"))
+    assert not situation.holds("success_rate", Told({"success": {"count": 2, "of": 2}}, "2/2 reached it"))
+    hit, reached = {"scenario_id": "ZAM_T-1_1_T-1"}, {"scenario_id": "ZAM_T-2_1_T-1"}
+    assert situation.holds("ranking", Told({"rows": [hit, reached]}, "ZAM_T-1_1_T-1 before ZAM_T-2_1_T-1"))
+    assert not situation.holds("ranking", Told({"rows": [reached, hit]}, "ZAM_T-2_1_T-1 before ZAM_T-1_1_T-1"))
+    assert not situation.holds("ranking", Told({"rows": [hit, reached]}, "ZAM_T-2_1_T-1 before ZAM_T-1_1_T-1"))

@@ -1,5 +1,6 @@
 """The judges of statements and of goals that ask for no driving: figures that are right and wrong are told apart."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,10 +15,12 @@ from commonroad.planning.planning_problem import PlanningProblem
 from commonroad.scenario.state import CustomState, InitialState
 from support.runs import DEFAULT, SAFE, metrics, record, source
 
+from benchmarks.analysis.expected import Expected, Tally
 from benchmarks.analysis.public_runs import RawRuns
 from benchmarks.analysis.recomputed import late_because
-from benchmarks.analysis.sentences import Judge, Tally, agrees
+from benchmarks.analysis.statements import OnRuns, Told, in_texts, judged
 from benchmarks.analysis.trivial import truth
+from benchmarks.told_figures import agrees, unknown_in_fields, unknown_in_text
 from plannerforge.engine.analysis import analyse, compare
 from plannerforge.engine.execution import silent
 from plannerforge.schemas.analysis.comparison import CompareRequest, Side
@@ -44,9 +47,9 @@ def sources(tmp_path: Path) -> list[RunSource]:
     return made
 
 
-def judge(sources: list[RunSource], findings: int = 0) -> Judge:
+def raw_of(sources: list[RunSource]) -> RawRuns:
     records = tuple(one.record for one in sources)
-    raw = RawRuns(
+    return RawRuns(
         batch=BatchRecord(
             batch_id="batch_a",
             scenarios=tuple(dict.fromkeys(one.scenario_id for one in records)),
@@ -63,11 +66,10 @@ def judge(sources: list[RunSource], findings: int = 0) -> Judge:
         facts={},
         files={},
     )
-    return Judge(raw, WEIGHTS, {}, findings, {})
 
 
-def answers(sources: list[RunSource]) -> list[str]:
-    """The lines of the answers on the runs, and of their comparison."""
+def answers(sources: list[RunSource]) -> tuple[Told, ...]:
+    """The answers on the runs, and their comparison."""
     runs, configs = tuple(sources), (DEFAULT, SAFE)
     request = AnalyseRequest(results=("batch_a",), runs=runs, configs=configs, breakdown="config")
     details = [request, *(request.model_copy(update={"detail": detail}) for detail in ("findings", "costs", "rows"))]
@@ -80,27 +82,39 @@ def answers(sources: list[RunSource]) -> list[str]:
         )
         for config in configs
     )
-    told = [analyse(one, silent).answer() for one in details]
-    compared = compare(CompareRequest(sides=sides, runs=runs, configs=configs), silent).answer()
-    return [line for answer in (*told, compared) for line in answer.to_text().splitlines()]
+    made = [("analyze_results", analyse(one, silent)) for one in details]
+    made.append(("compare_results", compare(CompareRequest(sides=sides, runs=runs, configs=configs), silent)))
+    return tuple(Told(tool, {}, one.to_text(), one.model_dump(mode="json")) for tool, one in made)
 
 
-def read(lines: list[str], by: Judge) -> Tally:
-    tally, rules = Tally(), by.rules()
-    for line in lines:
-        tally.read(line, rules)
-    return tally
+def told_of(sources: list[RunSource], made: tuple[Told, ...]) -> OnRuns:
+    return OnRuns(raw_of(sources), WEIGHTS, {}, {}, made)
+
+
+def spoiled(content: Any, changed: int, seen: list[int]) -> Any:
+    """Structured content with its n-th number another one; ``seen`` counts them."""
+    if isinstance(content, Mapping):
+        return {key: spoiled(part, changed, seen) for key, part in content.items()}
+    if isinstance(content, list):
+        return [spoiled(part, changed, seen) for part in content]
+    if isinstance(content, bool) or not isinstance(content, int | float):
+        return content
+    seen.append(1)
+    return content + 1 if len(seen) == changed + 1 else content
 
 
 def test_every_figure_of_an_answer_is_recomputed_from_its_rows(sources: list[RunSource]) -> None:
-    lines = answers(sources)
-    tally = read(lines, judge(sources, findings=len({line for line in lines if line.startswith("- [")})))
-    assert (tally.wrong, tally.unknown) == ([], [])
-    assert tally.agreeing > 150
+    made = answers(sources)
+    tally = judged([told_of(sources, made)])
+    assert (tally.wrong, tally.unread) == ([], [])
+    assert tally.agreeing > 300
+    in_text, unknown = in_texts([told_of(sources, made)])
+    assert unknown == []
+    assert in_text > 150
 
 
 def test_figures_of_other_rows_are_found_to_be_wrong(sources: list[RunSource]) -> None:
-    lines = answers(sources)
+    made = answers(sources)
     changed = [
         one.model_copy(
             update={
@@ -113,12 +127,49 @@ def test_figures_of_other_rows_are_found_to_be_wrong(sources: list[RunSource]) -
         else one
         for place, one in enumerate(sources)
     ]
-    assert len(read(lines, judge(changed)).wrong) > 40
+    assert len(judged([told_of(changed, made)]).wrong) > 40
 
 
-def test_a_figure_that_no_rule_knows_is_not_taken_for_right(sources: list[RunSource]) -> None:
-    tally = read(["- [main_failure] the moon is 384,400 km away. Runs: run_a run_b"], judge(sources))
-    assert (tally.agreeing, len(tally.unknown)) == (0, 1)
+def test_each_field_that_holds_a_false_figure_is_found(sources: list[RunSource]) -> None:
+    comparison = next(one for one in answers(sources) if one.tool == "compare_results")
+    count = judged([told_of(sources, (comparison,))]).figures
+    false = [replace(comparison, fields=spoiled(comparison.fields, place, [])) for place in range(count)]
+    found = [judged([told_of(sources, (one,))]).wrong for one in false]
+    assert all(len(faults) == 1 for faults in found)
+
+
+def test_a_figure_of_a_text_that_no_field_holds_is_unknown(sources: list[RunSource]) -> None:
+    comparison = next(one for one in answers(sources) if one.tool == "compare_results")
+    lines = comparison.text.splitlines()
+    assert unknown_in_text("\n".join([*lines, "The moon is 384,400 km away."]), comparison.fields) != []
+    assert unknown_in_text(comparison.text.replace("10 pairs", "11 pairs"), comparison.fields) != []
+
+
+def test_a_figure_of_a_finding_has_to_stand_in_the_finding_itself() -> None:
+    finding = {"statement": "The third of 17 runs is late by 2.5 s.", "figures": {"runs": 17.0, "late_s": 2.51}}
+    assert unknown_in_fields({"findings": [finding]}) == []
+    elsewhere = {"findings": [finding | {"figures": {"runs": 17.0}}], "late_s": 2.51}
+    assert [fault.split()[0] for fault in unknown_in_fields(elsewhere)] == ["2.5"]
+
+
+@pytest.mark.parametrize(
+    ("text", "known"),
+    [
+        ("12.3 % of 81 runs (0.123)", True),
+        ("run_12 at 7.0 s", True),
+        ("-7 m and −7 m", True),
+        ("run_12 +80", True),
+        ("… 78 more", True),
+        ("12.4 % of the runs", False),
+        ("run_12 +79", False),
+        ("in 1,300 runs", False),
+        ("ISO 15622 asks for 4", False),
+    ],
+)
+def test_figures_are_known_in_any_form_and_names_are_no_figures(text: str, known: bool) -> None:
+    fields = {"run_id": "run_12", "share": 0.12344, "runs": 81, "time_s": 7.0, "source": "ISO 15622"}
+    listed = "- one\n- two\n- three\n" if text.startswith("…") else ""
+    assert (unknown_in_text(listed + text, fields) == []) is known
 
 
 @pytest.mark.parametrize(
@@ -187,15 +238,14 @@ def test_what_collisions_are_laid_to_is_counted_apart_from_how_many_there_are(tm
         for kind, gap in (("rear_end_by_other", None), ("crossing", 2.0), ("crossing", 0.0))
     ]
     reviews = {one.record.run_id: {"contact": contact} for one, contact in zip(hits, contacts, strict=True)}
-    raw = judge(hits).raw
-    raw = replace(raw, batch=raw.batch.model_copy(update={"configs": (DEFAULT.config_id,)}))
-    rules = Judge(raw, WEIGHTS, reviews, 0, {}).rules()
+    expected = Expected(raw_of(hits), WEIGHTS, reviews, {}).apart[DEFAULT.config_id]
+    told = {"causes": {"kinds": {"crossing": 2}, "laid_to": {"recording": 1, "prediction": 1, "planning": 1}}}
     right, wrong = Tally(), Tally()
-    right.read("Collisions: crossing 2; laid to recording 1, prediction 1, planning 1; no reference driver", rules)
-    right.read("In 1 of 2 collisions that an ego could prevent the other moved otherwise: 2.0 m apart (median).", rules)
-    assert (right.agreeing, right.wrong, right.unknown) == (7, [], [])
-    wrong.read("Collisions: crossing 2; laid to recording 2, prediction 1; no reference driver", rules)
+    right.hold(told, expected._causes_and_goals(told))
+    assert (right.agreeing, right.wrong, right.unread) == (4, [], [])
+    wrong.hold({"causes": {"laid_to": {"recording": 2, "prediction": 1}}}, expected._causes_and_goals(told))
     assert len(wrong.wrong) == 1
+    assert expected._unforeseen("")["median_gap_m"] == 2.0
 
 
 @pytest.mark.parametrize(

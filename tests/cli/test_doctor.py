@@ -12,7 +12,7 @@ import pytest
 
 from plannerforge.cli import doctor
 from plannerforge.cli.hosts import BACKUP, HOSTS, install, start_command
-from plannerforge.engine.catalog import ensure_generation
+from plannerforge.engine.catalog.vector_index import ensure_generation
 from plannerforge.schemas.catalog import EMBEDDINGS_EXTRA
 from plannerforge.server.settings import Settings
 

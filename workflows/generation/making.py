@@ -109,6 +109,10 @@ def summarise(
             f"{ego.goal_distance_m:.0f} m ahead on lanelet {ego.goal_lanelet} within "
             f"{ego.goal_time_s[0]:g} to {ego.goal_time_s[1]:g} s ({request.goal})"
         ),
+        ego_speed_mps=ego.speed_mps,
+        goal_lanelet=ego.goal_lanelet,
+        goal_distance_m=ego.goal_distance_m,
+        goal_time_s=ego.goal_time_s,
         feasible_share=scenario.checks.feasible_share,
         checks_passed=passed,
         checks_failed=failed,

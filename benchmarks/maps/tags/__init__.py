@@ -22,8 +22,9 @@ from lxml import etree
 from pyproj import Proj
 
 from plannerforge.engine.execution import silent
-from plannerforge.engine.generation import SiteNetwork, build_network
-from plannerforge.engine.maps import OsmMap, OsmWay, RoadReader, Site, jurisdiction_of, read_map_file, site_finder
+from plannerforge.engine.generation.site_network import SiteNetwork, build_network
+from plannerforge.engine.maps import OsmMap, RoadReader, Site, jurisdiction_of, read_map_file, site_finder
+from plannerforge.engine.maps.osm import OsmWay
 from plannerforge.engine.network import RoadLanelet
 from plannerforge.schemas.errors import NotPossible, UnsafeInput
 from plannerforge.schemas.generation import GenerationRequest

@@ -28,7 +28,8 @@ import anyio
 from plannerforge.engine.commonroad import read_scenario
 from plannerforge.engine.edits import apply_edits
 from plannerforge.engine.execution import silent
-from plannerforge.engine.planners import EgoState, open_traffic
+from plannerforge.engine.planners import EgoState
+from plannerforge.engine.planners.registry import open_traffic
 from plannerforge.engine.vehicles import BMW_320I
 from plannerforge.schemas.errors import PlannerForgeError
 from plannerforge.schemas.modification import Edit, ModificationOutcome, ModificationRequest

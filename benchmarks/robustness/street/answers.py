@@ -10,20 +10,22 @@ another form), ``planner_answers``.
 """
 
 import json
+import logging
 import math
 import random
+import re
 import sys
-import threading
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
 import anyio
 from mcp import Client, MCPError
+from pytest_httpserver import HTTPServer
+from werkzeug import Request, Response
 
 from plannerforge.schemas.planning import CommandPlanner
 from plannerforge.server.assembly import create_server
@@ -244,41 +246,17 @@ class _Services:
     @contextmanager
     def running(self) -> Iterator[str]:
         """Serve; the address."""
-        services = self
+        logging.getLogger("werkzeug").setLevel(logging.CRITICAL)  # it logs each request
+        with HTTPServer(host="127.0.0.1", port=0, threaded=True) as server:
+            server.expect_request(re.compile(".*")).respond_with_handler(self._respond)
+            yield f"http://{server.host}:{server.port}"
 
-        class Handler(BaseHTTPRequestHandler):
-            def log_message(self, *message: object) -> None:
-                del message
-
-            def do_GET(self) -> None:
-                self._answer("")
-
-            def do_POST(self) -> None:
-                self._answer(self.rfile.read(int(self.headers.get("content-length") or 0)).decode())
-
-            def _answer(self, body: str) -> None:
-                if self.path.endswith("/status"):
-                    content = b"Connected as: 1\nRate limit: 2\n2 slots available now.\n"
-                else:
-                    kind = "search" if "/search" in self.path else "map"
-                    content = services.answer(kind, self.path + body)
-                self.send_response(200)
-                self.send_header("content-type", "application/json")
-                self.send_header("content-length", str(len(content)))
-                self.end_headers()
-                try:
-                    self.wfile.write(content)
-                except OSError:
-                    return
-
-        server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-        thread = threading.Thread(target=server.serve_forever, daemon=True)
-        thread.start()
-        try:
-            yield f"http://127.0.0.1:{server.server_port}"
-        finally:
-            server.shutdown()
-            server.server_close()
+    def _respond(self, asked: Request) -> Response:
+        if asked.path.endswith("/status"):
+            return Response(b"Connected as: 1\nRate limit: 2\n2 slots available now.\n")
+        kind = "search" if "/search" in asked.path else "map"
+        question = f"{asked.full_path.rstrip('?')}{asked.get_data(as_text=True)}"
+        return Response(self.answer(kind, question), content_type="application/json")
 
 
 async def _services(folder: Path, count: int, chance: random.Random, seen: _Seen) -> None:

@@ -81,7 +81,7 @@ def measure(bench: ServeBench) -> Figures:
     counted, failed, read_ms = 0, list[str](), list[float]()
     with http_process(folder) as server:
         cases = anyio.run(prepared, folder, server.url)
-        with shown_host(script, server.url) as served, chromium(folder / "profile") as browser:
+        with shown_host(script, server.url) as served, chromium() as browser:
             for case in cases:
                 for width in _WIDTHS:
                     for theme in _MODES:

@@ -33,13 +33,13 @@ class Host:
 
 
 HOSTS = (
-    Host("fastmcp", "FastMCP client", "pip", ("fastmcp==4.2.3",), "fastmcp.py.txt"),
+    Host("fastmcp", "FastMCP client", "pip", ("fastmcp==4.2.3",), "fastmcp_driver.py"),
     Host(
         "langchain",
         "LangChain MCP adapters",
         "pip",
         ("langchain-mcp-adapters==0.3.2", "langchain==1.5.2", "langchain-openai==1.7.4", "mcp==1.30.0"),
-        "langchain.py.txt",
+        "langchain_driver.py",
         help="PLANNERFORGE_LINKS=false",
         help_settings=(("PLANNERFORGE_LINKS", "false"),),
         note="`client.get_tools()` starts a server for each call; the tools of one `client.session(…)` share one.",
@@ -49,7 +49,7 @@ HOSTS = (
         "Pydantic AI",
         "pip",
         ("pydantic-ai-slim[openai,mcp]==2.68.0", "mcp==2.3.0"),
-        "pydantic_ai.py.txt",
+        "pydantic_ai_driver.py",
         help='MCPToolset(…, tool_error_behavior="failed")',
         note="it waits 5 s for the start; `init_timeout` of the toolset allows more.",
     ),
@@ -58,7 +58,7 @@ HOSTS = (
         "OpenAI Agents SDK",
         "pip",
         ("openai-agents==0.24.0", "mcp==2.3.0"),
-        "openai_agents.py.txt",
+        "openai_agents_driver.py",
         note="it waits 5 s for an answer; `client_session_timeout_seconds` of the server allows more.",
     ),
     Host(
@@ -66,7 +66,7 @@ HOSTS = (
         "mcp-use",
         "pip",
         ("mcp-use==1.7.1", "langchain-openai==1.7.4", "mcp==1.30.0"),
-        "mcp_use.py.txt",
+        "mcp_use_driver.py",
         note="it ends after 5 steps; `max_steps` of the agent allows more.",
     ),
     Host(
@@ -74,7 +74,7 @@ HOSTS = (
         "ollmcp",
         "pip",
         ("ollmcp==0.35.1", "mcp==2.1.1"),
-        "ollmcp.py.txt",
+        "ollmcp_driver.py",
         note="it asks before each call (`/human-in-the-loop` turns that off) and after each seven (`/loop-limit`).",
     ),
     Host(
@@ -82,7 +82,7 @@ HOSTS = (
         "smolagents",
         "pip",
         ("smolagents[mcp]==1.26.0", "mcp[ws]==1.30.0"),
-        "smolagents.py.txt",
+        "smolagents_driver.py",
         note="it needs `mcp[ws]` below 2, and of an answer it keeps the structured content or the first item alone.",
     ),
     Host(
@@ -90,7 +90,7 @@ HOSTS = (
         "MCP Inspector (command line)",
         "npm",
         ("@modelcontextprotocol/inspector@2.12.0",),
-        "inspector.py.txt",
+        "inspector_driver.py",
     ),
     Host("typescript", "TypeScript SDK client", "npm", ("@modelcontextprotocol/client@2.4.0",), "typescript.mjs"),
     Host(
@@ -98,7 +98,7 @@ HOSTS = (
         "Claude Code",
         "npm",
         ("@anthropic-ai/claude-code@2.1.331",),
-        "claude_code.py.txt",
+        "claude_code_driver.py",
         note="its model has to look for tools; it is told all of them with `ENABLE_TOOL_SEARCH=false`, as it is here.",
     ),
     Host(
@@ -106,7 +106,7 @@ HOSTS = (
         "Codex",
         "npm",
         ("@openai/codex@0.169.0",),
-        "codex.py.txt",
+        "codex_driver.py",
         note="the first request of `codex exec` waits for the server with `required = true` in its section, as here.",
     ),
 )

@@ -85,4 +85,4 @@ def test_too_few_scenarios_say_nothing() -> None:
     scenarios = [scenario(number, number) for number in range(1, 6)]
     listed, note = correlations(runs_of(scenarios, [True, False, True, False, True], times=5))
     assert listed == ()
-    assert "valid runs of 5 scenarios, at least 12" in note
+    assert note[1] == {"scenarios": 5, "least_scenarios": 12}

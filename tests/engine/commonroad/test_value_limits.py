@@ -9,7 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from support.builders import town_road
 
-from plannerforge.engine.commonroad import MOST_CHILDREN, MOST_OF_A_KIND, NUMBER_RANGES, read_recorded, read_scenario
+from plannerforge.engine.commonroad import read_recorded, read_scenario
+from plannerforge.engine.commonroad.value_limits import MOST_CHILDREN, MOST_OF_A_KIND, NUMBER_RANGES
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.network.rules.check import check_file
 from plannerforge.engine.scenarios.description import describe

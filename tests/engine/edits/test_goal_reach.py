@@ -12,13 +12,8 @@ from support.builders import Lane, Problem, ScenarioBuilder, arc, line, town_roa
 from support.edits import Apply
 
 from plannerforge.engine.commonroad.reader import read_scenario
-from plannerforge.engine.vehicles import (
-    LARGEST_ACCELERATION_MPS2,
-    LARGEST_SPEED_MPS,
-    can_be_there,
-    latest_passing_s,
-    least_time_s,
-)
+from plannerforge.engine.vehicles import can_be_there, latest_passing_s, least_time_s
+from plannerforge.engine.vehicles.models import LARGEST_ACCELERATION_MPS2, LARGEST_SPEED_MPS
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 
 FAST = replace(town_road(), problems=(Problem(start=(40.0, 0.0, 0.0, 22.0), steps=(0, 60)),)).cut(61)

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from plannerforge.engine.execution import without_settings
+from plannerforge.engine.execution.environment import without_settings
 
 SECRET = "a-token-that-no-other-may-read"
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows environments in /proc")

@@ -18,12 +18,12 @@ from osmium.osm import mutable
 from support.extracts import APART_DEG, IDS_APART, SECOND_TOWN, elements, indexed, written
 
 from plannerforge.engine.execution import silent
-from plannerforge.engine.maps import OsmMap, SiteFinder, cut_map, ground_distance_m, read_map_file
+from plannerforge.engine.maps import OsmMap, SiteFinder, cut_map, read_map_file
 from plannerforge.engine.maps.extracts import indexing, tiles
 from plannerforge.engine.maps.extracts.cutting import cut_extract
 from plannerforge.engine.maps.extracts.indexing import index_extract
 from plannerforge.engine.maps.extracts.tiles import TileStore, box_of_tile, tile_of, tiles_in
-from plannerforge.engine.maps.osm import OsmWay, read_osm
+from plannerforge.engine.maps.osm import OsmWay, ground_distance_m, read_osm
 from plannerforge.engine.maps.road_classes import ALL_ROADS
 from plannerforge.schemas.errors import ResourceFailure, UnsafeInput
 from plannerforge.schemas.generation import (

@@ -17,10 +17,10 @@ from plannerforge.engine.vehicles import (
     commonroad_vehicle,
     ego_class,
     ego_class_of,
-    ego_classes,
     vehicle_classes,
     vehicle_of,
 )
+from plannerforge.engine.vehicles.models import ego_classes
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName, UnsafeInput
 from plannerforge.schemas.planning import PlannerSettings
 from plannerforge.schemas.vocabulary import EGO_CLASSES

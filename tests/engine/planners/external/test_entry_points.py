@@ -9,15 +9,9 @@ import pytest
 from support.own_planners import STRAIGHT, install
 from support.planning import configuration, drive, goal_state, problem_for, rectangle_at, scenario_on, straight_road
 
-from plannerforge.engine.planners import (
-    DrivenRun,
-    known_planner,
-    make_planner,
-    planner_names,
-    planner_version,
-    refused_planners,
-)
+from plannerforge.engine.planners import known_planner, make_planner, planner_names, planner_version, refused_planners
 from plannerforge.engine.planners.external import found
+from plannerforge.engine.planners.simulation import DrivenRun
 from plannerforge.engine.tuning import tuning_of
 from plannerforge.schemas.errors import PlannerFailure, UnknownName
 

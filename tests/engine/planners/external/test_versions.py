@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 from support.own_planners import STRAIGHT, install
 
-from plannerforge.engine.planners import built_in_version, source_that_drives, version_that_drives
+from plannerforge.engine.planners import built_in_version, source_that_drives
 from plannerforge.engine.planners.external.versions import described_by_git
+from plannerforge.engine.planners.registry import version_that_drives
 
 Install = Callable[..., Path]
 needs_git = pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")

@@ -12,7 +12,8 @@ from support.planning import configuration
 from plannerforge.engine.commonroad import Track, read_scenario
 from plannerforge.engine.edits import apply_edits
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.planners import EgoState, open_traffic, run_planner
+from plannerforge.engine.planners import EgoState, run_planner
+from plannerforge.engine.planners.registry import open_traffic
 from plannerforge.engine.vehicles import BMW_320I
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.modification import Edit, ModificationOutcome, ModificationRequest

@@ -4,6 +4,7 @@ import asyncio
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 from langchain.agents import create_agent
 from langchain_mcp_adapters.callbacks import Callbacks
@@ -14,13 +15,15 @@ from langchain_openai import ChatOpenAI
 TASK = json.loads(Path(sys.argv[1]).read_text())
 
 
-async def main():  # one session for all calls: get_tools() of the client alone starts a server for each call
-    notes = []
+async def main() -> None:
+    """Do the task in one session: get_tools() of the client alone starts a server for each call."""
+    notes: list[str | None] = []
 
-    async def on_progress(progress, total, message, context):
+    async def on_progress(progress: float, total: float | None, message: str | None, context: Any) -> None:
         notes.append(message)
 
-    by_stdio = {"transport": "stdio", "command": TASK.get("command"), "args": TASK.get("arguments"), "env": TASK.get("env")}
+    by_stdio = {"transport": "stdio", "command": TASK.get("command"), "args": TASK.get("arguments")}
+    by_stdio["env"] = TASK.get("env")
     server = {"transport": "streamable_http", "url": TASK["url"]} if TASK["url"] else by_stdio
     client = MultiServerMCPClient({"plannerforge": server})
     model = ChatOpenAI(model=TASK["model_name"], base_url=f"{TASK['model']}/v1", api_key="none")

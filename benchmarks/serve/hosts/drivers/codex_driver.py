@@ -32,7 +32,9 @@ tool_timeout_sec = 120
 )
 command = ["codex", "exec", "--skip-git-repo-check", "--sandbox", "read-only", "--output-last-message", "last.txt"]
 variables = {**os.environ, "CODEX_HOME": str(home)}
-done = subprocess.run([*command, TASK["request"]], env=variables, stdin=subprocess.DEVNULL, capture_output=True, text=True)
+done = subprocess.run(
+    [*command, TASK["request"]], env=variables, stdin=subprocess.DEVNULL, capture_output=True, text=True
+)
 print(done.stdout[-6000:], done.stderr[-6000:])
 last = Path("last.txt")
 Path(TASK["report"]).write_text(json.dumps({"said": last.read_text() if last.is_file() else ""}))

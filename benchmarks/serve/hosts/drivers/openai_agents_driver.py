@@ -12,7 +12,8 @@ from openai import AsyncOpenAI
 TASK = json.loads(Path(sys.argv[1]).read_text())
 
 
-async def main():
+async def main() -> None:
+    """Do the task."""
     set_tracing_disabled(True)
     if TASK["url"]:
         server = MCPServerStreamableHttp({"url": TASK["url"]}, name="plannerforge", client_session_timeout_seconds=60)

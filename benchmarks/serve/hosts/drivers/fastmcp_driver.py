@@ -5,6 +5,7 @@ import json
 import sys
 import urllib.request
 from pathlib import Path
+from typing import Any
 
 from fastmcp import Client
 from fastmcp.client.transports import StdioTransport
@@ -13,23 +14,25 @@ from fastmcp.exceptions import ToolError
 TASK = json.loads(Path(sys.argv[1]).read_text())
 
 
-def next_move(tools, shown):
+def next_move(tools: list[str], shown: list[Any]) -> Any:
+    """What the story does next, after what was shown."""
     body = json.dumps({"tools": tools, "shown": shown}).encode()
     request = urllib.request.Request(f"{TASK['model']}/story", body, {"Content-Type": "application/json"})
     with urllib.request.urlopen(request) as answer:
         return json.load(answer)
 
 
-async def main():
-    notes = []
+async def main() -> None:
+    """Do the task."""
+    notes: list[str | None] = []
 
-    async def on_progress(progress, total, message):
+    async def on_progress(progress: float, total: float | None, message: str | None) -> None:
         notes.append(message)
 
     server = TASK["url"] or StdioTransport(TASK["command"], TASK["arguments"], env=TASK["env"])
     async with Client(server, progress_handler=on_progress) as client:
         tools = [tool.name for tool in await client.list_tools()]
-        shown = []
+        shown: list[Any] = []
         while (move := next_move(tools, shown))["tool"]:
             try:
                 result = await client.call_tool(move["tool"], move["arguments"])

@@ -14,10 +14,11 @@ from pydantic_ai.providers.openai import OpenAIProvider
 TASK = json.loads(Path(sys.argv[1]).read_text())
 
 
-async def main():
-    notes = []
+async def main() -> None:
+    """Do the task."""
+    notes: list[str | None] = []
 
-    async def on_progress(progress, total, message):
+    async def on_progress(progress: float, total: float | None, message: str | None) -> None:
         notes.append(message)
 
     server = TASK["url"] or StdioTransport(TASK["command"], TASK["arguments"], env=TASK["env"])

@@ -21,7 +21,7 @@ if child == 0:
     os.execv(program, command)
 
 
-def read_until(words, seconds):
+def read_until(words: str, seconds: float) -> str:
     """What the screen shows until some words stand on it, or the time is over."""
     shown, end = "", time.monotonic() + seconds
     while time.monotonic() < end:
@@ -39,7 +39,8 @@ def read_until(words, seconds):
     return " ".join(STEPS.sub(" ", shown).split())
 
 
-def type_line(text):
+def type_line(text: str) -> None:
+    """Type a line."""
     os.write(terminal, text.encode() + b"\r")
 
 

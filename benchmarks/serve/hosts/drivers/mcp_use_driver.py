@@ -14,7 +14,8 @@ from mcp_use import MCPAgent, MCPClient
 TASK = json.loads(Path(sys.argv[1]).read_text())
 
 
-async def main():
+async def main() -> None:
+    """Do the task."""
     by_stdio = {"command": TASK.get("command"), "args": TASK.get("arguments"), "env": TASK.get("env")}
     server = {"url": TASK["url"]} if TASK["url"] else by_stdio
     client = MCPClient.from_dict({"mcpServers": {"plannerforge": server}})

@@ -5,19 +5,22 @@ import subprocess
 import sys
 import urllib.request
 from pathlib import Path
+from typing import Any
 
 TASK = json.loads(Path(sys.argv[1]).read_text())
 CONFIG = Path("mcp.json")
 
 
-def next_move(tools, shown):
+def next_move(tools: list[str], shown: list[Any]) -> Any:
+    """What the story does next, after what was shown."""
     body = json.dumps({"tools": tools, "shown": shown}).encode()
     request = urllib.request.Request(f"{TASK['model']}/story", body, {"Content-Type": "application/json"})
     with urllib.request.urlopen(request) as answer:
         return json.load(answer)
 
 
-def inspect(*arguments):
+def inspect(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the inspector once."""
     command = ["mcp-inspector", "--cli", "--config", str(CONFIG), "--server", "plannerforge", "--format", "json"]
     return subprocess.run([*command, *arguments], capture_output=True, text=True, stdin=subprocess.DEVNULL)
 
@@ -28,7 +31,7 @@ CONFIG.write_text(json.dumps({"mcpServers": {"plannerforge": {**server, "protoco
 listed = inspect("--method", "tools/list")
 print(listed.stdout[:300], listed.stderr[:2000])
 tools = [tool["name"] for tool in json.loads(listed.stdout)["result"]["tools"]]
-shown = []
+shown: list[Any] = []
 while (move := next_move(tools, shown))["tool"]:
     done = inspect(
         "--method", "tools/call", "--tool-name", move["tool"], "--tool-args-json", json.dumps(move["arguments"])
