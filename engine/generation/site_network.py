@@ -368,7 +368,7 @@ def _metadata_of(request: GenerationRequest, site: Site, net: SumoNet) -> Scenar
     """Return the metadata of a scenario; its benchmark id is COUNTRY_Place-number_index_T-1, as in format 2020a."""
     country = request.country or _NO_COUNTRY
     return ScenarioMetadata(
-        benchmark_id=f"{country}_{_plain_name(request.place)}-{request.benchmark_number}_{request.index + 1}_T-1",
+        benchmark_id=f"{country}_{plain_name(request.place)}-{request.benchmark_number}_{request.index + 1}_T-1",
         affiliation=f"PlannerForge; map data: {request.attribution}",
         source=f"PlannerForge MCP, SUMO {sumo_version()}",
         latitude=site.latitude,
@@ -381,10 +381,14 @@ def _metadata_of(request: GenerationRequest, site: Site, net: SumoNet) -> Scenar
     )
 
 
-def _plain_name(place: str) -> str:
-    """A place's name in ASCII letters and digits, every word with a capital; ``Site`` where nothing is left."""
-    spelled = place.translate(_UMLAUTS)
-    letters = unicodedata.normalize("NFKD", spelled).encode("ascii", "ignore").decode()
+def plain_name(place: str) -> str:
+    """A place's name in ASCII letters and digits, every word with a capital; ``Site`` if it has no letters."""
+    spelled = unicodedata.normalize("NFKD", place.translate(_UMLAUTS))
+    letters = spelled.encode("ascii", "ignore").decode()
+    if not any(letter.isalpha() for letter in letters):
+        from anyascii import anyascii
+
+        letters = anyascii(spelled)  # a name in another script, spelled by its letters
     words = "".join(letter if letter.isalnum() else " " for letter in letters).split()
     return "".join(word[0].upper() + word[1:] for word in words)[:40] or "Site"
 

@@ -128,9 +128,12 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
         )
     held = _held_types(finder, request)
     where = " on " + cited_all((names[0] for names in request.streets), " / ") if request.streets else ""
-    where += " in the box" if request.bbox is not None else ""
+    if request.bbox is not None:
+        south, west, north, east = request.bbox
+        where += f" in the part that was asked for ({south:.4f} to {north:.4f}° N, {west:.4f} to {east:.4f}° E)"
     wish = "site of any type" if wanted == "any" else f"{wanted} site"
-    next_step = "choose one of these scenario types, or another place" if held else "choose another place"
+    elsewhere = f"place={request.map_id} to look in the whole map" if request.bbox is not None else "another place"
+    next_step = f"choose one of these scenario types, or {elsewhere}" if held else f"choose {elsewhere}"
     if request.road_classes and (wanted == "any" or _fitting(site_finder(osm).find(wanted), request)):
         where += f" that is made of {' or '.join(request.road_classes[:SHOWN_CLASSES])} only"
         next_step = "leave road_classes out" + (", or choose one of these scenario types" if held else "")

@@ -75,7 +75,7 @@ class RoadReader:
     def __init__(self, built_up: BuiltUp, where: Jurisdiction, *, lefthand: bool) -> None:
         self._built_up, self._where, self._lefthand = built_up, where, lefthand
         self._told = _Told()
-        self._limits: dict[tuple[float, str], list[str]] = {}
+        self._limits: dict[str, dict[tuple[float, str], list[str]]] = {}
         self._types: dict[str, etree._Element] = {}
         self._signed = 0
         self._states: set[int] = set()
@@ -151,9 +151,7 @@ class RoadReader:
             self._told.add("unread", f"{name} ({limit.unread})")
         if limit.source in ("law", "usual"):
             kind = "on motorways" if way.road_class in _FAST else "in town" if limit.urban else "outside towns"
-            self._limits.setdefault((limit.kmh, kind), []).append(name)
-            if limit.source == "usual":
-                self._told.add("usual", name)
+            self._limits.setdefault(limit.source, {}).setdefault((limit.kmh, kind), []).append(name)
             if limit.legal is not None and limit.legal.states > 1 and limit.source == "law":
                 self._states.add(limit.legal.states)
 
@@ -194,17 +192,15 @@ class RoadReader:
         """What is to be told of the roads, in sentences."""
         told = self._told.names
         notes = [text.format(in_words(told[what])) for what, text in _SENTENCES.items() if what in told]
-        if self._limits:
-            notes.append(self._limit_note())
-        return notes
+        return notes + [self._limit_note(source, limits) for source, limits in sorted(self._limits.items())]
 
-    def _limit_note(self) -> str:
+    def _limit_note(self, source: str, limits: Mapping[tuple[float, str], Sequence[str]]) -> str:
         law = f"the legal default of {self._where.name}"
-        if "usual" in self._told.names:
+        if source == "usual":
             law = "the median of all countries' legal defaults, because that of the country is not known"
         elif self._states:
             law = f"the most frequent of the legal defaults of {max(self._states)} states of {self._where.name}"
-        parts = [f"{kmh:g} km/h {kind} ({in_words(names)})" for (kmh, kind), names in sorted(self._limits.items())]
+        parts = [f"{kmh:g} km/h {kind} ({in_words(names)})" for (kmh, kind), names in sorted(limits.items())]
         return f"roads without a signed speed limit have {law}: {'; '.join(parts)}"
 
 

@@ -232,6 +232,16 @@ def test_no_road_in_a_town_has_the_limit_of_a_country_road(tmp_path: Path) -> No
     assert any("median" in note for note in told)
 
 
+def test_each_limit_is_told_with_the_law_that_it_has(tmp_path: Path) -> None:
+    tags = {"all": {"maxspeed": ""}, "west": {"highway": "motorway"}}
+    _, told = cut(read_osm(crossing(tmp_path / "town.osm", tags, houses=True)), tmp_path, "KEN")
+    law, median = (note for note in told if "without a signed speed limit" in note)
+    assert "Kenya" in law
+    assert "motorways" not in law
+    assert "median" in median
+    assert "in town" not in median
+
+
 def test_the_net_has_lanes_users_and_turns_of_the_tags(tmp_path: Path) -> None:
     both = {"lanes": "4", "turn:lanes:forward": "left|through;right", "turn:lanes:backward": "left|through;right"}
     tags = {
