@@ -33,7 +33,7 @@ from ..cosimulation import (
 )
 from ..geometry import Points, Values, arc_length, interpolate, point_at, project, project_all, wrap_angle
 from ..scene import Scene, straightness
-from ..vehicles import comfortable_mps2, hardest_braking_mps2
+from ..vehicles import TIME_GAP_MPS, comfortable_mps2, hardest_braking_mps2
 from .changes import Changes, EditStep, check_speed, named_vehicles, within_time
 from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
@@ -53,8 +53,6 @@ _SWERVE_M, _SWERVE_HOLD_S = 1.0, 1.0
 """By default a swerve goes this far to the side and stays there this long (chosen)."""
 _EASY_MPS2, _HARDEST_MPS2 = 2.0, 6.0
 """A cut-in begins as soon as its preparation takes no more than this, and is refused if it takes more than that."""
-_STANDING_MPS = 0.5
-"""There is no time gap to a vehicle that is slower (chosen)."""
 _BESIDE_M = (1.8, 6.0)
 """Lateral distance of a vehicle in the next lane from a path (chosen): half a lane to one and a half lanes."""
 _TRIED_S = 0.2
@@ -635,7 +633,7 @@ def _cut_in_achieved(
     ahead = project(path.line, track.positions[mine])[0] - project(path.line, target.positions[at])[0]
     gap_m = ahead - (track.length_m + target.length_m) / 2
     speed = float(target.speeds_mps[at])
-    if speed <= _STANDING_MPS:  # the time gap to one that stands is no number, and what was asked is not reached
+    if speed <= TIME_GAP_MPS:  # the time gap to one that stands is no number, and what was asked is not reached
         return (achieved(key, "gap", None, gap_m, "m", reached=False),)
     in_s = achieved(key, "gap", gap_s, gap_m / speed, "s", reached=abs(gap_m / speed - gap_s) <= 0.1)
     return (in_s, achieved(key, "gap", None, gap_m, "m"))

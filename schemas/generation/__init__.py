@@ -407,9 +407,9 @@ class VehicleAbsence(Model):
     """
 
     fate: AbsenceFate = Field(description="what became of them")
-    code: AbsenceCode = Field(description="why")
-    vehicle_class: str
-    count: int
+    code: AbsenceCode = Field(description="why, as a code")
+    vehicle_class: str = Field(description="the class that was asked for")
+    count: int = Field(description="how many of them")
     vehicles: tuple[str, ...] = ()
     reason: str = Field(description="why, in words")
 

@@ -175,7 +175,7 @@ def test_uvx_takes_the_package_from_where_it_was_installed_from(
             return None if told is None else json.dumps(told)
 
     monkeypatch.setattr(hosts, "distribution", lambda name: Installed())
-    assert list(start_command([], passing))[3:] == [*source, "plannerforge-mcp", "serve"]
+    assert list(start_command([], passing))[1:] == [*source, "plannerforge-mcp", "serve"]
 
 
 def test_installing_out_of_uvs_cache_says_that_the_host_uses_uvx(
