@@ -174,7 +174,7 @@ class AskedGoal:
     ``turn``: what the ego does at the site on its way behind it; None: anything. ``text``: the words for all of it.
     """
 
-    text: str = USUAL_GOAL
+    text: str = THROUGH
     steps: int | None = None
     distance_m: float | None = None
     lanelet: LaneletGoal | None = None
@@ -307,7 +307,7 @@ class ScenarioSpec(Model):
     vehicles: tuple[VehicleDemand, ...] = ()
     duration_s: float = float(USUAL_DURATION_S)
     ego: Ego = AskedEgo()
-    goal: Goal = AskedGoal()
+    goal: Goal = AskedGoal.of(USUAL_GOAL)
     seed: int = 0
     conditions: TrafficConditions | None = Field(None, exclude_if=lambda conditions: conditions is None)
     others: Manoeuvre = Field(None, exclude_if=lambda manoeuvre: manoeuvre is None)
