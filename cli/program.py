@@ -9,7 +9,7 @@ import gc
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,7 @@ from typing import Annotated
 import typer
 
 from .. import __version__
-from ..schemas.errors import PlannerForgeError
+from ..schemas.errors import PlannerForgeError, leaves_of
 from . import completion
 from .catalog import catalog
 from .flags import MapFolders, Roots, SettingsCommand, Workers, Workspace, settings_from, settings_of
@@ -59,7 +59,7 @@ def run(program: typer.Typer) -> None:
     try:
         _narrowed(program, sys.argv[1:2])()
     except* PlannerForgeError as failures:
-        told = [error.text for error in _leaves(failures) if isinstance(error, PlannerForgeError)]
+        told = [error.text for error in leaves_of(failures) if isinstance(error, PlannerForgeError)]
     if told:
         typer.echo("\n".join(dict.fromkeys(told)), err=True)
         raise SystemExit(1)
@@ -73,11 +73,6 @@ def _narrowed(program: typer.Typer, words: Sequence[str]) -> typer.Typer:
     narrowed = copy(program)
     narrowed.registered_commands, narrowed.registered_groups = asked, []
     return narrowed
-
-
-def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]:
-    for error in group.exceptions:
-        yield from _leaves(error) if isinstance(error, BaseExceptionGroup) else (error,)
 
 
 _THREAD_STACK_BYTES = 2 * 1024**2

@@ -1,7 +1,7 @@
 """``plannerforge test SUITE.yaml``: run a suite, judge its limits, and write what came out for people and for CI."""
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ from rich.table import Column, Table
 
 from ..engine.execution import CallThreads
 from ..schemas.analysis.suite import LimitVerdict, Suite, SuiteCase, SuiteReport
-from ..schemas.errors import PlannerForgeError, ResourceFailure
+from ..schemas.errors import PlannerForgeError, ResourceFailure, leaves_of
 from ..schemas.text import counted
 from ..server.assembly import open_services
 from ..server.observing.logs import log_to_stderr
@@ -50,18 +50,13 @@ def test_suite(path: Path, settings: Settings, outputs: SuiteOutputs) -> int:
         report = anyio.run(_carry_out, read_suite(path), path.resolve().parent, settings, errors)
         _write_all(report, outputs)
     except* PlannerForgeError as failures:
-        told = [str(getattr(error, "text", error)) for error in _leaves(failures)]
+        told = [str(getattr(error, "text", error)) for error in leaves_of(failures)]
     for text in dict.fromkeys(told):
         errors.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
     if report is None or told:
         return NOT_CARRIED_OUT
     print_report(report, Console())
     return HOLDS if report.passed else BROKEN
-
-
-def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]:
-    for error in group.exceptions:
-        yield from _leaves(error) if isinstance(error, BaseExceptionGroup) else (error,)
 
 
 async def _carry_out(suite: Suite, folder: Path, settings: Settings, console: Console) -> SuiteReport:

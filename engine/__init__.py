@@ -14,7 +14,7 @@ from pathlib import Path
 def lazy_face(package: str, file: str) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
     """``__getattr__`` and ``__dir__`` of a package that imports a name's module when the name is first asked for.
 
-    The names are those that the package imports from its own modules under ``TYPE_CHECKING``, where type checkers,
+    The names are those that the package imports by relative paths under ``TYPE_CHECKING``, where type checkers,
     editors and import graphs read them too. The server's process imports many faces and must not load numpy for it.
 
     Args:
@@ -36,5 +36,5 @@ def lazy_face(package: str, file: str) -> tuple[Callable[[str], object], Callabl
 def _names_on_face(file: Path) -> dict[str, str]:
     """The relative module of each name that a face imports."""
     checked = (node for node in ast.parse(file.read_bytes()).body if isinstance(node, ast.If))
-    imports = (node for block in checked for node in block.body if isinstance(node, ast.ImportFrom) and node.level == 1)
-    return {alias.name: f".{node.module}" for node in imports for alias in node.names}
+    imports = (node for block in checked for node in block.body if isinstance(node, ast.ImportFrom) and node.level)
+    return {alias.name: "." * node.level + (node.module or "") for node in imports for alias in node.names}

@@ -15,21 +15,8 @@ from typing import TYPE_CHECKING
 from ..engine import lazy_face
 
 if TYPE_CHECKING:
+    from ..engine.planners import Observation, Plan, PlannedTrajectory, PlanningTask, RouteFollower
     from .objects import Picture, Run, Runs, Scenario, Scenarios
-    from .own import Observation, Plan, PlannedTrajectory, PlanningTask, RouteFollower
     from .workspace import Workspace
 
-__all__ = [
-    "Observation",
-    "Picture",
-    "Plan",
-    "PlannedTrajectory",
-    "PlanningTask",
-    "RouteFollower",
-    "Run",
-    "Runs",
-    "Scenario",
-    "Scenarios",
-    "Workspace",
-]
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -192,9 +192,8 @@ def _states(steps: RunSteps, series: RunSeries) -> "pandas.DataFrame":
     return pandas.DataFrame({name: list(values) for name, values in columns.items()}, index=index)
 
 
-_OF_A_RUN = (
-    *("run_id", "scenario_id", "problem_id", "config_id", "config_name", "planner_version", "outcome", "reason"),
-)
+_OF_A_RUN = ["run_id", "scenario_id", "problem_id", "config_id", "config_name", "planner_version", "outcome", "reason"]
+"""Fields of a run's record that its row has, before its metrics."""
 
 
 @dataclass(frozen=True)
@@ -234,17 +233,9 @@ class Runs(Sequence[Run]):
             record = run.record
             metrics = {} if record.metrics is None else record.metrics.model_dump(mode="json")
             rows.append(
-                {
-                    "run_id": record.run_id,
-                    "scenario_id": record.scenario_id,
-                    "problem_id": record.problem_id,
-                    "config_id": configuration_id(record.config_id),
-                    "config_name": record.config_name,
-                    "planner_version": record.planner_version,
-                    "outcome": record.outcome,
-                    "reason": record.reason,
-                    **metrics,
-                }
+                {name: getattr(record, name) for name in _OF_A_RUN}
+                | {"config_id": configuration_id(record.config_id)}
+                | metrics
             )
         return pandas.DataFrame(rows, columns=[*_OF_A_RUN, *RunMetrics.model_fields])
 

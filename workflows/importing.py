@@ -52,7 +52,7 @@ _SUFFIXES: dict[str, _ImportKind] = {
     ".yml": "config",
 }
 _PACKED_ENDINGS = (".xml.gz", ".xml.bz2")
-"""Endings of compressed XML files, of which the content tells whether they can be imported."""
+"""Endings of compressed XML files; the content tells whether they can be imported."""
 _MOST_FILES = 5000
 """Chosen; the call lists all of them before it begins."""
 MOST_IN_THE_CALL = 100

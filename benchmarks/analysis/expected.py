@@ -127,7 +127,7 @@ class Expected:
 
     @cached_property
     def judged(self) -> dict[str, Any]:
-        """Who would have prevented the collisions of which that is known."""
+        """Return which drivers would have prevented the collisions, where a verdict is known."""
         return {key: one["prevention"] for key, one in self.contacts.items() if one["prevention"] is not None}
 
     @cached_property
@@ -157,7 +157,7 @@ class Expected:
 
     @cached_property
     def the_others(self) -> set[str]:
-        """Collisions by others: from behind, or that nobody in the ego's place prevents."""
+        """Return the collisions that others cause: from behind, or ones that no driver in the ego's place prevents."""
         behind = {key for key, contact in self.contacts.items() if contact["kind"] in _FROM_BEHIND}
         return self.unprevented | {key for key in behind if self.contacts[key].get("laid_to") != "ego"}
 
@@ -279,7 +279,7 @@ class Expected:
         return {"count": len(self.of(outcome)), "rate": _rate(trials)}
 
     def _group(self, told: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the figures of a group by configuration, whose name ends in the configuration's id."""
+        """Return the figures of a group by configuration; the group's name ends in the configuration's id."""
         own = next((one for key, one in self.apart.items() if told["name"].endswith(f"({key})")), None)
         if own is None:
             return {}

@@ -22,7 +22,7 @@ from ..told_figures import agrees, figures_in, unknown_in_text
 
 _STANDS_MPS = 0.1
 _SLACK_M = 0.75
-"""A body's centre may lie this far beside a lanelet that it is on, as the matching to lanes has it (chosen)."""
+"""A body's centre may lie this far outside a lanelet that it is on, as the matching to lanes has it (chosen)."""
 _ARTIFACT = re.compile(r"\b(?:run|cfg|batch|search)_[0-9a-f]{12}\b")
 Fields = Mapping[str, Any]
 
@@ -276,7 +276,7 @@ def _route(told: Fields, scene: SceneFile, verdict: Verdict) -> None:
 
 
 def _meant(asked: Fields, report: Fields, base: SceneFile, verdict: Verdict) -> None:
-    """Who was meant by ``nearest:N``: the N nearest that move, centre to centre, when the ego starts."""
+    """Return what ``nearest:N`` means: the N nearest that move, centre to centre, when the ego starts."""
     selectors = asked.get("vehicles", ())
     found = re.fullmatch(r"nearest:(\d+)", selectors[0]) if len(selectors) == 1 else None
     if found is None or not base.problems:
@@ -512,7 +512,7 @@ _RULES: Mapping[str, Callable[[Told, World, Verdict], None]] = {
 
 
 def unanswered(told: Told, asks: Sequence[str]) -> Iterator[str]:
-    """The fields that an answer has to fill, as ``runs.outcome``, that it does not fill or whose value its text lacks.
+    """Return the fields, such as ``runs.outcome``, that an answer leaves empty or does not repeat in its text.
 
     Any element of a list may hold a field, and any of several fields that ``|`` separates will do. A name without a
     blank and a number have to stand in the text.

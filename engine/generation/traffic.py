@@ -96,7 +96,7 @@ class TrafficAim:
 
 @dataclass(frozen=True)
 class GeneratedTraffic:
-    """Smoothed vehicles at a site, spare ones among them, and the demand that they meet; the people beside them.
+    """Smoothed vehicles at a site, spare ones among them, the demand that they meet, and the pedestrians and cyclists.
 
     ``dropped``: recorded vehicles that are not among them.
     """

@@ -328,7 +328,7 @@ def _showing(found: list[MapMatch], place: str, country: str | None, closeness: 
 
 
 def _with_begun(shown: list[MapMatch], found: list[MapMatch], text: str, level: Closeness) -> list[MapMatch]:
-    """Add the roads of which the words are the beginning as they stand, since the words may be half typed.
+    """Add the roads that begin with the words as they stand, since the words may be half typed.
 
     ``Rue de B`` is a spelling of ``B Street``, and the beginning of ``Rue de Bretagne``. Nothing is added to a place,
     to a road that is called just so, or to one that the words are short for (``Main St``: ``Main Street``).

@@ -2,8 +2,8 @@
 
 The centre follows the reference path and drags the rear axle after it; the offset from that line fades out. In the
 kinematic single-track model a vehicle heads where its rear axle moves, so whatever line the rear axle follows can be
-driven if its curvature has no steps. A vehicle whose centre moved along a path and headed along it too could not be:
-in a curve its rear axle would slide sideways. Stations are arc lengths in m of the rear axle's path.
+driven if its curvature has no steps. If the centre moved along the path and headed along it too, the rear axle would
+slide sideways in curves. Stations are arc lengths in m of the rear axle's path.
 
 :class:`RouteFollower` is also the shortest way to a planner of one's own: ``trajectory`` asks for a speed alone.
 """
@@ -30,7 +30,7 @@ curve."""
 
 
 class RearAxlePath:
-    """The path of a rear axle whose vehicle's centre follows a path of points (n, 2).
+    """The path of a rear axle while the vehicle's centre follows a path of points (n, 2).
 
     A cubic spline over its arc length joins it, so that the curvature has no steps. Stations are its own; at
     ``stations_m`` (n,) it heads towards ``headings_rad`` (n,). It follows one axle, whose feet are asked for in the
@@ -160,7 +160,7 @@ class RoutePlace:
     station_m: float
 
     def driven(self, ego: EgoState, travelled_m: Values, speeds_mps: Values, task: PlanningTask) -> DrivenCurve:
-        """Return the motion from here whose rear axle covers distances (n,) at speeds (n,), one a step."""
+        """Return the motion from here if the rear axle covers distances (n,) at speeds (n,), one a step."""
         stations = self.curve.after(self.station_m, travelled_m)
         rear, headings = self.curve.poses(stations)
         headings += ego.heading_rad - headings[0] - wrap_angle(ego.heading_rad - float(headings[0]))

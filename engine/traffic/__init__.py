@@ -34,7 +34,7 @@
 ``WARM_UP_S``: How long vehicles drive before the first recorded step, in s.
 ``GeneratedVehicle``: A generated vehicle from step 0 on: class, motion of the centre, and whether it can be driven.
 ``generated_vehicles``: The recorded vehicles with smoothed, drivable motions.
-``drop_infeasible``: The vehicles without the fewest whose removal leaves all drivable and apart; and those.
+``drop_infeasible``: Removes the fewest vehicles so that the others are drivable and apart; returns both.
 ``DroppedVehicle``: A recorded vehicle that is left out, and why.
 ``DECIMALS``: Decimal places of the motions.
 """

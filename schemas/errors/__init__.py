@@ -17,6 +17,7 @@ from .kinds import (
     as_told,
     closest,
     error_classes,
+    leaves_of,
     rebuild,
 )
 from .remedies import (
@@ -59,6 +60,7 @@ __all__ = [
     "error_classes",
     "followed",
     "instead",
+    "leaves_of",
     "misspelt",
     "rebuild",
     "with_values",

@@ -286,7 +286,7 @@ def as_told(raised: Exception, what: str) -> PlannerForgeError:
     Args:
         what: the tool, job or file that failed, for the incident of a defect.
     """
-    leaves = _leaves(raised)
+    leaves = leaves_of(raised)
     for leaf in leaves:
         if isinstance(leaf, PlannerForgeError):
             return leaf
@@ -315,9 +315,10 @@ _NO_THREAD = "can't start new thread"
 """What Python says if a thread cannot be started; the error has no class of its own."""
 
 
-def _leaves(raised: Exception) -> list[Exception]:
+def leaves_of(raised: Exception) -> list[Exception]:
+    """Return the errors that a group holds, at any depth; an error that is no group is its own."""
     if isinstance(raised, ExceptionGroup):
-        return [leaf for part in raised.exceptions for leaf in _leaves(part)]
+        return [leaf for part in raised.exceptions for leaf in leaves_of(part)]
     return [raised]
 
 

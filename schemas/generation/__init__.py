@@ -414,7 +414,7 @@ class VehicleAbsence(Model):
     reason: str = Field(description="why, in words")
 
     def in_words(self) -> str:
-        """Return how many of which class, what became of them, and why."""
+        """Return the number and class, what became of them, and why."""
         return f"{counted(self.count, self.vehicle_class)} {self.fate.replace('_', ' ')} ({self.code}): {self.reason}"
 
 

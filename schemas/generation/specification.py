@@ -42,13 +42,13 @@ TURNS_AT: Mapping[SiteType, tuple[Turn, ...]] = MappingProxyType(
 
 
 NATURAL_SHARES: Mapping[str, float] = MappingProxyType({"delivery": 0.101, "truck": 0.022, "bus": 0.0025})
-"""Of all motor vehicles in use, by class: 28.0 million vans, 6.2 million lorries and 0.69 million buses beside 242.7
+"""Of all motor vehicles in use, by class: 28.0 million vans, 6.2 million lorries and 0.69 million buses, next to 242.7
 million cars (:data:`SHARES_SOURCE`). Of the other classes no count is known here."""
 SHARES_SOURCE = "ACEA, Vehicles in use in Europe: EU, 2019"
 
 
 class VehicleDemand(Model):
-    """How many vehicles of a class have to be there beside the ego.
+    """How many vehicles of a class have to be there besides the ego.
 
     ``least``: with a number no more are aimed for, except cars, which fill up the traffic. ``most`` None: no upper
     bound. ``share``: of all vehicles, in [0, 1], one at least. With neither number nor share the class gets a fifth of
@@ -296,8 +296,9 @@ class ScenarioSpec(Model):
     """What is asked of each scenario of a generation, each part read and checked.
 
     ``bbox``: south, west, north, east in degrees. ``road_classes``: OSM's ``highway`` values; empty: all roads, with
-    links where the site is a ramp or a motorway. ``vehicles``: classes beside the ego, that of the ego among them where
-    it is no car. ``others``: a manoeuvre that another road user has to make on the ego's way.
+    links where the site is a ramp or a motorway. ``vehicles``: classes besides the ego; the ego's
+    own class is among them if it is not a car. ``others``: a manoeuvre that another road user has to make on the ego's
+    way.
     """
 
     scenario_type: ScenarioType = "any"

@@ -1,4 +1,4 @@
-"""Servers over HTTP and in both protocol eras, with small probe tools beside the real ones."""
+"""Servers over HTTP and in both protocol eras, with small probe tools next to the real ones."""
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager

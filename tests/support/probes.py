@@ -1,4 +1,4 @@
-"""A server with small probe tools beside the real ones that need no other part of the project."""
+"""Small probe tools, offered next to a few real ones that need no other part of the project."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

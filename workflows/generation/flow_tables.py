@@ -10,7 +10,7 @@ from ...schemas.text import shown_name
 from ..context import WorkflowContext
 
 NAMING = ("counts", "od")
-"""Conditions whose values are names of roads: their spelling is kept."""
+"""Conditions with names of roads as their values: the spelling is kept."""
 _LARGEST_TABLE_BYTES = 1_000_000
 _COLUMNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {

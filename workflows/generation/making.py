@@ -85,7 +85,7 @@ async def _made(
 def summarise(
     scenario: GeneratedScenario, request: GenerationRequest, scenario_id: str, *, reused: bool
 ) -> ScenarioSummary:
-    """What was asked beside what came out, for one scenario."""
+    """Return what was asked and what came out, for one scenario."""
     site, ego = scenario.site, scenario.ego
     streets = cited_all(site.streets[:_SHOWN_STREETS], " / ") or "unnamed roads"
     passed, failed = verdicts(scenario.checks)
@@ -133,7 +133,7 @@ def _ego_words(ego: GeneratedEgo, request: GenerationRequest) -> str:
 
 
 def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator[str]:
-    """What the share of each class was that was asked for without a number, and whose statistics say so."""
+    """Tell the share of each class that was asked for without a number, and the statistics that it comes from."""
     for demand in request.vehicles:
         name, share = demand.vehicle_class, demand.share
         if share is None or (name == PEDESTRIAN.name and not share):  # as many people as the density asks for

@@ -454,7 +454,7 @@ async def with_cuts(spec: GenerationSpec, context: WorkflowContext, entries: Seq
 
 
 def _named_cut(spec: GenerationSpec, context: WorkflowContext) -> MapEntry | None:
-    """The part of an extract whose id is the place that was asked for."""
+    """Return the part of an extract that was asked for by its id."""
     artifact = context.workspace.find("map", spec.place) if spec.place is not None else None
     return None if artifact is None or not artifact.read(MapFacts).cut_of else map_entry(context, artifact)
 

@@ -67,7 +67,7 @@ _TIMES = {"night": "02:30", "morning_rush": "07:30", "morning": "09:30", "noon":
 _TIMES |= {"afternoon": "14:30", "rush_hour": "17:30", "evening_rush": "17:30", "evening": "20:30"}
 """Times that words stand for: the middle of an hour."""
 _GOODS = ("truck", "trailer")
-"""Classes whose share changes with the hour as that of goods vehicles does."""
+"""The share of these classes changes with the hour as that of goods vehicles does."""
 _KEYS = ("time", "weather", "drivers", "mix", "others", "counts", "od", "trips")
 _FIELDS = {"mix": "natural_mix"}
 MOST_FLOWS = 2_000
