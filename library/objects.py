@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 
 from ..engine.workspace import Workspace
 from ..schemas.base import Result
+from ..schemas.measures import RunMetrics
 from ..schemas.planning import RunPlannerResult, RunResponse
-from ..schemas.runs import RunMetrics, RunRecord, RunSeries, RunSteps, configuration_id
+from ..schemas.runs import RunRecord, RunSeries, RunSteps, configuration_id
 
 if TYPE_CHECKING:
     import pandas

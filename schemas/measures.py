@@ -1,8 +1,14 @@
 """The measures of a run: what each is, in one place for answers, reports, tables and ``docs/measures.md``.
 
-Nearness, time and severity are measured between the ego and others, motion on the ego alone. Those that are ``stored``
-are fields of ``RunMetrics`` and are compared between runs; the others are computed when they are asked for, from the
-driven steps and the tracks of the others (``engine/analysis/measures.py``).
+Nearness, time and severity are measured between the ego and others, motion on the ego alone. Those that are fields of
+``RunMetrics`` are stored with every run, and are its *metrics*; the others are computed when they are asked for, from
+the driven steps and the tracks of the others (``engine/analysis/measures.py``).
+
+To add a measure, define it in ``MEASURES``; to store it with every run, give ``RunMetrics`` a field of its name (None
+by default, because older runs lack it). A figure of the ego's own motion is computed in ``engine/motion_figures.py``,
+for runs and for analysis alike; one of its nearness to others in ``engine/criticality.py`` if it is stored, and in
+``engine/analysis/measures.py``. Names in schemas, comparisons, limits, tables, charts, reports and the Python door are
+derived from the definitions.
 """
 
 import re
@@ -51,10 +57,14 @@ class Measure:
     none: str
     abbreviation: str = ""
     cap: str = ""
-    stored: bool = False
     basis: Basis = "valid"
     within_one_configuration: bool = False
     tolerance: float = 0.0
+
+    @property
+    def stored(self) -> bool:
+        """Whether every run is stored with it."""
+        return self.name in RunMetrics.model_fields
 
 
 class MeasuredValue(Model):
@@ -101,6 +111,38 @@ class MeasureSpread(Model):
     why: str = ""
 
 
+class RunMetrics(Model):
+    """The figures of a run that are stored; None if one is not defined (no obstacle met, standing all the time)."""
+
+    duration_s: float
+    """From the first to the last driven state."""
+    distance_m: float
+    """Length of the driven path."""
+    mean_speed_mps: float
+    """Distance by duration."""
+    minimum_distance_m: float | None = Field(description="smallest gap between the ego's and any obstacle's rectangle")
+    minimum_time_to_collision_s: float | None
+    """Smallest time to collision with any obstacle."""
+    minimum_time_headway_s: float | None = Field(None, description="to the vehicle ahead in the ego's path")
+    risk_score: int | None = Field(None, description="0 collision … 5 negligible; the most dangerous moment counts")
+    minimum_time_gap_s: float | None = Field(
+        None, description="to the vehicle ahead in the ego's path, bumper to bumper"
+    )
+    maximum_jerk_mps3: float
+    """Largest absolute change of the longitudinal acceleration from step to step, that of the initial state first."""
+    mean_squared_jerk: float
+    """Mean of its square over the steps, in m²/s⁶."""
+    maximum_planar_jerk_mps3: float | None = Field(
+        None, description="of the acceleration's vector, lateral part included"
+    )
+    maximum_braking_mps2: float | None = Field(None, description="largest deceleration, as a positive number")
+    maximum_lateral_acceleration_mps2: float
+    """Largest product of speed and yaw rate."""
+    maximum_steering_rate_radps: float | None = Field(None, description="that the driven path asks of the front wheels")
+    mean_total_cost: float | None
+    """Mean weighted cost of the chosen candidates; None for planners without costs."""
+
+
 MEASURES: tuple[Measure, ...] = (
     Measure(
         "minimum_distance_m",
@@ -115,7 +157,6 @@ MEASURES: tuple[Measure, ...] = (
         _NOBODY_NEAR,
         abbreviation="DCE",
         cap="others whose centre is farther than 60 m from the ego's do not count",
-        stored=True,
         tolerance=0.01,
     ),
     Measure(
@@ -131,7 +172,6 @@ MEASURES: tuple[Measure, ...] = (
         "never on a course to a collision within 100 s",
         abbreviation="planar TTC",
         cap="longer than 100 s is none",
-        stored=True,
         tolerance=0.01,
     ),
     Measure(
@@ -192,7 +232,6 @@ MEASURES: tuple[Measure, ...] = (
         _NOT_AHEAD,
         abbreviation="THW",
         cap="longer than 100 s is none; none while the ego is slower than 0.1 m/s",
-        stored=True,
         tolerance=0.01,
     ),
     Measure(
@@ -206,7 +245,6 @@ MEASURES: tuple[Measure, ...] = (
         "0 to 100",
         _NOT_AHEAD,
         cap="longer than 100 s is none; none while the ego is slower than 0.1 m/s",
-        stored=True,
         tolerance=0.01,
     ),
     Measure(
@@ -358,7 +396,6 @@ MEASURES: tuple[Measure, ...] = (
         "From Words to Collisions (TUM-AVS, ITSC 2025)",
         "0 to 5",
         f"{_NOBODY_NEAR}, or the ego left the road",
-        stored=True,
     ),
     Measure(
         "duration_s",
@@ -370,7 +407,6 @@ MEASURES: tuple[Measure, ...] = (
         "",
         "0 and more",
         "the problem is invalid",
-        stored=True,
         basis="both_reached_goal",
         tolerance=0.01,
     ),
@@ -384,7 +420,6 @@ MEASURES: tuple[Measure, ...] = (
         "",
         "0 and more",
         "the problem is invalid",
-        stored=True,
         basis="both_reached_goal",
         tolerance=0.01,
     ),
@@ -412,7 +447,6 @@ MEASURES: tuple[Measure, ...] = (
         "",
         "0 and more",
         "the problem is invalid",
-        stored=True,
         basis="both_reached_goal",
         tolerance=0.01,
     ),
@@ -426,7 +460,6 @@ MEASURES: tuple[Measure, ...] = (
         "",
         "0 and more",
         _TOO_SHORT,
-        stored=True,
         basis="both_reached_goal",
         tolerance=0.01,
     ),
@@ -440,7 +473,6 @@ MEASURES: tuple[Measure, ...] = (
         "",
         "0 and more",
         _TOO_SHORT,
-        stored=True,
         basis="both_reached_goal",
         tolerance=0.01,
     ),
@@ -465,7 +497,6 @@ MEASURES: tuple[Measure, ...] = (
         "",
         "0 and more",
         _OLD,
-        stored=True,
         basis="both_reached_goal",
         tolerance=0.01,
     ),
@@ -490,7 +521,6 @@ MEASURES: tuple[Measure, ...] = (
         "",
         "0 to 11.5",
         _OLD,
-        stored=True,
         basis="both_reached_goal",
         tolerance=0.01,
     ),
@@ -504,7 +534,6 @@ MEASURES: tuple[Measure, ...] = (
         "",
         "0 and more",
         _TOO_SHORT,
-        stored=True,
         basis="both_reached_goal",
         tolerance=0.01,
     ),
@@ -530,7 +559,6 @@ MEASURES: tuple[Measure, ...] = (
         "Althoff and Würsching 2020",
         "0 and more",
         _OLD,
-        stored=True,
         basis="both_reached_goal",
         tolerance=0.001,
     ),
@@ -556,7 +584,6 @@ MEASURES: tuple[Measure, ...] = (
         "",
         "0 and more",
         "the planner has no costs, or planned nothing",
-        stored=True,
         basis="both_reached_goal",
         within_one_configuration=True,
     ),

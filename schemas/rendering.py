@@ -1,6 +1,11 @@
-"""Pictures, animations, charts, the report and views: what is asked and what was made."""
+"""Pictures, animations, charts, the report and views: what is asked and what was made.
 
-from typing import Literal
+To add a chart, name its kind in ``PictureKind``, say in ``REPORT_PICTURES`` where a report shows it, if it does, and
+write its function into ``CHARTS`` of ``engine/rendering/charts.py``.
+"""
+
+from dataclasses import dataclass
+from typing import Final, Literal
 
 from pydantic import Field
 
@@ -24,6 +29,34 @@ PictureKind = Literal[
     "timeline",
     "search",
 ]
+
+
+ReportPart = Literal["overview", "comparison", "findings", "one_run", "same_scenario"]
+"""A part of the report on a batch. ``one_run`` shows the run that tells most, ``same_scenario`` all on its scenario."""
+
+
+@dataclass(frozen=True)
+class ReportPicture:
+    """A picture in the report: the part in which it stands, in the order of the table, and its caption."""
+
+    part: ReportPart
+    caption: str
+
+
+REPORT_PICTURES: Final[dict[PictureKind, ReportPicture]] = {
+    "outcomes": ReportPicture("overview", "How the runs ended, by configuration"),
+    "causes": ReportPicture("overview", "Who hit whom, and whether a reference driver in the ego's place prevents it"),
+    "strata": ReportPicture("overview", "Success by conditions, road and density of traffic"),
+    "distributions": ReportPicture("comparison", "The metrics of all runs, by configuration"),
+    "flips": ReportPicture("comparison", "Scenarios that flipped between the first two configurations"),
+    "costs": ReportPicture("findings", "Mean weighted cost by term and configuration"),
+    "picture": ReportPicture("one_run", "The run from above, at its end"),
+    "animation": ReportPicture("one_run", "The run from above in motion; slower around its decisive moment"),
+    "timeline": ReportPicture("one_run", "The run over time, with its moments"),
+    "terms": ReportPicture("one_run", "What the cost of the chosen trajectories was made of over time"),
+    "profile": ReportPicture("same_scenario", "Speed and acceleration of all runs on this scenario"),
+}
+"""The pictures that a report on a batch shows; a kind without an entry is in no report."""
 
 
 class RenderArguments(Arguments):

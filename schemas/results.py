@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result
-from .measures import MeasuredValue, MeasureSpread, measure_named, metric_words
+from .measures import MeasuredValue, MeasureSpread, RunMetrics, measure_named, metric_words
 from .runs import (
     REFERENCE_DRIVERS_DO,
     Contact,
@@ -18,7 +18,6 @@ from .runs import (
     Outcome,
     OwnFault,
     RuleVerdict,
-    RunMetrics,
     RunReview,
     RunSource,
     ScenarioSource,

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from .base import Model
+from .measures import RunMetrics
 from .text import measured
 from .vocabulary import LEAST_FRICTION, MOST_FRICTION
 
@@ -82,38 +83,6 @@ class CollisionRecord(Model):
     kind: str
     step: int
     time_s: float
-
-
-class RunMetrics(Model):
-    """Figures of one run; None where the figure is not defined (no obstacle met, standing all the time)."""
-
-    duration_s: float
-    """From the first to the last driven state."""
-    distance_m: float
-    """Length of the driven path."""
-    mean_speed_mps: float
-    """Distance by duration."""
-    minimum_distance_m: float | None = Field(description="smallest gap between the ego's and any obstacle's rectangle")
-    minimum_time_to_collision_s: float | None
-    """Smallest time to collision with any obstacle."""
-    minimum_time_headway_s: float | None = Field(None, description="to the vehicle ahead in the ego's path")
-    risk_score: int | None = Field(None, description="0 collision … 5 negligible; the most dangerous moment counts")
-    minimum_time_gap_s: float | None = Field(
-        None, description="to the vehicle ahead in the ego's path, bumper to bumper"
-    )
-    maximum_jerk_mps3: float
-    """Largest absolute change of the longitudinal acceleration from step to step, that of the initial state first."""
-    mean_squared_jerk: float
-    """Mean of its square over the steps, in m²/s⁶."""
-    maximum_planar_jerk_mps3: float | None = Field(
-        None, description="of the acceleration's vector, lateral part included"
-    )
-    maximum_braking_mps2: float | None = Field(None, description="largest deceleration, as a positive number")
-    maximum_lateral_acceleration_mps2: float
-    """Largest product of speed and yaw rate."""
-    maximum_steering_rate_radps: float | None = Field(None, description="that the driven path asks of the front wheels")
-    mean_total_cost: float | None
-    """Mean weighted cost of the chosen candidates; None for planners without costs."""
 
 
 class DrivenObstacle(Model):

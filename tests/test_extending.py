@@ -2,26 +2,28 @@
 
 What a test puts into a registry is what you write into the source; the function is written out in the test.
 
-- a tool: its function (``tools/``), its arguments and result (``schemas/``), its line in ``TOOLS``
-  (``tools/registry.py``)
+- a tool: its function (``tools/``), its arguments and result (``schemas/``), its entry in ``TOOLS``
+  (``tools/registry.py``), its method of the Python door (``library/workspace.py``)
 - an operation: its function on the face of a package of the engine, its line in ``workflows/operations.py``
 - an edit: a function of its name (``engine/edits/trajectory.py`` or one of its siblings, where ``OPERATIONS``
   finds it), its line in ``EDITS`` and its name in ``EditOperation`` (``schemas/modification.py``)
 - a planner: its class, its line in ``PLANNERS`` (``engine/planners/registry.py``), its ``PlannerTuning`` in
   ``TUNINGS`` (``engine/tuning/tunings.py``)
-- a metric of a run: its figure (``engine/planners/runs.py``), its field in ``RunMetrics`` (``schemas/runs.py``), its
-  definition in ``MEASURES`` (``schemas/measures.py``), of which ``METRICS`` is made
+- a metric of a run: its definition in ``MEASURES``, its field in ``RunMetrics`` (``schemas/measures.py``), its figure
+  (``engine/motion_figures.py``, or ``engine/criticality.py`` if it is about others)
 - a finding: its function and its place in ``FINDINGS`` (``engine/analysis/findings.py``)
 - a rule for road networks: a function under ``@rule`` in a module of ``engine/network/rules``
-- a map source: its reader, its line in ``MAP_READERS`` (``engine/maps/map_file.py``), its ending in ``MAP_ENDINGS``
-  (``engine/maps/unpacking.py``)
-- a chart: its function and its line in ``CHARTS`` (``engine/rendering/charts.py``), its kind in ``PictureKind``
-  (``schemas/rendering.py``)
+- a map source: its reader, its entry in ``MAP_FORMATS`` (``engine/maps/unpacking.py``), its line in ``MAP_READERS``
+  (``engine/maps/map_file.py``)
+- a chart: its kind in ``PictureKind`` and its place in ``REPORT_PICTURES`` (``schemas/rendering.py``), its function and
+  its line in ``CHARTS`` (``engine/rendering/charts.py``)
 """
 
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,15 +31,16 @@ from support import worker_operations
 from support.builders import driving, town_road
 from support.planning import configuration, drive, goal_state, problem_for, rectangle_at, scenario_on, straight_road
 from support.roads import good_road, write
-from support.runs import metrics, record, source
+from support.runs import record, source
 from support.server import Connect
 
-from plannerforge.engine.analysis import RunSet, findings, run_set
+from plannerforge.engine import motion_figures
+from plannerforge.engine.analysis import RunSet, findings, measures
 from plannerforge.engine.commonroad import RoadDocument, read_scenario, recorded_tracks
 from plannerforge.engine.edits import Changes, apply, apply_edits, report, trajectory
 from plannerforge.engine.edits.changes import EditStep
 from plannerforge.engine.execution import Operation, silent
-from plannerforge.engine.maps import map_file
+from plannerforge.engine.maps import map_file, unpacking
 from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.engine.maps.osm import OsmMap, read_osm
 from plannerforge.engine.network.rules import check, topology
@@ -51,6 +54,7 @@ from plannerforge.engine.planners import (
     PlanningTask,
     check_planner,
     make_planner,
+    runs,
 )
 from plannerforge.engine.planners.lanes import build_road
 from plannerforge.engine.planners.reference_path import build_reference_path
@@ -60,12 +64,14 @@ from plannerforge.engine.scene import Scene
 from plannerforge.engine.scene.routing import find_route
 from plannerforge.engine.tuning import tunings
 from plannerforge.engine.vehicles.models import BMW_320I
+from plannerforge.schemas import measures as definitions
 from plannerforge.schemas import modification
 from plannerforge.schemas.base import Answer, Arguments, Result
+from plannerforge.schemas.measures import RunMetrics
 from plannerforge.schemas.modification import Edit, EditKind, EditReport, ModificationRequest
 from plannerforge.schemas.rendering import Rendered, RenderRequest
 from plannerforge.schemas.results import Finding
-from plannerforge.schemas.runs import RunMetrics
+from plannerforge.schemas.runs import RunSource
 from plannerforge.server import assembly
 from plannerforge.tools import scenarios
 from plannerforge.tools.call import ToolCall
@@ -177,15 +183,31 @@ def test_a_planner_runs_in_the_loop_with_a_configuration(monkeypatch: pytest.Mon
     assert run.verdict.outcome == "goal_reached"
 
 
-class RunMetricsWithPatience(RunMetrics):
-    patience_s: float | None = None
+class RunMetricsWithStrain(RunMetrics):
+    strain: float | None = None
 
 
-def test_a_metric_is_a_field_of_run_metrics_and_a_line_in_metrics() -> None:
-    patience = run_set.MetricSpec("patience_s", "s", "higher", "valid")  # type: ignore[arg-type]
-    assert {spec.name for spec in run_set.METRICS} == set(RunMetrics.model_fields)
-    run = record(figures=RunMetricsWithPatience(**metrics().model_dump(), patience_s=3.0))
-    assert patience.value(run) == 3.0
+def test_a_metric_is_computed_once_for_runs_and_for_analysis(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def with_strain(*motion: Any) -> motion_figures.MotionFigures:
+        found = motion_figures.motion_figures(*motion)
+        return replace(found, series=(*found.series, motion_figures.MotionSeries("strain", np.array([1.0, 3.0, 2.0]))))
+
+    for module in (runs, measures):
+        monkeypatch.setattr(module, "motion_figures", with_strain)
+    for module in (runs, definitions):
+        monkeypatch.setattr(module, "RunMetrics", RunMetricsWithStrain)
+    strain = definitions.Measure("strain", "strain", "1", "lower", "an example", "as it is", "", "0 to 3", "no motion")
+    monkeypatch.setattr(measures, "MEASURES", (strain,))
+    assert strain.stored
+    problem = problem_for(goal_state((40, 60), rectangle_at(50.0, 0.0)))
+    driven = drive(scenario_on(straight_road(200.0)), problem, configuration("idm"), planner=make_planner("idm"))
+    stored = runs.metrics_of(driven, BMW_320I, 0.1)
+    assert stored is not None
+    assert stored.model_dump()["strain"] == 3.0
+    (tmp_path / "steps.json").write_text(runs.run_steps(driven).model_dump_json(), encoding="utf-8")
+    run = RunSource(record=record(figures=stored), steps_path=str(tmp_path / "steps.json"))
+    (told,) = measures.measures_of(RunSet((run,), ()), run.record)
+    assert (told.value, told.time_s) == (3.0, 0.2)
 
 
 def test_a_finding_is_stated(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -211,10 +233,13 @@ def test_a_map_source_is_read(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -
     def read_town(path: Path) -> OsmMap:
         return read_osm(LIBRARY / path.read_text())
 
+    monkeypatch.setattr(unpacking, "MAP_FORMATS", (*unpacking.MAP_FORMATS, unpacking.MapFormat(".town", (".town",))))
     monkeypatch.setitem(map_file.MAP_READERS, ".town", read_town)
     path = tmp_path / "my.town"
     path.write_text("landmoor.osm")
     assert map_file.read_map_file(path) == read_osm(LIBRARY / "landmoor.osm")
+    kept = Path(shutil.copy(path, tmp_path / unpacking.stored_name(path)))
+    assert map_file.read_map_file(kept) == read_osm(LIBRARY / "landmoor.osm")
     copy = Path(shutil.copy(LIBRARY / "landmoor.osm", tmp_path / "other.osm"))
     assert map_file.read_map_file(copy) == read_osm(LIBRARY / "landmoor.osm")
 

@@ -17,8 +17,7 @@ from plannerforge.engine.analysis.prevention import RSS_FRONT_MPS2, RSS_OWN_MPS2
 from plannerforge.engine.rendering.words import DEFINITIONS
 from plannerforge.engine.vehicles import HARDEST_BRAKING_MPS2
 from plannerforge.engine.vehicles.models import HARDEST_LATERAL_MPS2
-from plannerforge.schemas.measures import MEASURES, Measure, definition_rows, measure_named
-from plannerforge.schemas.runs import RunMetrics
+from plannerforge.schemas.measures import MEASURES, Measure, RunMetrics, definition_rows, measure_named
 
 PAGE = (Path(__file__).resolve().parent.parent / "docs" / "measures.md").read_text(encoding="utf-8")
 

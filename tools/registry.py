@@ -1,16 +1,18 @@
 """Every tool by name and where its function is. Nothing is imported until used.
 
-Adding a tool: its function, which has the tool's name, one entry here, one contract test. What it does is a
-workflow (``plannerforge.workflows``).
+To add a tool, write its arguments and its result (``schemas/``), its workflow (``workflows/``), a function of its name
+in a module here, its entry in ``TOOLS``, and its method of the Python door (``library/workspace.py``). The listing, its
+schema, the protocol's hints, what refusals propose, and which servers offer it are derived from the entry.
 """
 
 import importlib
 from collections.abc import Awaitable, Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, get_type_hints
 
 from ..schemas.base import Arguments, Result
+from ..schemas.errors import VEHICLES_LISTED, Remedy, calling
 from .call import ImageAnswer
 
 
@@ -31,6 +33,9 @@ class ToolSpec:
         open_world: may ask services on the net.
         trial: the values with which a call makes nothing, so that a refusal can try what it proposes; None without any.
         view: the page that shows its answers, in hosts that show pages.
+        looks: calls that list valid values; a refusal proposes the first that the client may make, if it knows no
+            better remedy.
+        proposed: a refusal may propose a call of it. One that cannot be taken back is only the caller's to decide.
     """
 
     name: str
@@ -45,6 +50,8 @@ class ToolSpec:
     open_world: bool = False
     trial: tuple[tuple[str, object], ...] | None = None
     view: Literal["player", "board"] | None = None
+    looks: tuple[Remedy, ...] = field(default=(), hash=False)
+    proposed: bool = True
 
     @cached_property
     def arguments_type(self) -> type[Arguments]:
@@ -69,8 +76,12 @@ class ToolSpec:
         return function
 
 
+_CATALOG, _PLANNERS = calling("describe_catalog"), calling("list_planners")
+_ARTIFACTS, _SCENARIOS = calling("list_artifacts"), calling("list_artifacts", kind="scenario")
+_RUNS, _JOBS = calling("list_artifacts", kind="run"), calling("list_artifacts", kind="job")
+
 TOOLS: tuple[ToolSpec, ...] = (
-    ToolSpec("describe_catalog", "Describe the catalogue", "scenarios", read_only=True, trial=()),
+    ToolSpec("describe_catalog", "Describe the catalogue", "scenarios", read_only=True, trial=(), looks=(_CATALOG,)),
     ToolSpec(
         "generate_scenarios",
         "Generate scenarios",
@@ -78,9 +89,10 @@ TOOLS: tuple[ToolSpec, ...] = (
         seldom=("conditions", "cover", "source"),
         open_world=True,
         view="player",
+        looks=(calling("describe_catalog", facet="maps"),),
     ),
-    ToolSpec("find_scenarios", "Find scenarios", "scenarios"),
-    ToolSpec("import_files", "Import files", "files", essential=False),
+    ToolSpec("find_scenarios", "Find scenarios", "scenarios", looks=(_CATALOG,)),
+    ToolSpec("import_files", "Import files", "files", essential=False, looks=(_CATALOG,)),
     ToolSpec(
         "describe_scenario",
         "Describe a scenario",
@@ -89,13 +101,21 @@ TOOLS: tuple[ToolSpec, ...] = (
         seldom=("time_s",),
         trial=(),
         view="player",
+        looks=(calling("describe_scenario", "scenario_id"), _SCENARIOS),
     ),
-    ToolSpec("modify_scenario", "Modify a scenario", "scenarios", trial=(("dry_run", True),), view="player"),
-    ToolSpec("list_planners", "List planners", "planners", read_only=True, trial=()),
-    ToolSpec("configure_planner", "Configure a planner", "planners"),
-    ToolSpec("run_planner", "Run a planner", "planners", view="board"),
-    ToolSpec("get_job", "Look at a job", "artifacts", read_only=True, view="board"),
-    ToolSpec("cancel_job", "Cancel a job", "artifacts", essential=False),
+    ToolSpec(
+        "modify_scenario",
+        "Modify a scenario",
+        "scenarios",
+        trial=(("dry_run", True),),
+        view="player",
+        looks=(VEHICLES_LISTED, _SCENARIOS),
+    ),
+    ToolSpec("list_planners", "List planners", "planners", read_only=True, trial=(), looks=(_PLANNERS,)),
+    ToolSpec("configure_planner", "Configure a planner", "planners", looks=(_PLANNERS,)),
+    ToolSpec("run_planner", "Run a planner", "planners", view="board", looks=(_PLANNERS,)),
+    ToolSpec("get_job", "Look at a job", "artifacts", read_only=True, view="board", looks=(_JOBS,)),
+    ToolSpec("cancel_job", "Cancel a job", "artifacts", essential=False, looks=(_JOBS,), proposed=False),
     ToolSpec(
         "analyze_results",
         "Analyse results",
@@ -105,12 +125,15 @@ TOOLS: tuple[ToolSpec, ...] = (
         making=("trial",),
         trial=(),
         view="board",
+        looks=(_RUNS,),
     ),
-    ToolSpec("compare_results", "Compare results", "results", read_only=True, trial=(), view="board"),
-    ToolSpec("optimize_planner", "Optimise a planner", "planners", essential=False),
-    ToolSpec("render", "Draw", "results", read_only=True, trial=(), view="board"),
-    ToolSpec("list_artifacts", "List artifacts", "artifacts", read_only=True, essential=False, trial=()),
-    ToolSpec("export_artifacts", "Export artifacts", "files", essential=False),
+    ToolSpec("compare_results", "Compare results", "results", read_only=True, trial=(), view="board", looks=(_RUNS,)),
+    ToolSpec("optimize_planner", "Optimise a planner", "planners", essential=False, looks=(_PLANNERS,)),
+    ToolSpec("render", "Draw", "results", read_only=True, trial=(), view="board", looks=(_ARTIFACTS,)),
+    ToolSpec(
+        "list_artifacts", "List artifacts", "artifacts", read_only=True, essential=False, trial=(), looks=(_ARTIFACTS,)
+    ),
+    ToolSpec("export_artifacts", "Export artifacts", "files", essential=False, looks=(_ARTIFACTS,)),
 )
 
 

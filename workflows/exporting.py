@@ -32,7 +32,7 @@ from ..schemas.artifacts import (
 from ..schemas.errors import Faults, InvalidRequest, NotPossible
 from ..schemas.measures import MeasuredValue
 from ..schemas.planning import PlannerConfiguration
-from ..schemas.rendering import PictureKind, ReportRequest, ReportSection
+from ..schemas.rendering import REPORT_PICTURES, PictureKind, ReportPart, ReportRequest, ReportSection
 from ..schemas.results import AnalyzeResultsArguments, AnalyzeResultsResult
 from ..schemas.runs import BatchRecord, RunRecord, RunSource, configuration_id, excesses_in_words
 from ..schemas.scenarios import ScenarioRecord
@@ -239,18 +239,18 @@ async def _batch(context: WorkflowContext, artifact: Artifact) -> list[ReportSec
         compared = await compare_results(CompareResultsArguments(results=named), context)
     names = {run.record.config_id: driven_by(run.record) for run in runs}
     overview = overview_section(batch, names, whole, compared)
-    sections = [await _illustrated(overview, context, batch.runs, _OF_ALL)]
+    sections = [await _illustrated(overview, context, batch.runs, "overview")]
     if compared is not None:
-        sections.append(await _illustrated(comparison_section(compared), context, batch.runs, _OF_SIDES))
-    sections.append(await _illustrated(analysis_section(found), context, batch.runs, _OF_FINDINGS))
+        sections.append(await _illustrated(comparison_section(compared), context, batch.runs, "comparison"))
+    sections.append(await _illustrated(analysis_section(found), context, batch.runs, "findings"))
     ruled = await analyze_results(AnalyzeResultsArguments(results=named, detail="rules"), context)
     sections += [rules_section(ruled)] if ruled.rule_shares else []
     shown = _telling(runs, whole)
     together = [run.record.run_id for run in runs if run.record.scenario_id == shown.scenario_id]
     looked_at = await analyze_results(AnalyzeResultsArguments(results=[shown.run_id]), context)
     told = run_section(shown, looked_at, await _measures(context, shown))
-    detail = await _illustrated(told, context, [shown.run_id], _OF_ONE)
-    return [*sections, await _illustrated(detail, context, together, _BESIDE), listed]
+    detail = await _illustrated(told, context, [shown.run_id], "one_run")
+    return [*sections, await _illustrated(detail, context, together, "same_scenario"), listed]
 
 
 async def _measures(context: WorkflowContext, record: RunRecord) -> Sequence[MeasuredValue]:
@@ -261,30 +261,12 @@ async def _measures(context: WorkflowContext, record: RunRecord) -> Sequence[Mea
     return (await analyze_results(asked, context)).measures
 
 
-_OF_ALL: dict[PictureKind, str] = {
-    "outcomes": "How the runs ended, by configuration",
-    "causes": "Who hit whom, and whether a reference driver in the ego's place prevents it",
-    "strata": "Success by conditions, road and density of traffic",
-}
-_OF_SIDES: dict[PictureKind, str] = {
-    "distributions": "The metrics of all runs, by configuration",
-    "flips": "Scenarios that flipped between the first two configurations",
-}
-_OF_FINDINGS: dict[PictureKind, str] = {"costs": "Mean weighted cost by term and configuration"}
-_OF_ONE: dict[PictureKind, str] = {
-    "picture": "The run from above, at its end",
-    "animation": "The run from above in motion; slower around its decisive moment",
-    "timeline": "The run over time, with its moments",
-    "terms": "What the cost of the chosen trajectories was made of over time",
-}
-_BESIDE: dict[PictureKind, str] = {"profile": "Speed and acceleration of all runs on this scenario"}
-
-
 async def _illustrated(
-    section: ReportSection, context: WorkflowContext, run_ids: Sequence[str], captions: dict[PictureKind, str]
+    section: ReportSection, context: WorkflowContext, run_ids: Sequence[str], part: ReportPart
 ) -> ReportSection:
-    """The section with pictures of these runs; one that they have nothing for is named with the reason."""
+    """The section with the part's pictures of these runs; one that they have nothing for is named with the reason."""
     images, absent = list(section.images), list[str]()
+    captions = {kind: picture.caption for kind, picture in REPORT_PICTURES.items() if picture.part == part}
     for kind, caption in captions.items():
         try:
             made = await draw(context, kind, run_ids=run_ids)

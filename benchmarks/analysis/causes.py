@@ -30,12 +30,12 @@ import numpy as np
 
 from plannerforge.engine.analysis import review_runs
 from plannerforge.engine.execution import silent
+from plannerforge.schemas.measures import RunMetrics
 from plannerforge.schemas.runs import (
     CollisionRecord,
     ContactKind,
     DrivenObstacle,
     ReviewRequest,
-    RunMetrics,
     RunRecord,
     RunReview,
     RunSource,

@@ -40,9 +40,9 @@ from commonroad.geometry.shape import Rectangle
 
 from plannerforge.engine.analysis import analyse
 from plannerforge.engine.execution import silent
-from plannerforge.schemas.measures import MeasuredValue
+from plannerforge.schemas.measures import MeasuredValue, RunMetrics
 from plannerforge.schemas.results import AnalyseRequest
-from plannerforge.schemas.runs import CollisionRecord, DrivenObstacle, RunMetrics, RunRecord, RunSource, RunSteps
+from plannerforge.schemas.runs import CollisionRecord, DrivenObstacle, RunRecord, RunSource, RunSteps
 
 from ..harness import Figures, SeededBench, drawn, made_environment, scenario_files
 

@@ -22,8 +22,9 @@ import numpy as np
 from plannerforge.engine.analysis import analyse, compare
 from plannerforge.engine.execution import silent
 from plannerforge.schemas.analysis.comparison import CompareRequest, CompareResultsResult, Side
+from plannerforge.schemas.measures import RunMetrics
 from plannerforge.schemas.results import AnalyseRequest, Rate
-from plannerforge.schemas.runs import Outcome, Prediction, RunMetrics, RunRecord, RunSource, ScenarioSource
+from plannerforge.schemas.runs import Outcome, Prediction, RunRecord, RunSource, ScenarioSource
 
 from ..harness import Figures, SeededBench, share
 

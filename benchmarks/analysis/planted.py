@@ -23,12 +23,12 @@ import numpy as np
 
 from plannerforge.engine.analysis import analyse
 from plannerforge.engine.execution import silent
+from plannerforge.schemas.measures import RunMetrics
 from plannerforge.schemas.results import AnalyseRequest, ConfigWeights, Finding
 from plannerforge.schemas.runs import (
     CollisionRecord,
     DrivenObstacle,
     Outcome,
-    RunMetrics,
     RunRecord,
     RunSource,
     RunSteps,

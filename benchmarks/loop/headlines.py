@@ -40,7 +40,8 @@ from plannerforge.schemas.analysis.optimization import (
     OptimizePlannerResult,
     StudyRecord,
 )
-from plannerforge.schemas.runs import BatchRecord, Outcome, RunMetrics, RunRecord
+from plannerforge.schemas.measures import RunMetrics
+from plannerforge.schemas.runs import BatchRecord, Outcome, RunRecord
 from plannerforge.server.assembly import create_server
 
 from ..analysis.public_runs import RawRuns

@@ -45,13 +45,13 @@ from commonroad.scenario.traffic_light import (
 
 from plannerforge.engine.analysis import analyse, review_runs
 from plannerforge.engine.execution import silent
+from plannerforge.schemas.measures import RunMetrics
 from plannerforge.schemas.results import AnalyseRequest
 from plannerforge.schemas.runs import (
     CollisionRecord,
     DrivenObstacle,
     PaceMoment,
     ReviewRequest,
-    RunMetrics,
     RunRecord,
     RunSource,
     RunSteps,

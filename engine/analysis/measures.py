@@ -25,7 +25,8 @@ from ..criticality import (
     times_to_collision_s,
 )
 from ..execution import ProgressReporter
-from ..geometry import Points, Values, arc_length, wrap_angles
+from ..geometry import Points, Values, wrap_angles
+from ..motion_figures import MotionSeries, motion_figures
 from ..planners import progress_to_goal, steering_of
 from ..vehicles import HARDEST_BRAKING_MPS2, Motion, VehicleParameters, drivable_steps
 from .conflicts import CONFLICT_S, nearest_crossing, times_left_to_crossing, worst_times_s
@@ -379,31 +380,18 @@ class MeasuredDrive:
         along, step_s, ego = self.accelerations_mps2, self.step_s, self.ego
         if len(along) < 2:
             return
-        lateral = ego.speeds_mps[1:] * wrap_angles(np.diff(ego.headings_rad)) / step_s
-        jerk = np.diff(along) / step_s
-        felt = np.column_stack([along[1:], lateral])
-        planar = np.concatenate([np.abs(jerk[:1]), np.linalg.norm(np.diff(felt, axis=0), axis=1) / step_s])
-        steering = np.diff(steering_of(ego.headings_rad, ego.speeds_mps, step_s, self.vehicle.wheelbase_m)) / step_s
-        duration_s, driven_m = len(jerk) * step_s, float(arc_length(ego.positions)[-1])
-        for name, value in (
-            ("duration_s", duration_s),
-            ("distance_m", driven_m),
-            ("mean_speed_mps", driven_m / duration_s),
-            ("mean_squared_jerk", float((jerk**2).mean())),
-        ):
-            yield MeasuredValue(name=name, value=value)
-        yield from self._largest("maximum_acceleration_mps2", np.maximum(along[1:], 0.0))
-        yield from self._largest("maximum_braking_mps2", np.maximum(-along[1:], 0.0))
-        yield from self._largest("maximum_lateral_acceleration_mps2", np.abs(lateral))
-        yield from self._largest("maximum_planar_acceleration_mps2", np.linalg.norm(felt, axis=1))
-        yield from self._largest("maximum_jerk_mps3", np.abs(jerk))
-        yield from self._largest("maximum_lateral_jerk_mps3", np.abs(np.diff(lateral)) / step_s, later=1)
-        yield from self._largest("maximum_planar_jerk_mps3", planar)
         limit = self.vehicle.maximum_steering_rate_radps
-        turned = np.abs(steering)
-        over = turned > limit * (1 + 1e-6)
-        note = f"the vehicle's limit is {limit:g} rad/s" if over.any() else ""
-        yield from self._largest("maximum_steering_rate_radps", turned, note=note)
+        angles = steering_of(ego.headings_rad, ego.speeds_mps, step_s, self.vehicle.wheelbase_m)
+        figures = motion_figures(ego, along, angles, step_s)
+        for name, value in figures.totals.items():
+            yield MeasuredValue(name=name, value=value)
+        over = np.zeros(len(along) - 1, dtype=bool)
+        for one in figures.series:
+            note = ""
+            if one.name == "maximum_steering_rate_radps":
+                over = one.values > limit * (1 + 1e-6)
+                note = f"the vehicle's limit is {limit:g} rad/s" if over.any() else ""
+            yield from self._largest(one, note)
         motion = Motion(ego.positions, ego.headings_rad, ego.speeds_mps, along)
         vehicle = self.vehicle
         drivable = drivable_steps(
@@ -417,13 +405,13 @@ class MeasuredDrive:
         first = None if good.all() else round(float(np.argmin(good)) * step_s, 9)
         yield MeasuredValue(name="drivable_share", value=float(good.mean()), time_s=first)
 
-    def _largest(self, name: str, values: Values, *, later: int = 0, note: str = "") -> Iterator[MeasuredValue]:
-        """The largest of values of which the first is that of the state after ``later`` more."""
+    def _largest(self, series: MotionSeries, note: str) -> Iterator[MeasuredValue]:
+        """The largest value of a series, with its moment unless it is 0."""
+        values = series.values
         if len(values):
             at = int(np.argmax(np.round(values, 9)))
-            time_s = round((at + 1 + later) * self.step_s, 9)
-            moved = values[at] > 0
-            yield MeasuredValue(name=name, value=float(values[at]), time_s=time_s if moved else None, note=note)
+            time_s = round((at + series.first_state) * self.step_s, 9) if values[at] > 0 else None
+            yield MeasuredValue(name=series.name, value=float(values[at]), time_s=time_s, note=note)
 
     def _of_leader(self, name: str, values: Values, at: np.intp) -> MeasuredValue:
         return self._with(name, values[at], self.leaders.state[at], self.leaders.track[at])

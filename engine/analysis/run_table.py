@@ -17,10 +17,10 @@ from pydantic import BaseModel
 
 from ...schemas.artifacts import FileWritten, RunTableRequest, StepTableRequest
 from ...schemas.errors import NotPossible
-from ...schemas.measures import MEASURES
+from ...schemas.measures import MEASURES, RunMetrics
 from ...schemas.planning import PlannerConfiguration, PlannerSettings
 from ...schemas.results import ConfigWeights
-from ...schemas.runs import CollisionRecord, LostCell, RunMetrics, RunRecord, RunSeries, RunSource, RunSteps
+from ...schemas.runs import CollisionRecord, LostCell, RunRecord, RunSeries, RunSource, RunSteps
 from ...schemas.text import one_line
 from ..execution import ProgressReporter
 from .measures import measures_of

@@ -90,4 +90,8 @@ def _state_of(path: Path) -> FileState:
 
 
 MAP_READERS: dict[str, Callable[[Path], OsmMap]] = {NET_ENDING: read_net_map, LANELETS_ENDING: read_lanelet_map}
-"""Readers of maps by the ending of the file in lower case; any other file is read as OpenStreetMap."""
+"""Readers of maps by the ending of their format (``unpacking.MAP_FORMATS``); other files are read as OpenStreetMap.
+
+A reader gives an ``OsmMap``: whatever the file is, sites are found on it and cut out of it, and netconvert builds them,
+as with an extract of OpenStreetMap.
+"""

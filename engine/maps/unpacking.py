@@ -11,6 +11,7 @@ import re
 import shutil
 import zlib
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Literal, cast
 
@@ -19,14 +20,38 @@ from ...schemas.text import cited, shown_name
 
 NET_ENDING = ".net.xml"
 LANELETS_ENDING = ".xml"
-"""Of CommonRoad files; the one of SUMO's networks ends in it too, and is looked for first."""
 BINARY_ENDING = ".osm.pbf"
 DRIVE_ENDING = ".xodr"
+_PACKED = (".gz", ".bz2")
+
+
+@dataclass(frozen=True)
+class MapFormat:
+    """A format of maps: what its files are called, and how their content tells them from others.
+
+    ``ending``: of the name under which a map is kept, in lower case. ``endings``: of the files that are taken for maps
+    by their names, packed ones aside. ``root``: the root element of its XML; empty for a format that the ending alone
+    tells. ``is_kept``: maps are stored and read in it; otherwise they are converted first (``foreign_format``).
+    """
+
+    ending: str
+    endings: tuple[str, ...]
+    root: str = ""
+    is_kept: bool = True
+
+
+MAP_FORMATS: tuple[MapFormat, ...] = (
+    MapFormat(".osm", (".osm", ".osm.xml"), "osm"),
+    MapFormat(NET_ENDING, (NET_ENDING,), "net"),
+    MapFormat(DRIVE_ENDING, (DRIVE_ENDING,), "OpenDRIVE", is_kept=False),
+    MapFormat(LANELETS_ENDING, (), "commonRoad"),  # by its name, such a file is a scenario; SUMO's ending comes first
+)
+"""All formats but OpenStreetMap's binary one. To add one, enter it here, and its reader in ``map_file.MAP_READERS``."""
 MAP_ENDINGS = (
-    *(plain + packed for plain in (".osm", ".osm.xml", NET_ENDING, DRIVE_ENDING) for packed in ("", ".gz", ".bz2")),
+    *(plain + packed for one in MAP_FORMATS for plain in one.endings for packed in ("", *_PACKED)),
     BINARY_ENDING,
 )
-_ENDINGS = {"osm": ".osm", "net": NET_ENDING, "OpenDRIVE": DRIVE_ENDING, "commonRoad": LANELETS_ENDING}
+_ENDINGS = {one.root: one.ending for one in MAP_FORMATS if one.root}
 """Of the names that files get, by the root elements of their formats."""
 _ROOT = re.compile(r"<(?:[\w.-]{1,99}:)?([A-Za-z_][\w.-]{0,99})")
 _ASIDES = {"<?": "?>", "<!--": "-->"}
@@ -49,7 +74,7 @@ def unpacked(path: Path, folder: Path, limit_bytes: int = LARGEST_BYTES) -> Path
     Raises:
         UnsafeInput: the content is larger than the limit (a few bytes can hold gigabytes), or the file is broken.
     """
-    packed_name = path.suffix.lower() in (".gz", ".bz2")
+    packed_name = path.suffix.lower() in _PACKED
     opened = _opener(path)
     if opened is None and (not packed_name or _root_of(path) is not None):
         return path
@@ -166,9 +191,8 @@ def is_large(path: Path) -> bool:
 
 def stored_name(path: Path) -> str:
     """The name under which a map is kept, not packed: ``map`` with the ending of its kind."""
-    if is_net(path):
-        return f"map{NET_ENDING}"
-    return "map.xml" if path.name.lower().endswith(LANELETS_ENDING) else "map.osm"
+    kept = (one.ending for one in MAP_FORMATS if one.is_kept and path.name.lower().endswith(one.ending))
+    return f"map{next(kept, '.osm')}"
 
 
 def foreign_format(path: Path) -> ForeignFormat | None:

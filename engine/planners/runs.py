@@ -5,7 +5,6 @@ A run stores what was driven; the rest is a hundred times as much, and the same 
 """
 
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import median
@@ -15,12 +14,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...schemas.errors import PlannerFailure
+from ...schemas.measures import RunMetrics
 from ...schemas.planning import Replayed, ReplayRequest, RunMoment, RunPlans, RunRequest, RunResponse, ShownPlan
-from ...schemas.runs import DrivenObstacle, Outcome, Refusal, RunMetrics, RunRecord, RunSteps, RunTiming
+from ...schemas.runs import DrivenObstacle, Outcome, Refusal, RunRecord, RunSteps, RunTiming
 from ..commonroad import Track, kept_recording
 from ..criticality import drive_criticality
 from ..execution import ProgressReporter
 from ..geometry import Points, Values, wrap_angles
+from ..motion_figures import motion_figures
 from ..vehicles import VehicleParameters, vehicle_of
 from .driving.acceptance import DrivenStates, refusal
 from .driving.drivability import exceeded_limits
@@ -93,7 +94,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         triggers=driven.traffic.triggers,
         eased_over_m=driven.blended_over_m,
         rejected_candidates=dict(sorted(driven.rejected.items())),
-        metrics=_metrics(driven, vehicle, loaded.step_s),
+        metrics=metrics_of(driven, vehicle, loaded.step_s),
         success_rule="accepted@2",
         refusal=ending.refusal,
         beyond_vehicle=tuple(
@@ -209,44 +210,30 @@ def _check_version(request: RunRequest) -> None:
         )
 
 
-def _metrics(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> RunMetrics | None:
+def metrics_of(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> RunMetrics | None:
     """The metrics of a run over its driven states (the initial one included); None for an invalid problem."""
     if driven.final.outcome == "invalid":
         return None
     total_costs = [sum(plan.costs.values()) for plan in driven.plans if plan.kind != "standstill" and plan.costs]
-    states = driven.states
-    ego = _ego_track(states, vehicle)
-    accelerations = np.array([state.acceleration_mps2 for state in states])
-    turn = wrap_angles(np.diff([state.heading_rad for state in states]))
-    jerk: Values = np.diff(accelerations) / step_s
-    lateral = ego.speeds_mps[1:] * turn / step_s
-    felt = np.column_stack([accelerations[1:], lateral])
-    planar = np.linalg.norm(np.diff(felt, axis=0), axis=1) / step_s
+    ego = _ego_track(driven.states, vehicle)
     angles = driven.steering_rad
     if angles is None:
         angles = steering_of(ego.headings_rad, ego.speeds_mps, step_s, vehicle.wheelbase_m)
-    steering = np.diff(angles) / step_s
-    duration = (len(states) - 1) * step_s
-    distance = float(np.linalg.norm(np.diff(ego.positions, axis=0), axis=1).sum())
+    accelerations = np.array([state.acceleration_mps2 for state in driven.states])
+    motion = motion_figures(ego, accelerations, angles, step_s)
     nearness = drive_criticality(ego, driven.traffic.moving, driven.traffic.standing)
     if driven.final.outcome == "off_road":  # the score rates what others are near, not a ditch
         nearness = replace(nearness, risk_score=None)
-    return RunMetrics(
-        duration_s=round(duration, 9),
-        distance_m=distance,
-        mean_speed_mps=distance / duration if duration else float(ego.speeds_mps[0]),
+    figures = {
+        **motion.totals,
+        **{one.name: _largest(one.values) for one in motion.series},
         **vars(nearness),
-        maximum_jerk_mps3=_largest(np.abs(jerk)),
-        mean_squared_jerk=float((jerk**2).mean()) if len(jerk) else 0.0,
-        maximum_planar_jerk_mps3=_largest([*np.abs(jerk[:1]), *planar]),
-        maximum_braking_mps2=max(_largest(-accelerations[1:]), 0.0),
-        maximum_lateral_acceleration_mps2=_largest(np.abs(lateral)),
-        maximum_steering_rate_radps=_largest(np.abs(steering)),
-        mean_total_cost=float(np.mean(total_costs)) if total_costs else None,
-    )
+        "mean_total_cost": float(np.mean(total_costs)) if total_costs else None,
+    }
+    return RunMetrics.model_validate({name: figures[name] for name in RunMetrics.model_fields})
 
 
-def _largest(values: Sequence[float] | Values) -> float:
+def _largest(values: Values) -> float:
     """Return the largest of some values; 0 without any, or if rounding alone has left something."""
     largest = float(max(values, default=0.0))
     return largest if abs(largest) >= _ROUNDING else 0.0

@@ -13,7 +13,6 @@ import anyio.lowlevel
 
 from ...schemas.base import Arguments
 from ...schemas.errors import (
-    VEHICLES_LISTED,
     InvalidRequest,
     NextCall,
     OutsideRoots,
@@ -21,7 +20,6 @@ from ...schemas.errors import (
     Remedy,
     UnexpectedFailure,
     as_told,
-    calling,
     differences,
     followed,
     with_values,
@@ -39,30 +37,6 @@ _MOST_MENDED = 4
 """Faults of a call that are mended one after the other; chosen."""
 TRYING_S = 10.0
 """Time for all trials of a refusal together, after which it is told without; chosen to be less than clients wait."""
-
-_SCENARIOS_LISTED = calling("list_artifacts", kind="scenario")
-_LOOKS: Mapping[str, tuple[Remedy, ...]] = {
-    "describe_catalog": (calling("describe_catalog"),),
-    "generate_scenarios": (calling("describe_catalog", facet="maps"),),
-    "find_scenarios": (calling("describe_catalog"),),
-    "import_files": (calling("describe_catalog"),),
-    "describe_scenario": (calling("describe_scenario", "scenario_id"), _SCENARIOS_LISTED),
-    "modify_scenario": (VEHICLES_LISTED, _SCENARIOS_LISTED),
-    "list_planners": (calling("list_planners"),),
-    "configure_planner": (calling("list_planners"),),
-    "run_planner": (calling("list_planners"),),
-    "get_job": (calling("list_artifacts", kind="job"),),
-    "cancel_job": (calling("list_artifacts", kind="job"),),
-    "analyze_results": (calling("list_artifacts", kind="run"),),
-    "compare_results": (calling("list_artifacts", kind="run"),),
-    "optimize_planner": (calling("list_planners"),),
-    "render": (calling("list_artifacts"),),
-    "list_artifacts": (calling("list_artifacts"),),
-    "export_artifacts": (calling("list_artifacts"),),
-}
-"""The call, by tool, that lists valid values; used if no better remedy is known."""
-_NEVER_PROPOSED = frozenset({"cancel_job"})
-"""Tools with calls that cannot be taken back: only the caller says what they are to do."""
 
 
 async def proposed_call(
@@ -84,7 +58,7 @@ async def proposed_call(
     tools = {tool.name: tool for tool in TOOLS} if offered is None else offered
     read = read_loosely(spec.arguments_type, given).values
     mended = None
-    if spec.name in tools and spec.name not in _NEVER_PROPOSED:
+    if spec.name in tools and spec.proposed:
         with anyio.move_on_after(TRYING_S):
             mended = await _Mending(spec, read, call).first_that_works(error)
     if mended is not None:
@@ -157,7 +131,7 @@ def _look_up(
     named = [remedy for remedy in error.remedies if remedy.tool]
     for remedy in (*named, *_usual_looks(error, spec)):
         following = followed(remedy, spec.name, read)
-        if following is None or following.tool not in tools or following.tool in _NEVER_PROPOSED:
+        if following is None or following.tool not in tools or not tools[following.tool].proposed:
             continue
         if "scenario_id" in remedy.carried and not _is_known(following.arguments.get("scenario_id", "latest"), call):
             continue
@@ -175,7 +149,7 @@ def _usual_looks(error: PlannerForgeError, spec: ToolSpec) -> tuple[Remedy, ...]
     if not isinstance(error, InvalidRequest):
         return ()
     usual = (with_values(**spec.arguments_type.usual_values),) if isinstance(error, OutsideRoots) else ()
-    return (*usual, *_LOOKS.get(spec.name, ()))
+    return (*usual, *spec.looks)
 
 
 def _is_known(scenario_id: object, call: ToolCall) -> bool:

@@ -3,9 +3,8 @@
 import pytest
 
 from plannerforge.schemas.analysis.comparison import CompareResultsArguments
-from plannerforge.schemas.measures import MEASURES, metric_meant
+from plannerforge.schemas.measures import MEASURES, RunMetrics, metric_meant
 from plannerforge.schemas.results import _short_words
-from plannerforge.schemas.runs import RunMetrics
 
 
 @pytest.mark.parametrize("measure", MEASURES, ids=lambda measure: measure.name)

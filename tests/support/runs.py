@@ -3,16 +3,9 @@
 import math
 from pathlib import Path
 
+from plannerforge.schemas.measures import RunMetrics
 from plannerforge.schemas.results import ConfigWeights
-from plannerforge.schemas.runs import (
-    CollisionRecord,
-    DrivenObstacle,
-    Outcome,
-    RunMetrics,
-    RunRecord,
-    RunSource,
-    RunSteps,
-)
+from plannerforge.schemas.runs import CollisionRecord, DrivenObstacle, Outcome, RunRecord, RunSource, RunSteps
 
 DEFAULT = ConfigWeights(
     config_id="cfg_a",

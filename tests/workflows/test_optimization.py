@@ -18,7 +18,8 @@ from plannerforge.engine.tuning import (
 from plannerforge.engine.workspace import Workspace
 from plannerforge.schemas.analysis.optimization import OptimizePlannerArguments, StudyRecord
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
-from plannerforge.schemas.runs import RunMetrics, RunRecord
+from plannerforge.schemas.measures import RunMetrics
+from plannerforge.schemas.runs import RunRecord
 from plannerforge.workflows.analysis import optimization
 from plannerforge.workflows.runs import Cell, CellResult
 from plannerforge.workflows.scenarios import ChosenScenario

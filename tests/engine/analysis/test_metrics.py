@@ -16,10 +16,10 @@ from plannerforge.engine.planners import run_planner
 from plannerforge.engine.tuning import named_configuration
 from plannerforge.schemas import results
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.measures import MEASURES
+from plannerforge.schemas.measures import MEASURES, RunMetrics
 from plannerforge.schemas.planning import RunRequest
 from plannerforge.schemas.results import AnalyseRequest
-from plannerforge.schemas.runs import RunMetrics, RunRecord, RunSource, ScenarioSource
+from plannerforge.schemas.runs import RunRecord, RunSource, ScenarioSource
 from plannerforge.server.tokens import count_tokens
 
 

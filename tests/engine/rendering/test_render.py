@@ -13,7 +13,7 @@ from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.rendering.charts import CHARTS
 from plannerforge.engine.rendering.pictures import render
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
-from plannerforge.schemas.rendering import PictureKind, RenderedImage, RenderRequest
+from plannerforge.schemas.rendering import REPORT_PICTURES, PictureKind, RenderedImage, RenderRequest
 from plannerforge.schemas.runs import RunSource, ScenarioSource
 
 TOWN = "ZAM_Builder-1_1_T-1"
@@ -182,3 +182,7 @@ def test_real_scenarios_are_drawn(tmp_path: Path, shared_data: Path, name: str) 
 def test_every_kind_that_can_be_asked_for_is_drawn() -> None:
     of_scenarios, of_a_study = {"auto", "picture", "animation"}, {"search"}
     assert of_scenarios | of_a_study | set(CHARTS) == set(get_args(PictureKind))
+
+
+def test_a_report_has_a_place_for_every_chart_and_for_the_run_from_above() -> None:
+    assert set(REPORT_PICTURES) == set(CHARTS) | {"picture", "animation"}

@@ -26,7 +26,8 @@ from plannerforge.schemas.analysis.optimization import (
     ToldTrial,
 )
 from plannerforge.schemas.errors import PlannerForgeError
-from plannerforge.schemas.runs import Outcome, RunMetrics, RunRecord
+from plannerforge.schemas.measures import RunMetrics
+from plannerforge.schemas.runs import Outcome, RunRecord
 
 
 def _run(outcome: Outcome, jerk: float = 0.0, duration_s: float = 10.0, risk: int | None = None) -> RunRecord:
