@@ -186,7 +186,7 @@ def _turns(row: Row) -> int:
 
 
 def _misbehaviours() -> int:
-    """Kinds of which a test is there and all tests pass; 0 where the tests are not beside the package."""
+    """Return how many kinds have a test and pass all of theirs; 0 if the tests are not next to the package."""
     tests = Path(__file__).resolve().parents[2] / "tests" / "agent" / "test_misbehaviour.py"
     if not tests.is_file():
         return 0

@@ -4,7 +4,7 @@ A figure is a number that stands by itself in a text: it is no part of a name, a
 if a field holds it, rounded to the digits that are shown. The text may show a value as a percentage, without its sign,
 or as the length of a list. It may tell how many entries it leaves out: a length or a whole number of the fields, less
 the names in the line, or less the items that the lines list. It may repeat the arguments of the call. The figures of a
-sentence that is a field itself, such as the statement of a finding, have to stand beside it: in the same object.
+sentence that is a field itself, such as the statement of a finding, have to stand next to it, in the same object.
 Whatever is left is unknown: either the text says more than the fields, or one of both is wrong.
 
 The fields themselves are judged elsewhere, by code that recomputes them.

@@ -11,7 +11,7 @@ from ..schemas.errors import PlannerForgeError
 from .flags import settings_from
 
 _MOST_IDS = 50
-"""The newest of each kind that are offered; chosen: more than a screen shows help nobody."""
+"""The newest of each kind that are offered; chosen: more than a screen shows do not help."""
 
 
 def hosts() -> list[tuple[str, str]]:

@@ -33,7 +33,7 @@ _SHOWN = 12
 
 @dataclass(frozen=True)
 class SuiteOutputs:
-    """Files that are written besides what is printed; None: not that one."""
+    """The files that are written in addition to what is printed; None for one that is not."""
 
     junit: Path | None = None
     summary: Path | None = None

@@ -52,7 +52,7 @@ class Asker:
         self._context, self._home = context, asyncio.get_running_loop()
 
     async def ask(self, question: Question) -> str | None:
-        """The choice, from whichever thread; None where the client cannot ask, or nobody chooses.
+        """The choice, from whichever thread; None if the client cannot ask, or the person does not choose.
 
         Raises:
             InputNeeded: the client has to make the call again with the answer.

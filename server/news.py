@@ -1,7 +1,7 @@
 """News of the workspace for clients that subscribed: jobs that got on or ended, and new artifacts.
 
 Several servers work on one workspace, so the news are read from its database, not only heard from this server's own
-jobs. Nothing is read while nobody listens.
+jobs. Nothing is read while no client listens.
 """
 
 import logging

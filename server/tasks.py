@@ -326,7 +326,7 @@ class _Link:
 
 
 class _TaskCall(ToolCall):
-    """A call that waits for its job to the end, since nobody waits for the call."""
+    """A call that waits for its job to the end, since no client waits for the call."""
 
     def __init__(self, work: _Work, send: Any, ask: Any) -> None:
         super().__init__(work.services, send, ask)

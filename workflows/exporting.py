@@ -205,7 +205,7 @@ async def _write_report(
         await context.progress(0.9 * (number + 1) / len(artifacts), f"report on {artifact.artifact_id}")
     request = ReportRequest(
         title="PlannerForge report",
-        introduction="What was made, run and found; every figure was computed from the artifacts named beside it.",
+        introduction="What was made, run and found; every figure was computed from the artifacts named with it.",
         sections=tuple(sections),
         footer="Made by PlannerForge MCP.",
         path=str(path),

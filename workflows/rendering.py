@@ -264,7 +264,7 @@ def _view_request(artifacts: Sequence[Artifact], context: WorkflowContext, *, wh
 
 
 def _view_kind(artifacts: Sequence[Artifact]) -> ViewKind | None:
-    """The view that shows some artifacts together; None where none does."""
+    """Return the view that shows some artifacts together, or None if no view does."""
     kinds = {artifact.kind for artifact in artifacts}
     if kinds <= {"scenario", "run"} and 1 <= len(artifacts) <= MOST_PANES:
         return "player"

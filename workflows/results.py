@@ -275,7 +275,7 @@ def _default_weights(planner: str) -> dict[str, float] | None:
 
 
 def _parameters(planner: str) -> tuple[str, ...]:
-    """Return a planner's settings besides its cost weights; empty if the planner is no longer installed."""
+    """Return a planner's settings other than its cost weights; empty if the planner is no longer installed."""
     try:
         return tuple(name for name, weight in tuning_of(planner).weights.items() if not weight.of_cost)
     except (UnknownName, PlannerFailure):

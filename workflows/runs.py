@@ -305,7 +305,7 @@ async def run_many(
 
 
 async def _confirm(context: WorkflowContext, runs: int) -> None:
-    """Ask before very many runs; they are made where nobody can be asked, or nobody answers.
+    """Ask before very many runs; if the client cannot ask, or no answer comes, they are made.
 
     Raises:
         NotPossible: the person at the client does not want them.
@@ -421,7 +421,7 @@ def answer(
     reviews: Mapping[str, RunReview] = MappingProxyType({}),
     notice: str = "",
 ) -> RunPlannerResult:
-    """The answer for a grid of which ``results`` are finished."""
+    """Return the answer for a grid; ``results`` are the runs that have finished."""
     records = [result.record for result in results if result.record is not None]
     lost = [result.lost for result in results if result.lost is not None]
     return RunPlannerResult(

@@ -40,7 +40,7 @@ class ServiceOptions:
         workspace_bytes: what the workspace may take; 0 is no bound.
         cluster: address or file of a Dask scheduler that runs and generation go to; empty for this machine alone.
         planners: programs that are planners, by name.
-        map_folders: folders with maps besides the built-in ones.
+        map_folders: folders with maps, in addition to the built-in ones.
         with_starter: put the starter scenarios into a new workspace.
         embedding_model: ranks scenarios by text.
         online: whether and how maps are asked for on the net.

@@ -5,7 +5,7 @@ keys and judges by code apart from the product. The keys that count:
 
 ``causes``: ``class_right`` (share of made collisions whose kind is told as it is), ``fault_right`` (told to be
 preventable or not, as the truth has it), and both of recorded ones.
-``rules``: ``rules_right`` (of made drives, those of which the traffic rule that they are about is told as it is).
+``rules``: ``rules_right`` (the share of made drives for which the traffic rule that they are about is told as it is).
 ``nulls``: ``false_findings_rate`` (of batches in which nothing differs, those in which a comparison states that
 something does), ``interval_coverage`` (95 % intervals that hold the truth).
 ``planted``: ``planted_found`` (of batches with one cause of failure planted, those in which a finding names it).

@@ -4,7 +4,7 @@ A line of JSON in is a moment to judge, a line of JSON out is what CriMe measure
 fields). What its libraries print goes to standard error. Nothing of this project is imported here.
 
 Of states that know both components of their velocity, as those of trajectories in files do, CriMe takes the speed for
-the component along x: it is given states without components, of which it derives them. It takes speeds along a lanelet
+the component along x: it is given states without components and derives them. It takes speeds along a lanelet
 by the lanelet's angle to the x axis, puts half a length on both coordinates, takes an angle of 0 for none, and averages
 angles on both sides of 0 to one in between. So each moment is turned until the lane is 1° off that axis, and bodies are
 shortened by what that adds to half a length. Where a measure of ours takes the speeds as constant, the accelerations

@@ -5,8 +5,8 @@ behind leaders, with cut-ins, hard braking with and without a reason, above the 
 yellow lights and stop signs, and across the way of others from the right, from the left, with signs, and oncoming. The
 truth is arithmetic on how each drive was made, state by state, and shares nothing with the product.
 
-Keys: ``rules_right``: share of the drives of which the rule that they are about is told as it is: broken or kept, by
-how much (within 0.02 of its unit) and from which state on; ``rules_silent``: share of the drives of which no other
+Keys: ``rules_right``: share of the drives for which the rule that they are about is told as it is: broken or kept, by
+how much (within 0.02 of its unit) and from which state on; ``rules_silent``: share of the drives for which no other
 rule is told to be broken; ``rule_cases``: how many drives there were.
 """
 

@@ -203,7 +203,7 @@ _ROUTED: Mapping[str, Call] = {
     "batch_analysis": Call("analyze_results", {"results": ["latest_batch"]}),
     "vehicle_mod": Call("describe_scenario", {"scenario_id": "ZAM_Zip-1_6_T-1", "detail": "vehicles"}),
 }
-"""What stands for a class of requests whose arguments nobody wrote down; an edit begins with a look at the vehicles."""
+"""What stands for a class of requests without written arguments; an edit begins with a look at the vehicles."""
 
 
 def _map_names() -> frozenset[str]:

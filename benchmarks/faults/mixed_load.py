@@ -1,7 +1,7 @@
 """``make bench-kills``: 50 kills at random moments of two servers on one workspace that import, edit, run and generate.
 
 Keys: ``kills``, ``broken_after_restart`` (what does not fit after a kill, and in the end: records, files, catalogue,
-jobs that seem to run, loads that do not finish when nobody disturbs them, defects), ``orphans`` (processes
+jobs that seem to run, loads that do not finish when left alone, defects), ``orphans`` (processes
 that outlived the server or worker that had started them). Needs the real scenarios: ``PLANNERFORGE_SHARED``, else
 ``../shared``.
 
@@ -175,7 +175,7 @@ def broken(root: Path) -> list[str]:
             if job.state == "failed" and not re.match(r"\[(?!unexpected)\w+\]", job.error):
                 faults.append(f"{job.job_id} failed and does not say why: {job.error[:300]}")
             if job.state == "running" and not _is_served(workspace, job.job_id):
-                faults.append(f"{job.job_id} seems to run, and nobody carries it out")
+                faults.append(f"{job.job_id} seems to run, but no process carries it out")
     finally:
         workspace.close()
     return faults

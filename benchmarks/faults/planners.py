@@ -206,7 +206,7 @@ def _drawn_configs(call: WorkflowContext, chance: random.Random) -> tuple[str, .
 
 
 async def _faulty_grid(workspace: Workspace, scenarios: list[str], chance: random.Random, tally: _Tally) -> _Grid:
-    """A new grid, of which the runs of a scenario that hangs and of one that crashes were tried."""
+    """Run a new grid, after the runs of a scenario that hangs and of one that crashes were tried."""
     hanging, crashing = chance.sample(scenarios, 2)
     async with _faulty_call(workspace, {hanging: HANG, crashing: CRASH}) as call:
         grid = _Grid(tuple(scenarios), _drawn_configs(call, chance))

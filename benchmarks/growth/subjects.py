@@ -189,7 +189,7 @@ _ON_SCENARIOS: dict[str, OnFile] = {
 }
 _Draw = Callable[[Path, int], Path]
 _ROAD = 32
-"""Crossings of the roads of which vehicles and states are doubled (chosen): 192 lanelets, 3.8 km."""
+"""Crossings of the roads on which vehicles and states are doubled (chosen): 192 lanelets, 3.8 km."""
 _AXES: dict[str, tuple[_Draw, tuple[int, ...]]] = {
     "vehicles": (lambda path, size: town(path, crossings=_ROAD, vehicles=size, steps=20), _doubled(50)),
     "lanelets": (lambda path, size: town(path, crossings=size, vehicles=20, steps=20), _doubled(50)),

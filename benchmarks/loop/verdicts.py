@@ -59,7 +59,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Made:
-    """An encounter: the road's curvature, the ego, how fast it was driven over time, whom it meets, and a hider."""
+    """An encounter: the road's curvature, the ego, how fast it was driven, the other road user, and a hider."""
 
     name: str
     curvature: float

@@ -4,7 +4,7 @@ A motorway of a real extract is filled with usual drivers, with those of ``gb_mo
 of ``m25_gaps`` (many), and what they do is read from the written files by code of its own, with lxml and shapely, from
 nothing but the XML. Keys:
 
-``free_speed_mean``, ``free_speed_deviation``: of the highest speed over the limit that a car holds with nobody ahead
+``free_speed_mean``, ``free_speed_deviation``: of the highest speed over the limit that a car holds on a free road
 for ``FREE_S``, one value a car, under ``gb_motorway``; ``usual_speed_…`` without a condition.
 ``time_gap_mean_s``, ``time_gap_deviation_s``: of the gaps from bumper to bumper, less the ``STANDING_M`` that are kept
 when standing, over the speed, of vehicles that follow another at its speed within ``FOLLOWED_S``, one value a vehicle,

@@ -119,7 +119,7 @@ class Extract:
         return {key for key, (lat, lon, _) in self.nodes.items() if south <= lat <= north and west <= lon <= east}
 
     def ways_in(self, box: Box) -> set[int]:
-        """Ways of which a part lies inside a box, though none of their nodes may."""
+        """Return the ways that lie partly inside a box, even if no node of theirs does."""
         from shapely import LineString
         from shapely import box as rectangle
 

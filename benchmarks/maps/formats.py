@@ -41,7 +41,7 @@ Line = NDArray[np.float64]
 NEAR_M, EVERY_M, SAME_NODE_M, SAME_POSE_M = 0.1, 0.5, 0.02, 1e-3
 FILLED = 40
 EXPORTED = 60
-"""Public scenarios that are exported (chosen), besides those that networks were filled with."""
+"""How many public scenarios are exported (chosen), in addition to those that networks were filled with."""
 
 
 def measure(bench: MapsBench) -> Figures:

@@ -172,7 +172,7 @@ async def _carry_out(bench: MapsBench, folder: Path, watch: _Watch) -> None:
     if not watch.plan:
         raise RuntimeError("the plan did not come to its end")
     if not any(watch.server):
-        raise RuntimeError(f"no server made {_WARM} scenarios, so nobody looked at its memory: give it more minutes")
+        raise RuntimeError(f"no server made {_WARM} scenarios, so its memory was not measured: give it more minutes")
 
 
 def _server(bench: MapsBench, folder: Path) -> Client:

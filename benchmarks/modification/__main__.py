@@ -172,7 +172,7 @@ def figures_of(measured: Sequence[Measured]) -> dict[str, float]:
 
 
 def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
-    """What is said beside the figures: counts, hand-overs, and the checker's verdicts."""
+    """Return what is told with the figures: counts, hand-overs, and the checker's verdicts."""
     cases = [case for result in measured for case in result.cases]
     made = [case for case in cases if not case.refused]
     rows = []
@@ -184,7 +184,7 @@ def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
     rows.append(("arrive in time", f"{_interval(arrivals)}; the others are on their way, or T_ends fails"))
     rows += refusal_rows([refusal for case in cases for refusal in case.tries])
     rows += [(f"physical {task}", _interval(_settled(made, task))) for task in PHYSICAL]
-    rows.append(("physical, handed over besides", _interval(_settled(made))))
+    rows.append(("physical, also handed over", _interval(_settled(made))))
     rows += [(f"drivable {task}", _drivable([case for case in made if case.task == task])) for task in PHYSICAL]
     for task in (*TASKS, "composite"):
         rows.append((f"executable {task}", _interval([case.executed for case in made if case.task == task])))
@@ -202,7 +202,7 @@ def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
     rows.append(("round trip", f"{on_road} road users, {off_lanes} of them off all lanelets"))
     rows += [("refused when read", result.unread) for result in measured if result.unread]
     rows += [("crashed", result.crashed) for result in measured if result.crashed]
-    rows.append(("handed over besides", str(sum(case.handed_over for case in made))))
+    rows.append(("also handed over", str(sum(case.handed_over for case in made))))
     rows.append(("collisions reported", str(sum(case.collisions for case in made))))
     return rows + safety_rows([shift for result in measured for shift in result.shifts])
 

@@ -129,7 +129,7 @@ class Case:
 class Measured:
     """All of one job: cases, refusals that were right and asked for, round trip, shifts of danger.
 
-    ``no_request``: tasks of which the scenario allows nothing. ``not_to_refuse``: lines of the corpus for which going
+    ``no_request``: tasks that the scenario does not allow. ``not_to_refuse``: lines of the corpus for which going
     on is right too. ``off_lanes``: those of ``road_users`` off all lanelets: SUMO shows them in the round trip, while a
     re-simulation keeps their recording and leaves them out of SUMO. ``unread``: why the product reads a fresh scenario
     not; ``crashed``: what it failed with but a refusal.
@@ -149,7 +149,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Effort:
-    """What is measured besides the edits, which takes longer than they do.
+    """Measure what is not part of the edits, and takes longer than they do.
 
     ``planner``: it drives what the drawn edits made; ``safety``: what the recipes of the safety table made too.
     ``every_vehicle``: the drivability checker judges all touched vehicles, not one that an edit names. ``recipes``: the

@@ -2,7 +2,7 @@
 
 Each kind of edit has its judges: B the vehicle types that SUMO drove with, T the route that SUMO drove and the motion
 that was written, P the road users of both files, G the planning problem as written. Which vehicles were handed over
-besides is taken from the report, and said beside the figures.
+else is taken from the report, and told with the figures.
 """
 
 import math
@@ -409,7 +409,7 @@ def _size(goal: Any) -> tuple[float, float] | None:
 
 
 def _is_at_its_time(steps: tuple[float, float] | None, truth: Truth, step_s: float, old: Any) -> bool:
-    """Whether first and last step are as asked, rounded inwards; as before where nothing was; some where none were."""
+    """Return whether both steps are as asked, rounded inwards; if no time was asked for, they stay as before."""
     asked = truth.get("time")
     if asked:
         first, last = asked["start_s"] / step_s, asked["end_s"] / step_s

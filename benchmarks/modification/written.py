@@ -117,7 +117,7 @@ def is_strictly_valid(written: Written) -> bool:
 
 
 def enter_later_as_asked(written: Written) -> frozenset[int]:
-    """Ids of the added vehicles that enter after time 0, of which an edit asks so, at the step asked for or later.
+    """Return the ids of the added vehicles that enter after time 0 because an edit asks for it, at that step or later.
 
     Whether they enter as soon as they can is another check.
     """

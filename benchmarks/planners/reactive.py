@@ -86,7 +86,7 @@ def braked_runs(files: Sequence[Path], processes: int) -> list[_BrakedRun]:
 def fresh_runs(files: Sequence[Path], seed: int, count: int, processes: int) -> list[_BrakedRun]:
     """The runs of the braking planner on ``count`` approaches drawn from these files, in both traffic modes.
 
-    Several times as many are tried: in a draw nobody may follow.
+    Several times as many are tried, because in a draw there may be no follower.
     """
     draws = random.Random(seed)  # noqa: S311 - a sample, no secret
     tries = [(draws.choice(files), draws.randrange(2**32)) for _ in range(_TRIES * count)]

@@ -57,7 +57,7 @@ class Collected:
         return float(spearmanr(self.prediction, self.responsibility).statistic)
 
     def spearman_with_either(self) -> float:
-        """The rank correlation without the candidates of which both terms are 0."""
+        """Return the rank correlation without the candidates for which both terms are 0."""
         chosen = self.either
         return float(spearmanr(np.array(self.prediction)[chosen], np.array(self.responsibility)[chosen]).statistic)
 

@@ -20,7 +20,7 @@ from .inputs import INJECTED, MADE, ROOT, Call, Chance, HostileInput, PlacedFile
 _MOST_BYTES = 3_000_000
 """Larger mutants are cut off: they would only be slow to write (chosen)."""
 _USED_AFTERWARDS = 0.12
-"""Share of the mutants of which what was stored is drawn, edited or run, beside being described (chosen)."""
+"""The share of the stored mutants that are drawn, edited or run as well as described (chosen)."""
 _FOLDER_OF = 12
 """Mutants that lie together in a folder (chosen)."""
 _NUMBERS = (
@@ -136,7 +136,7 @@ def _uses(ending: str, chance: Chance) -> tuple[Call, ...]:
 
 
 def _together(seeds: Mapping[str, list[Seed]], chance: Chance, number: int) -> HostileInput:
-    """A folder of mutants, one of which may not keep the others out."""
+    """Import a folder of mutants; a bad one must not keep the others out."""
     files = []
     for place in range(_FOLDER_OF):
         seed = chance.choice(seeds[chance.choice([ending for ending in seeds if ending != ".zip"])])

@@ -53,7 +53,7 @@ def faults_of(text: str) -> Iterator[Fault]:
 
 
 class Canary:
-    """A tree of files that nobody may touch, and what it looked like."""
+    """A tree of files that must not be touched, and what it looked like."""
 
     def __init__(self, *folders: Path) -> None:
         self._folders = folders

@@ -34,7 +34,7 @@ _SILENT_S = 15.0
 
 @dataclass(frozen=True)
 class Folders:
-    """Where a server of the bench lives: what it may use, what it keeps, and what nobody may touch."""
+    """Where a server of the bench lives: what it may use, what it keeps, and what must not be touched."""
 
     base: Path
 

@@ -86,7 +86,7 @@ class Gate:
         return not self._is_closing
 
     async def close(self, patience_s: float) -> None:
-        """Let nobody in any more, wait for the calls under way, then end them and the streams of news."""
+        """Let no client in any more, wait for the calls under way, then end them and the streams of news."""
         self._is_closing = True
         with anyio.move_on_after(patience_s):
             while self._calls:

@@ -1,7 +1,7 @@
 """Messages on standard input that the SDK cannot read: of bounded length, and answered instead of dropped.
 
-A number of thousands of digits, lists within lists or half a message are refused by the SDK's parser, which tells
-nobody: a client that waits for the answer of such a request would wait for ever.
+A number of thousands of digits, lists within lists or half a message are refused by the SDK's parser without a
+word: a client that waits for the answer of such a request would wait for ever.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Searches for a better configuration, and studies of which weights matter.
+"""Searches for a better configuration, and studies that say which weights matter.
 
 A search sees half of the roads. Its runs are those of ``run_planner``: what was run before is found again, so that a
 search that was broken off goes on where it was, and the same call gives the same study.

@@ -19,9 +19,9 @@ MOST_SINGLY = 50
 async def generate_scenarios(
     arguments: GenerateScenariosArguments, context: WorkflowContext
 ) -> GenerateScenariosResult:
-    """Find the maps, make each scenario in a worker, store it, and say what was asked beside what came out.
+    """Find the maps, make each scenario in a worker, store it, and say what was asked and what came out.
 
-    What could not be made is a note beside what was made.
+    What could not be made is told in a note.
 
     Raises:
         InvalidRequest: nothing could be made; the reason of the first scenario.

@@ -23,7 +23,7 @@ async def find_place(context: WorkflowContext, words: str, country: str | None) 
 
     Raises:
         UnknownName: there is no such place.
-        InvalidRequest: there are several, and nobody chose.
+        InvalidRequest: there are several, and the person did not choose.
         ServiceFailure: the service cannot be asked.
     """
     request = LocateRequest(services=context.services.online, place=words, country=country)

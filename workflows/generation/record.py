@@ -35,7 +35,7 @@ def kept_report(artifact: Artifact, context: WorkflowContext) -> GeneratedScenar
 
 
 def described_generation(report: GeneratedScenario, artifact: Artifact, detail: Detail) -> DescribedGeneration:
-    """What was asked beside what came out; notes and warnings as the detail asks for."""
+    """Say what was asked and what came out; notes and warnings as the detail asks for."""
     full = detail in _IN_FULL
     return DescribedGeneration(
         site=report.site,

@@ -123,7 +123,7 @@ def _tried(path: Path, ending: str, scratch: Path, tally: _Tally) -> bool:
 
 
 def _accepted_by_judge(path: Path, ending: str, scratch: Path) -> str:
-    """Who accepts a refused file; empty if nobody does."""
+    """Return which program accepts a refused file; empty if no program does."""
     if ending == ".xml":
         return "" if commonroad_verdict(path) else "commonroad-io and the schema accept it"
     try:
