@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, StringConstraints, field_validator, model_validator
 
 from .base import Answer, Arguments, Model, Result
+from .reviews import RunReview
 from .runs import (
     Bounded,
     BoundedCost,
@@ -15,7 +16,6 @@ from .runs import (
     Outcome,
     Prediction,
     RunRecord,
-    RunReview,
     RunSeries,
     RunSteps,
     RunTiming,

@@ -7,18 +7,12 @@ from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result
 from .measures import MeasuredValue, MeasureSpread, RunMetrics, measure_named, metric_words
+from .reviews import REFERENCE_DRIVERS_DO, Contact, ContactKind, LaidTo, OwnFault, RuleVerdict, RunReview
 from .runs import (
-    REFERENCE_DRIVERS_DO,
-    Contact,
-    ContactKind,
-    LaidTo,
     LimitExcess,
     Lineage,
     LostCell,
     Outcome,
-    OwnFault,
-    RuleVerdict,
-    RunReview,
     RunSource,
     ScenarioSource,
     TriggerOutcome,

@@ -51,7 +51,8 @@ from ..schemas.modification import ModificationOutcome, ModificationRequest
 from ..schemas.planning import Replayed, ReplayRequest, RunRequest, RunResponse
 from ..schemas.rendering import Rendered, RenderRequest, ReportRequest, ReportWritten, ViewRequest, ViewWritten
 from ..schemas.results import AnalyseRequest, AnalyzeResultsResult
-from ..schemas.runs import LooksResponse, ReviewRequest, ReviewResponse
+from ..schemas.reviews import LooksResponse, ReviewResponse
+from ..schemas.runs import ReviewRequest
 from ..schemas.scenarios import DescribeRequest, Description, ReadFactsRequest, ScenarioFacts
 
 # Scenarios

@@ -25,12 +25,12 @@ from ..schemas.errors import (
 from ..schemas.modification import Edit
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.results import ConfigWeights
+from ..schemas.reviews import RunLook
 from ..schemas.runs import (
     VERSION_MARK,
     BatchRecord,
     Lineage,
     LostCell,
-    RunLook,
     RunRecord,
     RunSource,
     ScenarioSource,

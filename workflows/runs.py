@@ -30,13 +30,13 @@ from ..schemas.planning import (
     RunRequest,
     RunResponse,
 )
+from ..schemas.reviews import RunReview
 from ..schemas.runs import (
     BatchRecord,
     LostCell,
     Prediction,
     ReviewRequest,
     RunRecord,
-    RunReview,
     RunSteps,
     Traffic,
     excesses_in_words,

@@ -31,16 +31,8 @@ import numpy as np
 from plannerforge.engine.analysis import review_runs
 from plannerforge.engine.execution import silent
 from plannerforge.schemas.measures import RunMetrics
-from plannerforge.schemas.runs import (
-    CollisionRecord,
-    ContactKind,
-    DrivenObstacle,
-    ReviewRequest,
-    RunRecord,
-    RunReview,
-    RunSource,
-    RunSteps,
-)
+from plannerforge.schemas.reviews import ContactKind, RunReview
+from plannerforge.schemas.runs import CollisionRecord, DrivenObstacle, ReviewRequest, RunRecord, RunSource, RunSteps
 
 from ..harness import Figures, SeededBench, share
 from .recorded import Array, Hit, corners, kind_of, public_hits, side_of

@@ -47,10 +47,10 @@ from plannerforge.engine.analysis import analyse, review_runs
 from plannerforge.engine.execution import silent
 from plannerforge.schemas.measures import RunMetrics
 from plannerforge.schemas.results import AnalyseRequest
+from plannerforge.schemas.reviews import PaceMoment
 from plannerforge.schemas.runs import (
     CollisionRecord,
     DrivenObstacle,
-    PaceMoment,
     ReviewRequest,
     RunRecord,
     RunSource,

@@ -8,7 +8,8 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
 from ...schemas.results import BeyondVehicle, CauseMoment, CollisionCauses, Rate, TrivialGoals, TrivialKind
-from ...schemas.runs import Contact, LooksResponse, ReviewRequest, RunLook, RunRecord, drawn
+from ...schemas.reviews import Contact, LooksResponse, RunLook
+from ...schemas.runs import ReviewRequest, RunRecord, drawn
 from ..commonroad import kept_recording
 from ..execution import ProgressReporter
 from .moments import FROM_BEHIND, contact_of, review

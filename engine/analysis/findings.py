@@ -13,17 +13,8 @@ from statistics import median
 import numpy as np
 
 from ...schemas.results import Finding, FindingMoment, Suggestion
-from ...schemas.runs import (
-    CRITICAL_GAP_M,
-    CRITICAL_TIME_TO_COLLISION_S,
-    Contact,
-    Encounter,
-    PaceCode,
-    PaceMoment,
-    RunRecord,
-    RunReview,
-    is_close,
-)
+from ...schemas.reviews import Contact, Encounter, PaceCode, PaceMoment, RunReview
+from ...schemas.runs import CRITICAL_GAP_M, CRITICAL_TIME_TO_COLLISION_S, RunRecord, is_close
 from ...schemas.text import p_figure
 from ..geometry import wrap_angles
 from .causes import sample_of

@@ -16,7 +16,7 @@ import numpy as np
 from ...schemas.errors import InvalidRequest, UnknownName
 from ...schemas.grammar import Interval
 from ...schemas.results import TimelineStep
-from ...schemas.runs import (
+from ...schemas.reviews import (
     BodySide,
     ComfortExcess,
     Contact,
@@ -27,13 +27,11 @@ from ...schemas.runs import (
     LargestMotion,
     Prevention,
     RelativeHeading,
-    ReviewRequest,
     ReviewResponse,
-    RunRecord,
     RunReview,
-    RunSteps,
     SeenCourse,
 )
+from ...schemas.runs import ReviewRequest, RunRecord, RunSteps
 from ...schemas.text import RESOLUTION
 from ..commonroad import Track, kept_recording
 from ..criticality import encounters, gaps_m, times_to_collision_s

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...schemas.errors import UnknownName
-from ...schemas.runs import PaceCode, PaceMoment, RunRecord, RunSteps
+from ...schemas.reviews import PaceCode, PaceMoment
+from ...schemas.runs import RunRecord, RunSteps
 from ..commonroad import Track, kept_recording, signs_of
 from ..criticality import SAME_DIRECTION_RAD
 from ..geometry import Points, Values, arc_length, curvatures, headings, project_all, project_along, wrap_angles

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...schemas.runs import DriverStart, DriverVerdict, Prevention
+from ...schemas.reviews import DriverStart, DriverVerdict, Prevention
 from ..commonroad import Track
 from ..geometry import Points, Values
 from ..planners import (

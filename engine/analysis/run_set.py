@@ -16,7 +16,8 @@ from ...schemas.errors import ResourceFailure
 from ...schemas.measures import MEASURES, Basis
 from ...schemas.planning import PlannerSettings
 from ...schemas.results import ConfigWeights, CostShare, MetricName, Rate
-from ...schemas.runs import Contact, Lineage, RunLook, RunRecord, RunSeries, RunSource, RunSteps, ScenarioSource
+from ...schemas.reviews import Contact, RunLook
+from ...schemas.runs import Lineage, RunRecord, RunSeries, RunSource, RunSteps, ScenarioSource
 from ...schemas.text import shown_name
 from ..commonroad import Track, kept_recording, static_tracks
 from ..vehicles import VehicleParameters, vehicle_classes, vehicle_of

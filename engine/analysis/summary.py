@@ -25,7 +25,8 @@ from ...schemas.results import (
     RunRow,
     UndefinedMetric,
 )
-from ...schemas.runs import AT_GOAL, CRITICAL_TIME_TO_COLLISION_S, Encounter, Outcome, RunRecord, RunReview
+from ...schemas.reviews import Encounter, RunReview
+from ...schemas.runs import AT_GOAL, CRITICAL_TIME_TO_COLLISION_S, Outcome, RunRecord
 from ..commonroad import parse_benchmark_id
 from ..execution import ProgressReporter, silent
 from .causes import beyond_vehicle, collision_causes, trivial_goals

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...schemas.results import RuleShare
-from ...schemas.runs import RuleVerdict, RunRecord, drawn_place
+from ...schemas.reviews import RuleVerdict
+from ...schemas.runs import RunRecord, drawn_place
 from ..commonroad import kept_recording, signs_of
 from ..geometry import Points, Values, arc_length, project_all
 from ..vehicles import MONITOR_REACTION_S, STANDING_MPS

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, get_args
 
 from ...schemas.errors import InvalidRequest, PlannerFailure, UnknownName, closest
-from ...schemas.runs import DriverModelName, Prediction
+from ...schemas.reviews import DriverModelName
+from ...schemas.runs import Prediction
 from ...schemas.runs import Traffic as TrafficMode
 from .external.found import Found, found_planners
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Literal
 
 from ...schemas.errors import NotPossible
 from ...schemas.results import Rate
-from ...schemas.runs import REFERENCE_DRIVERS_DO, Contact, RunRecord
+from ...schemas.reviews import REFERENCE_DRIVERS_DO, Contact
+from ...schemas.runs import RunRecord
 from ..analysis import RunSet, known_contacts
 from .canvas import INK, MUTED, PICTURE_WIDTH_PX, SMALL_PT, Drawing, new_figure, outcome_colour, series_style
 from .content import short_names

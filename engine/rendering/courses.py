@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...schemas.errors import NotPossible
-from ...schemas.runs import Contact, ReviewRequest, RunRecord, RunReview, RunSeries, RunSteps, ending
+from ...schemas.reviews import Contact, RunReview
+from ...schemas.runs import ReviewRequest, RunRecord, RunSeries, RunSteps, ending
 from ...schemas.text import measured
 from ..analysis import Course, RunSet, course_of, read_series, review_runs
 from ..execution import silent

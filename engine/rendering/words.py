@@ -5,7 +5,8 @@ from collections.abc import Iterable, Sequence
 
 from ...schemas.measures import MEASURES, Measure
 from ...schemas.rendering import ReportSection
-from ...schemas.runs import ContactKind, Outcome, Prediction, Traffic
+from ...schemas.reviews import ContactKind
+from ...schemas.runs import Outcome, Prediction, Traffic
 
 _OUTCOMES: dict[Outcome, str] = {
     "goal_reached": "the ego was in the goal's place, in its time, with its speed and heading where the goal has them",

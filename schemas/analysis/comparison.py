@@ -7,7 +7,8 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 from ..base import Answer, Arguments, Model, Result
 from ..measures import metric_meant, metric_words
 from ..results import SIGNIFICANCE_LEVEL, ConfigWeights, MetricName, Rate, figure, with_unit
-from ..runs import Contact, Lineage, Outcome, RunReview, RunSource, ScenarioSource, ending
+from ..reviews import Contact, RunReview
+from ..runs import Lineage, Outcome, RunSource, ScenarioSource, ending
 from ..text import measured, p_figure, p_in_words
 
 HeadlineCode = Literal[

@@ -8,7 +8,8 @@ from support.server import Connect
 
 from plannerforge.engine.workspace import Recipe, Workspace
 from plannerforge.schemas.results import AnalyzeResultsResult
-from plannerforge.schemas.runs import BatchRecord, RunLook
+from plannerforge.schemas.reviews import RunLook
+from plannerforge.schemas.runs import BatchRecord
 from plannerforge.schemas.scenarios import ScenarioRecord
 from plannerforge.server.settings import Settings
 

@@ -3,7 +3,8 @@
 from support.runs import record
 
 from plannerforge.engine.tuning.configurations import named_configuration
-from plannerforge.schemas.runs import Contact, Encounter, LargestMotion, Outcome, RunRecord, RunReview
+from plannerforge.schemas.reviews import Contact, Encounter, LargestMotion, RunReview
+from plannerforge.schemas.runs import Outcome, RunRecord
 from plannerforge.workflows.runs import Cell, CellResult, answer
 
 

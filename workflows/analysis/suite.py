@@ -23,7 +23,8 @@ from ...schemas.artifacts import ImportFilesArguments
 from ...schemas.catalog import FindScenariosArguments
 from ...schemas.errors import Faults, InvalidRequest, NotPossible, PlannerForgeError, UnknownName, closest
 from ...schemas.planning import PlannerConfiguration
-from ...schemas.runs import BatchRecord, ReviewRequest, RunRecord, RunReview, RunSource, ending
+from ...schemas.reviews import RunReview
+from ...schemas.runs import BatchRecord, ReviewRequest, RunRecord, RunSource, ending
 from ...schemas.text import counted, is_utf8, quoted, shown_name
 from ..catalog import find_scenarios
 from ..configurations import resolve_configuration, store_configuration

@@ -28,7 +28,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
-from ....schemas.runs import ReferenceDriverName
+from ....schemas.reviews import ReferenceDriverName
 
 GRAVITY_MPS2 = 9.81
 

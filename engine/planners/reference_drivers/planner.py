@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ....schemas.runs import DriverModelName
+from ....schemas.reviews import DriverModelName
 from ...geometry import Values, arc_length, project_all, wrap_angles
 from ...vehicles import vehicle_classes
 from ..idm import IntelligentDriver

@@ -9,7 +9,8 @@ from ....schemas.errors import NotPossible
 from ....schemas.measures import metric_words
 from ....schemas.rendering import ViewRequest, ViewWritten
 from ....schemas.results import Rate
-from ....schemas.runs import Contact, RunRecord, RunSource, ScenarioSource, ending
+from ....schemas.reviews import Contact
+from ....schemas.runs import RunRecord, RunSource, ScenarioSource, ending
 from ....schemas.text import counted, one_line
 from ...analysis import METRICS, RunSet, known_contacts
 from ...execution import ProgressReporter

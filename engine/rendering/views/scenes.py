@@ -18,7 +18,8 @@ from ....schemas.measures import metric_words
 from ....schemas.planning import RunPlans
 from ....schemas.rendering import ViewPane, ViewRequest
 from ....schemas.results import with_unit
-from ....schemas.runs import ReviewRequest, RunReview, RunSeries, RunSource, ScenarioSource, ending
+from ....schemas.reviews import RunReview
+from ....schemas.runs import ReviewRequest, RunSeries, RunSource, ScenarioSource, ending
 from ....schemas.text import measured, one_line
 from ...analysis import METRICS, Course, RunSet, course_of, read_series, read_steps, review_runs
 from ...commonroad import Track, kept_recording

@@ -10,8 +10,8 @@ from plannerforge.engine.analysis.run_set import METRICS, RunSet
 from plannerforge.engine.analysis.summary import analyse
 from plannerforge.engine.execution.executor import silent
 from plannerforge.schemas.results import AnalyseRequest
+from plannerforge.schemas.reviews import REFERENCE_DRIVERS_DO
 from plannerforge.schemas.runs import (
-    REFERENCE_DRIVERS_DO,
     CollisionRecord,
     DrivenObstacle,
     ReviewRequest,

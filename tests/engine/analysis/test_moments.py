@@ -10,15 +10,8 @@ from support.runs import metrics, record
 
 from plannerforge.engine.analysis.moments import review
 from plannerforge.engine.analysis.run_set import RunSet
-from plannerforge.schemas.runs import (
-    CollisionRecord,
-    Contact,
-    DrivenObstacle,
-    RunReview,
-    RunSource,
-    RunSteps,
-    ScenarioSource,
-)
+from plannerforge.schemas.reviews import Contact, RunReview
+from plannerforge.schemas.runs import CollisionRecord, DrivenObstacle, RunSource, RunSteps, ScenarioSource
 
 STEPS = 41
 Place = tuple[float, float, float, float]

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.loop.standing import Answer, Made, Other, asked, braking, is_right, slowing, standing, steady, stopping
-from plannerforge.schemas.runs import Contact, EgoFault, PaceMoment, Prevention
+from plannerforge.schemas.reviews import Contact, EgoFault, PaceMoment, Prevention
 
 
 def made_of(kind: str) -> Made:

@@ -13,7 +13,7 @@ from plannerforge.engine.analysis.prevention import Surroundings
 from plannerforge.engine.analysis.prevention import prevention_of as prevention_or_none
 from plannerforge.engine.commonroad import Track
 from plannerforge.engine.planners import DriverPath, brakes_of
-from plannerforge.schemas.runs import REFERENCE_DRIVERS_DO, DriverVerdict, Prevention
+from plannerforge.schemas.reviews import REFERENCE_DRIVERS_DO, DriverVerdict, Prevention
 
 STEP_S = 0.1
 LENGTH_M, WIDTH_M = 4.5, 1.8

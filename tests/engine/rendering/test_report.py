@@ -16,7 +16,8 @@ from plannerforge.schemas.errors import ResourceFailure, UnsafeInput
 from plannerforge.schemas.measures import MEASURES, MeasuredValue
 from plannerforge.schemas.rendering import ReportImage, ReportRequest, ReportSection, ReportTable
 from plannerforge.schemas.results import AnalyseRequest, Rate, RuleShare
-from plannerforge.schemas.runs import BatchRecord, ContactKind, Outcome, Prediction, RuleVerdict, Traffic
+from plannerforge.schemas.reviews import ContactKind, RuleVerdict
+from plannerforge.schemas.runs import BatchRecord, Outcome, Prediction, Traffic
 
 HOSTILE = '<script>alert("x")</script>'
 
