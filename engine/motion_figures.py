@@ -14,7 +14,7 @@ from .geometry import Values, wrap_angles
 
 @dataclass(frozen=True)
 class MotionSeries:
-    """A quantity over a drive, of which the measure ``name`` is the largest value.
+    """A quantity over a drive; its largest value is the measure ``name``.
 
     ``values``: one for each driven state from ``first_state`` on, so that the moment of the largest is known.
     """
@@ -26,7 +26,7 @@ class MotionSeries:
 
 @dataclass(frozen=True)
 class MotionFigures:
-    """What is measured of a motion: by name the figures of all of it, and the series whose largest value counts."""
+    """What is measured of a motion: figures of the whole drive by their names, and series."""
 
     totals: dict[str, float]
     series: tuple[MotionSeries, ...]

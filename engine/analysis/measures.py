@@ -385,13 +385,10 @@ class MeasuredDrive:
         figures = motion_figures(ego, along, angles, step_s)
         for name, value in figures.totals.items():
             yield MeasuredValue(name=name, value=value)
-        over = np.zeros(len(along) - 1, dtype=bool)
+        over = np.abs(np.diff(angles) / step_s) > limit * (1 + 1e-6)
+        told = f"the vehicle's limit is {limit:g} rad/s" if over.any() else ""
         for one in figures.series:
-            note = ""
-            if one.name == "maximum_steering_rate_radps":
-                over = one.values > limit * (1 + 1e-6)
-                note = f"the vehicle's limit is {limit:g} rad/s" if over.any() else ""
-            yield from self._largest(one, note)
+            yield from self._largest(one, told if one.name == "maximum_steering_rate_radps" else "")
         motion = Motion(ego.positions, ego.headings_rad, ego.speeds_mps, along)
         vehicle = self.vehicle
         drivable = drivable_steps(

@@ -30,8 +30,8 @@ class MapFormat:
     """A format of maps: what its files are called, and how their content tells them from others.
 
     ``ending``: of the name under which a map is kept, in lower case. ``endings``: of the files that are taken for maps
-    by their names, packed ones aside. ``root``: the root element of its XML; empty for a format that the ending alone
-    tells. ``is_kept``: maps are stored and read in it; otherwise they are converted first (``foreign_format``).
+    by their names; packed files are told by the same ones. ``root``: the root element of its XML; empty if the ending
+    alone tells. ``is_kept``: maps are stored and read in it; otherwise they are converted first (``foreign_format``).
     """
 
     ending: str
@@ -44,9 +44,12 @@ MAP_FORMATS: tuple[MapFormat, ...] = (
     MapFormat(".osm", (".osm", ".osm.xml"), "osm"),
     MapFormat(NET_ENDING, (NET_ENDING,), "net"),
     MapFormat(DRIVE_ENDING, (DRIVE_ENDING,), "OpenDRIVE", is_kept=False),
-    MapFormat(LANELETS_ENDING, (), "commonRoad"),  # by its name, such a file is a scenario; SUMO's ending comes first
+    MapFormat(LANELETS_ENDING, (), "commonRoad"),  # by its name, such a file is a scenario
 )
-"""All formats but OpenStreetMap's binary one. To add one, enter it here, and its reader in ``map_file.MAP_READERS``."""
+"""All formats but OpenStreetMap's binary one. Of two endings that fit a name, the first counts.
+
+To add one, enter it here, and its reader in ``map_file.MAP_READERS``.
+"""
 MAP_ENDINGS = (
     *(plain + packed for one in MAP_FORMATS for plain in one.endings for packed in ("", *_PACKED)),
     BINARY_ENDING,
