@@ -149,7 +149,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Effort:
-    """Measure what is not part of the edits, and takes longer than they do.
+    """What is measured in addition to the edits, which takes longer than they do.
 
     ``planner``: it drives what the drawn edits made; ``safety``: what the recipes of the safety table made too.
     ``every_vehicle``: the drivability checker judges all touched vehicles, not one that an edit names. ``recipes``: the

@@ -1,8 +1,8 @@
 """The paper's checks of an edited scenario, made on what was written and what SUMO held, never on the product's word.
 
 Each kind of edit has its judges: B the vehicle types that SUMO drove with, T the route that SUMO drove and the motion
-that was written, P the road users of both files, G the planning problem as written. Which vehicles were handed over
-else is taken from the report, and told with the figures.
+that was written, P the road users of both files, G the planning problem as written. Which other
+vehicles were handed over is taken from the report, and told with the figures.
 """
 
 import math
