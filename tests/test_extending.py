@@ -37,7 +37,7 @@ from plannerforge.engine.commonroad import RoadDocument, read_scenario, recorded
 from plannerforge.engine.edits import Changes, apply, apply_edits, report, trajectory
 from plannerforge.engine.edits.changes import EditStep
 from plannerforge.engine.execution import Operation, silent
-from plannerforge.engine.maps import map_file
+from plannerforge.engine.maps import map_file, unpacking
 from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.engine.maps.osm import OsmMap, read_osm
 from plannerforge.engine.network.rules import check, topology
@@ -212,9 +212,11 @@ def test_a_map_source_is_read(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -
         return read_osm(LIBRARY / path.read_text())
 
     monkeypatch.setitem(map_file.MAP_READERS, ".town", read_town)
+    monkeypatch.setattr(unpacking, "MAP_ENDINGS", (*unpacking.MAP_ENDINGS, ".town"))
     path = tmp_path / "my.town"
     path.write_text("landmoor.osm")
     assert map_file.read_map_file(path) == read_osm(LIBRARY / "landmoor.osm")
+    assert unpacking.stored_name(path) == "map.town"
     copy = Path(shutil.copy(LIBRARY / "landmoor.osm", tmp_path / "other.osm"))
     assert map_file.read_map_file(copy) == read_osm(LIBRARY / "landmoor.osm")
 

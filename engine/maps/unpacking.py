@@ -22,11 +22,17 @@ LANELETS_ENDING = ".xml"
 """Of CommonRoad files; the one of SUMO's networks ends in it too, and is looked for first."""
 BINARY_ENDING = ".osm.pbf"
 DRIVE_ENDING = ".xodr"
+_STREETS_ENDING = ".osm"
+_PACKED_ENDINGS = (".gz", ".bz2")
 MAP_ENDINGS = (
-    *(plain + packed for plain in (".osm", ".osm.xml", NET_ENDING, DRIVE_ENDING) for packed in ("", ".gz", ".bz2")),
+    *(
+        plain + packed
+        for plain in (_STREETS_ENDING, ".osm.xml", NET_ENDING, DRIVE_ENDING)
+        for packed in ("", *_PACKED_ENDINGS)
+    ),
     BINARY_ENDING,
 )
-_ENDINGS = {"osm": ".osm", "net": NET_ENDING, "OpenDRIVE": DRIVE_ENDING, "commonRoad": LANELETS_ENDING}
+_ENDINGS = {"osm": _STREETS_ENDING, "net": NET_ENDING, "OpenDRIVE": DRIVE_ENDING, "commonRoad": LANELETS_ENDING}
 """Of the names that files get, by the root elements of their formats."""
 _ROOT = re.compile(r"<(?:[\w.-]{1,99}:)?([A-Za-z_][\w.-]{0,99})")
 _ASIDES = {"<?": "?>", "<!--": "-->"}
@@ -49,7 +55,7 @@ def unpacked(path: Path, folder: Path, limit_bytes: int = LARGEST_BYTES) -> Path
     Raises:
         UnsafeInput: the content is larger than the limit (a few bytes can hold gigabytes), or the file is broken.
     """
-    packed_name = path.suffix.lower() in (".gz", ".bz2")
+    packed_name = path.suffix.lower() in _PACKED_ENDINGS
     opened = _opener(path)
     if opened is None and (not packed_name or _root_of(path) is not None):
         return path
@@ -165,10 +171,15 @@ def is_large(path: Path) -> bool:
 
 
 def stored_name(path: Path) -> str:
-    """The name under which a map is kept, not packed: ``map`` with the ending of its kind."""
-    if is_net(path):
-        return f"map{NET_ENDING}"
-    return "map.xml" if path.name.lower().endswith(LANELETS_ENDING) else "map.osm"
+    """The name under which a map is kept, not packed: ``map`` with the ending by which its reader is found.
+
+    All of OpenStreetMap's endings become ``.osm``, and so does one that no format has.
+    """
+    name = path.name.lower()
+    plain = name.removesuffix(path.suffix.lower()) if path.suffix.lower() in _PACKED_ENDINGS else name
+    fitting = [ending for ending in (*MAP_ENDINGS, LANELETS_ENDING) if plain.endswith(ending)]
+    ending = max(fitting, key=len, default=_STREETS_ENDING)
+    return f"map{_STREETS_ENDING if ending.startswith(_STREETS_ENDING) else ending}"
 
 
 def foreign_format(path: Path) -> ForeignFormat | None:
@@ -181,7 +192,7 @@ def foreign_format(path: Path) -> ForeignFormat | None:
         return "OpenDRIVE"
     if name.endswith(LANELETS_ENDING) and not is_net(path):
         return "CommonRoad"
-    return "Lanelet2" if name.endswith(".osm") and _holds_lanelets(path) else None
+    return "Lanelet2" if name.endswith(_STREETS_ENDING) and _holds_lanelets(path) else None
 
 
 def _holds_lanelets(path: Path) -> bool:
