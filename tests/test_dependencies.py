@@ -4,7 +4,7 @@ import ast
 import re
 import sys
 import tomllib
-from collections.abc import Sequence
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -64,7 +64,8 @@ def module_of(name: str) -> str:
     return first if shared is None else shared.get(rest.partition(".")[0], f"{first}-api")
 
 
-def imported_modules(folders: Sequence[str] = LAYERS) -> set[str]:
+@cache
+def imported_modules(folders: tuple[str, ...] = LAYERS) -> set[str]:
     modules: set[str] = set()
     files = {file for folder in folders for file in (CHECKOUT / folder).rglob("*.py")}
     for path in files - {CHECKOUT / script for script in RUN_ELSEWHERE}:
@@ -76,7 +77,7 @@ def imported_modules(folders: Sequence[str] = LAYERS) -> set[str]:
     return modules - set(sys.stdlib_module_names) - {"plannerforge", "benchmarks"}
 
 
-def imported_distributions(folders: Sequence[str] = LAYERS) -> set[str]:
+def imported_distributions(folders: tuple[str, ...] = LAYERS) -> set[str]:
     owners = packages_distributions()
     found = {normalised(owners.get(module, [module])[0]) for module in imported_modules(folders)}
     return {COMES_WITH.get(name, name) for name in found}
@@ -91,4 +92,4 @@ def test_everything_asked_for_is_imported() -> None:
 
 
 def test_everything_that_benchmarks_import_is_asked_for_by_developers() -> None:
-    assert imported_distributions(["benchmarks"]) - asked_for(with_extras=True, for_developers=True) == set()
+    assert imported_distributions(("benchmarks",)) - asked_for(with_extras=True, for_developers=True) == set()

@@ -240,6 +240,7 @@ def test_a_map_source_is_read(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -
     assert map_file.read_map_file(path) == read_osm(LIBRARY / "landmoor.osm")
     kept = Path(shutil.copy(path, tmp_path / unpacking.stored_name(path)))
     assert map_file.read_map_file(kept) == read_osm(LIBRARY / "landmoor.osm")
+    assert unpacking.stored_name(path) == "map.town"
     copy = Path(shutil.copy(LIBRARY / "landmoor.osm", tmp_path / "other.osm"))
     assert map_file.read_map_file(copy) == read_osm(LIBRARY / "landmoor.osm")
 

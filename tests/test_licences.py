@@ -28,6 +28,11 @@ def test_every_table_of_others_data_names_its_source() -> None:
     assert all(source in PAGE for source in sources.values())
 
 
+def test_the_table_of_tokens_names_its_source() -> None:
+    assert {path.name for path in (CHECKOUT / "server").rglob("*.json.gz")} == {"o200k_base.json.gz"}
+    assert "OpenAI's encoding o200k_base (`server/o200k_base.json.gz`)" in PAGE
+
+
 def test_packaged_weights_come_with_their_licence_and_are_named() -> None:
     folder = CHECKOUT / "engine" / "catalog" / "weights"
     assert {path.name for path in folder.iterdir()} == {"minilm.npz", "minilm_tokenizer.json", "LICENSE"}

@@ -126,12 +126,14 @@ def test_the_image_holds_the_versions_that_are_pinned() -> None:
     assert "--no-deps -r packaging/requirements.txt /wheels/*.whl" in build
 
 
-def test_what_the_build_is_given_is_all_that_a_wheel_is_built_from() -> None:
+def test_the_build_is_given_what_a_wheel_and_the_image_ask_for_and_nothing_else() -> None:
     lines = (PACKAGING / "Dockerfile.dockerignore").read_text(encoding="utf-8").splitlines()
     let_in = {line[1:] for line in lines if line.startswith("!")}
     metadata = project()["project"]
     needed = {*project()["tool"]["setuptools"]["package-dir"].values(), "README.md", *metadata["license-files"]}
-    assert needed | {"pyproject.toml", "setup.py", "__init__.py", "__main__.py"} == let_in
+    asked_by_name = set(re.findall(r"-r (\S+)", (PACKAGING / "Dockerfile").read_text(encoding="utf-8")))
+    assert asked_by_name
+    assert needed | asked_by_name | {"pyproject.toml", "setup.py", "__init__.py", "__main__.py"} == let_in
     assert all((CHECKOUT / name).exists() for name in let_in)
 
 

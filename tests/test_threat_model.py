@@ -43,6 +43,7 @@ def test_no_command_goes_through_a_shell() -> None:
     calls = [
         (path.relative_to(CHECKOUT).as_posix(), node.lineno)
         for path in source_files()
+        if re.search(rb"shell|system|popen|getoutput", path.read_bytes())
         for node in ast.walk(ast.parse(path.read_bytes()))
         if isinstance(node, ast.Call)
         and (

@@ -106,11 +106,6 @@ class Course:
             rows[i] = near, left, poses[i, 2] - way.pose(near)[2], poses[i, 3]
         return cls(poses, size_of(obstacle), rows, shown)
 
-    @cached_property
-    def speed_along(self) -> Array:
-        """The speed along the way at each step."""
-        return np.asarray(self.rows[:, 3] * np.cos(self.rows[:, 2]))
-
     def view(self, at: float, station: float, body: Array, larger: float, step_s: float) -> View | None:
         """Return what a driver at a station sees of it at a time in steps, or None if it is not there."""
         now, before = self._row(at), self._row(max(at - STEP_S / step_s, 0.0))

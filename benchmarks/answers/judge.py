@@ -20,7 +20,6 @@ from plannerforge.evals.scoring.files import Body, SceneFile, StoredRun, World
 
 from ..told_figures import agrees, figures_in, unknown_in_text
 
-_STANDS_MPS = 0.1
 _SLACK_M = 0.75
 """A body's centre may lie this far outside a lanelet that it is on, as the matching to lanes has it (chosen)."""
 _ARTIFACT = re.compile(r"\b(?:run|cfg|batch|search)_[0-9a-f]{12}\b")

@@ -11,9 +11,8 @@ import os
 import re
 import statistics
 import sys
-import tempfile
 from collections.abc import AsyncIterator, Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from contextlib import AbstractAsyncContextManager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -400,14 +399,3 @@ def written(value: Summary | Recorded) -> str:
 def read_recording(path: Path) -> list[Recorded]:
     """The answers that ``written`` wrote, one a line."""
     return [Recorded(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()]
-
-
-@asynccontextmanager
-async def scratch_folder(kept: Path | None) -> AsyncIterator[Path]:
-    """The folder that is named, or one that is gone afterwards."""
-    if kept is not None:
-        kept.mkdir(parents=True, exist_ok=True)
-        yield kept
-        return
-    with tempfile.TemporaryDirectory() as name:
-        yield Path(name)

@@ -94,18 +94,20 @@ def mutated_maps(seed: int, folder: Path, count: int) -> tuple[Path, ...]:
         folder: where to write; made where it is missing.
         count: how many.
     """
+    return tuple(mutated_map(seed, folder, number) for number in range(count))
+
+
+def mutated_map(seed: int, folder: Path, number: int) -> Path:
+    """Write one of the maps of ``mutated_maps`` alone, by its number from 0 on."""
     folder.mkdir(parents=True, exist_ok=True)
-    paths = []
-    for number in range(count):
-        choice = _choice(seed, number, "mutated")
-        path = folder / f"mutated_{seed}_{number:04}.osm"
-        (_town if number % 2 else _cut)(choice, path)
-        root = etree.parse(path).getroot()
-        for mutate in choice.sample(MUTATIONS, choice.randint(1, 3)):
-            mutate(choice, root)
-        path.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True))
-        paths.append(path)
-    return tuple(paths)
+    choice = _choice(seed, number, "mutated")
+    path = folder / f"mutated_{seed}_{number:04}.osm"
+    (_town if number % 2 else _cut)(choice, path)
+    root = etree.parse(path).getroot()
+    for mutate in choice.sample(MUTATIONS, choice.randint(1, 3)):
+        mutate(choice, root)
+    path.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True))
+    return path
 
 
 def fresh_recordings(seed: int, folder: Path, count: int) -> tuple[Path, ...]:

@@ -31,19 +31,18 @@ class MapFormat:
 
     ``ending``: of the name under which a map is kept, in lower case. ``endings``: of the files that are taken for maps
     by their names; packed files are told by the same ones. ``root``: the root element of its XML; empty if the ending
-    alone tells. ``is_kept``: maps are stored and read in it; otherwise they are converted first (``foreign_format``).
+    alone tells.
     """
 
     ending: str
     endings: tuple[str, ...]
     root: str = ""
-    is_kept: bool = True
 
 
 MAP_FORMATS: tuple[MapFormat, ...] = (
     MapFormat(".osm", (".osm", ".osm.xml"), "osm"),
     MapFormat(NET_ENDING, (NET_ENDING,), "net"),
-    MapFormat(DRIVE_ENDING, (DRIVE_ENDING,), "OpenDRIVE", is_kept=False),
+    MapFormat(DRIVE_ENDING, (DRIVE_ENDING,), "OpenDRIVE"),
     MapFormat(LANELETS_ENDING, (), "commonRoad"),  # by its name, such a file is a scenario
 )
 """All formats but OpenStreetMap's binary one. Of two endings that fit a name, the first counts.
@@ -194,7 +193,9 @@ def is_large(path: Path) -> bool:
 
 def stored_name(path: Path) -> str:
     """The name under which a map is kept, not packed: ``map`` with the ending of its kind."""
-    kept = (one.ending for one in MAP_FORMATS if one.is_kept and path.name.lower().endswith(one.ending))
+    name = path.name.lower()
+    plain = name.removesuffix(path.suffix.lower()) if path.suffix.lower() in _PACKED else name
+    kept = (one.ending for one in MAP_FORMATS if plain.endswith((*one.endings, one.ending)))
     return f"map{next(kept, '.osm')}"
 
 
@@ -208,7 +209,7 @@ def foreign_format(path: Path) -> ForeignFormat | None:
         return "OpenDRIVE"
     if name.endswith(LANELETS_ENDING) and not is_net(path):
         return "CommonRoad"
-    return "Lanelet2" if name.endswith(".osm") and _holds_lanelets(path) else None
+    return "Lanelet2" if name.endswith(_STREETS_ENDING) and _holds_lanelets(path) else None
 
 
 def _holds_lanelets(path: Path) -> bool:

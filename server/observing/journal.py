@@ -35,7 +35,7 @@ MOST_ELEMENTS = 50
 _SEARCHED, _LONGEST_ERROR, _LARGEST_BITS = 5000, 2000, 128
 """Characters of a text that are searched for secrets, and of an error that are kept; bits of a whole number; chosen."""
 _CLOSE_TIMEOUT_S = 10.0
-"""Reading the tables of the token count takes about a second, which is longer than many a single call."""
+"""Reading the table of the token count takes .3 s, which is longer than many a single call."""
 _SETTLED_S = 1.0
 """How long after the first call the tables are read; a server that ends before does so without them. Chosen: a
 command that makes one call has ended then, and hosts kill a server two seconds after they left it."""

@@ -14,7 +14,7 @@ from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.scenarios import ScenarioRecord
 
-FILES, KILLS = 8, 2
+FILES, KILLS = 8, 1
 
 
 def test_kills_at_random_moments_leave_nothing_that_disagrees(tmp_path: Path) -> None:

@@ -217,8 +217,7 @@ async def test_a_server_that_behaves_is_not_accused(tmp_path: Path, by_http: boo
 
 
 @pytest.mark.anyio
-@BY_BOTH
-async def test_a_server_that_misbehaves_is_caught(tmp_path: Path, by_http: bool) -> None:
+async def test_a_server_that_misbehaves_is_caught(tmp_path: Path) -> None:
     tally = await _campaign(
         tmp_path,
         Call("block", {"seconds": 0.5}),
@@ -227,7 +226,7 @@ async def test_a_server_that_misbehaves_is_caught(tmp_path: Path, by_http: bool)
         Call("say", {"text": f"x\n{INJECTED}"}),
         Call("defect"),
         Call("write", {"path": "{outside}/deep/new"}),
-        by_http=by_http,
+        by_http=True,
     )
     expected = {("block", "blocked"), ("wait", "late"), ("eat", "memory"), ("say", "forged"), ("defect", "unexpected")}
     expected |= {("write", "outside_write")}
@@ -241,9 +240,8 @@ async def test_a_server_that_misbehaves_is_caught(tmp_path: Path, by_http: bool)
 
 
 @pytest.mark.anyio
-@BY_BOTH
-async def test_a_server_that_dies_is_replaced_and_the_cause_found(tmp_path: Path, by_http: bool) -> None:
-    tally = await _campaign(tmp_path, Call("die"), by_http=by_http)
+async def test_a_server_that_dies_is_replaced_and_the_cause_found(tmp_path: Path) -> None:
+    tally = await _campaign(tmp_path, Call("die"), by_http=False)
     assert len(tally.deaths) == 1
     assert _found(tally) == {("die", "death")}
     assert tally.inputs == 17

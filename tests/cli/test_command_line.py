@@ -148,7 +148,7 @@ def test_prompts_are_listed_with_their_cost_and_printed() -> None:
     assert "there is no task 'cooking'" in refused.stderr
 
 
-@pytest.mark.parametrize("command", [("serve",), ("call", "list_artifacts"), ("maps", "list")])
+@pytest.mark.parametrize("command", [("serve",), ("maps", "list")])
 def test_a_workspace_that_cannot_be_is_told_in_a_line(command: tuple[str, ...], tmp_path: Path) -> None:
     """In a process of its own: `serve` takes over standard input and output, which a test's process needs."""
     file = tmp_path / "file"

@@ -12,7 +12,9 @@ from pydantic import SecretStr
 from support.contract import CASES, Bad, Prepared, filled
 from support.http_serving import READER, WRITER, served
 from support.loop_watch import watched_loop
+from support.server import ERA_NAMES, ERAS, KeptWorkers
 
+from plannerforge.engine.execution import WorkerPool
 from plannerforge.server.assembly import create_server
 from plannerforge.server.tokens import count_tokens
 from plannerforge.tools.registry import TOOLS, ToolSpec
@@ -27,6 +29,17 @@ BAD_CALLS = [(tool, bad) for tool, case in CASES.items() for bad in case.bad]
 async def session(prepared: Prepared, era: str) -> AsyncIterator[Client]:
     async with Client(create_server(prepared.settings, prepared.folder), mode=era) as client:  # type: ignore[arg-type]
         yield client
+
+
+@pytest.fixture(scope="module", params=ERAS, ids=ERA_NAMES)
+async def shared_client(
+    request: pytest.FixtureRequest, anyio_backend: str, prepared: Prepared, kept_workers: KeptWorkers
+) -> AsyncIterator[Client]:
+    """One server for all calls that are refused: it stays as it is."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(WorkerPool, "open", kept_workers.lent)
+        async with session(prepared, request.param) as client:
+            yield client
 
 
 def test_every_tool_has_its_cases() -> None:
@@ -52,12 +65,13 @@ async def test_a_good_call_is_answered(spec: ToolSpec, prepared: Prepared, era: 
 
 
 @pytest.mark.parametrize(("tool", "bad"), BAD_CALLS, ids=[f"{tool}-{i}" for i, (tool, _) in enumerate(BAD_CALLS)])
-async def test_a_bad_call_is_refused_with_what_is_valid(tool: str, bad: Bad, prepared: Prepared, era: str) -> None:
-    async with session(prepared, era) as client:
-        before = await _artifacts(client)
-        with watched_loop():
-            result = await client.call_tool(tool, filled(bad.arguments, prepared))
-        after = await _artifacts(client)
+async def test_a_bad_call_is_refused_with_what_is_valid(
+    tool: str, bad: Bad, prepared: Prepared, shared_client: Client
+) -> None:
+    before = await _artifacts(shared_client)
+    with watched_loop():
+        result = await shared_client.call_tool(tool, filled(bad.arguments, prepared))
+    after = await _artifacts(shared_client)
     text = result.content[0].text  # type: ignore[union-attr]
     assert result.is_error, text
     assert text.startswith("[")

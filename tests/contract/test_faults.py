@@ -12,6 +12,8 @@ from support.server import Connect
 
 pytestmark = pytest.mark.anyio
 
+of_no_era = pytest.mark.parametrize("era", ["auto"])
+"""A worker's end has nothing to do with the protocol; only a cancellation travels in it."""
 LONG_WORK: dict[str, Any] = {"density": "high", "duration_s": 120, "seed": 3}
 
 
@@ -32,6 +34,7 @@ class Strike:
             self.action()
 
 
+@of_no_era
 async def test_a_killed_worker_gives_an_error_and_the_next_call_works(
     connect: Connect, own_workers: Callable[[], set[psutil.Process]]
 ) -> None:
@@ -62,6 +65,7 @@ async def test_a_cancelled_call_ends_its_worker_and_the_next_call_works(
         assert not again.is_error
 
 
+@of_no_era
 async def test_a_server_that_is_left_leaves_no_worker(
     connect: Connect, own_workers: Callable[[], set[psutil.Process]]
 ) -> None:

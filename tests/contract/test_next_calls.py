@@ -24,7 +24,7 @@ SLOWER = {"op": "set_speed", "vehicles": ["31"], "speed": "5m/s"}
 
 
 @pytest.fixture
-async def client(settings: Settings, tmp_path: Path) -> AsyncIterator[Client]:
+async def client(warm_workers: None, settings: Settings, tmp_path: Path) -> AsyncIterator[Client]:
     (tmp_path / "roots").mkdir()
     town_road().write(tmp_path / "roots" / "town.xml")
     own = settings.model_copy(update={"starter": False, "roots": (tmp_path / "roots",)})

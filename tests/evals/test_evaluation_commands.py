@@ -133,13 +133,12 @@ async def test_an_evaluation_ends_where_the_model_server_is_gone(
     assert isinstance(agent, ModelAgent)
 
 
-@pytest.mark.parametrize("task", ["tuning", "selection"])
-def test_the_ground_truth_does_packaged_requests_and_an_evaluation_goes_on(task: str, tmp_path: Path) -> None:
+def test_the_ground_truth_does_packaged_requests_and_an_evaluation_goes_on(tmp_path: Path) -> None:
     shown = Console(file=io.StringIO(), width=160)
     out = tmp_path / "out"
-    assert run_evaluation(EvaluationOrder(task, "oracle", "cp", out=out, limit=2), shown) == 0
-    assert run_evaluation(EvaluationOrder(task, "oracle", "cp", out=out, limit=4), shown) == 0
-    lines = rows_path(out, task).read_text(encoding="utf-8").splitlines()
+    assert run_evaluation(EvaluationOrder("selection", "oracle", "cp", out=out, limit=2), shown) == 0
+    assert run_evaluation(EvaluationOrder("selection", "oracle", "cp", out=out, limit=4), shown) == 0
+    lines = rows_path(out, "selection").read_text(encoding="utf-8").splitlines()
     assert [json.loads(line)["score"]["done"] for line in lines] == [True] * 4
 
 

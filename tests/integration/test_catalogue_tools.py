@@ -10,6 +10,7 @@ from support.builders import Problem, town_road
 from support.server import Connect
 
 from plannerforge.server.settings import Settings
+from plannerforge.server.tokens import count_tokens
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
 
@@ -192,11 +193,9 @@ async def test_a_search_is_refined_and_paged(connect: Connect, settings: Setting
 
 
 async def test_the_facets_are_short(connect: Connect, settings: Settings) -> None:
-    from bpe_openai import get_encoding
-
     async with connect(settings) as client:
         _, text, found = await call(client, "describe_catalog")
-        assert len(get_encoding("o200k_base").encode(text)) <= 600
+        assert count_tokens(text) <= 600
         assert found["scenarios"] >= 12
         _, text, _ = await call(client, "describe_catalog", facet="tags")
         assert "race_track" in text

@@ -5,7 +5,7 @@ import random
 
 import numpy as np
 
-from ..written_tracks import Lane, RoadUser, WrittenFile
+from ..written_tracks import Lane, WrittenFile
 from .motion import Drawn, Told, movers, on_lane
 
 
@@ -298,11 +298,6 @@ def draw_mirror(file: WrittenFile, rng: random.Random) -> Drawn | None:  # noqa:
         return ""
 
     return Drawn("mirror", ({"op": "mirror"},), judge)
-
-
-def moved_standing(user: RoadUser) -> bool:
-    """Whether a vehicle that was put in to stand moves."""
-    return float(np.linalg.norm(user.places - user.places[0], axis=1).max()) > 0.05
 
 
 SCENE_KINDS = (

@@ -2,10 +2,12 @@
 
 from pathlib import Path
 
+import pytest
 from support.builders import Problem, ScenarioBuilder, town_road
 from support.runs import metrics, record
 
-from plannerforge.engine.analysis.causes import MOST_COLLISIONS, collision_causes, look_at_runs, trivial_goals
+from plannerforge.engine.analysis import causes
+from plannerforge.engine.analysis.causes import collision_causes, look_at_runs, trivial_goals
 from plannerforge.engine.analysis.run_set import METRICS, RunSet
 from plannerforge.engine.analysis.summary import analyse
 from plannerforge.engine.execution.executor import silent
@@ -22,6 +24,8 @@ from plannerforge.schemas.runs import (
 )
 
 STEPS = 41
+MOST = 12
+"""Collisions that are looked at in a test (60 outside of tests)."""
 
 
 def driven(key: int, start_m: float, speed_mps: float) -> DrivenObstacle:
@@ -101,16 +105,19 @@ def reacting(run: RunRecord) -> RunRecord:
     return run.model_copy(update={"traffic": "reactive"})
 
 
-def test_many_collisions_are_told_as_a_random_sample_with_its_interval(tmp_path: Path) -> None:
-    behind = [hit_by(number, 20.0 - 4.4 - 60.0, 15.0, tmp_path) for number in range(50)]
-    ahead = [hit_by(number, 20.0 + 4.4 - 4.0, 1.0, tmp_path) for number in range(50, 100)]
-    goals = [RunSource(record=record(f"ZAM_G-{number}_1_T-1")) for number in range(100)]
+def test_many_collisions_are_told_as_a_random_sample_with_its_interval(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(causes, "MOST_COLLISIONS", MOST)
+    behind = [hit_by(number, 20.0 - 4.4 - 60.0, 15.0, tmp_path) for number in range(10)]
+    ahead = [hit_by(number, 20.0 + 4.4 - 4.0, 1.0, tmp_path) for number in range(10, 20)]
+    goals = [RunSource(record=record(f"ZAM_G-{number}_1_T-1")) for number in range(20)]
     runs = RunSet((*behind, *ahead, *goals))
     found = collision_causes(runs)
     assert found is not None
-    assert (found.collisions, found.looked_at, found.is_sample) == (100, MOST_COLLISIONS, True)
+    assert (found.collisions, found.looked_at, found.is_sample) == (20, MOST, True)
     share = found.unpreventable_share
-    assert share.of == MOST_COLLISIONS
+    assert share.of == MOST
     assert share.low is not None
     assert share.high is not None
     assert share.low < 0.5 < share.high
@@ -118,22 +125,23 @@ def test_many_collisions_are_told_as_a_random_sample_with_its_interval(tmp_path:
     assert without is not None
     assert without.low is not None
     assert without.high is not None
-    assert without.low < 100 / 150 < without.high
-    assert f"Of 100 collisions a random {MOST_COLLISIONS} were looked at" in found.in_words()
-    assert len(found.evidence) == MOST_COLLISIONS
+    assert without.low < 20 / 30 < without.high
+    assert f"Of 20 collisions a random {MOST} were looked at" in found.in_words()
+    assert len(found.evidence) == MOST
     assert found == collision_causes(RunSet((*reversed(ahead), *behind, *goals))).model_copy(  # type: ignore[union-attr]
         update={"evidence": found.evidence, "not_preventable": found.not_preventable}
     )
 
 
-def test_with_looks_kept_all_collisions_are_told(tmp_path: Path) -> None:
-    sources = [hit_by(number, 20.0 - 4.4 - 60.0, 15.0, tmp_path) for number in range(70)]
+def test_with_looks_kept_all_collisions_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(causes, "MOST_COLLISIONS", MOST)
+    sources = [hit_by(number, 20.0 - 4.4 - 60.0, 15.0, tmp_path) for number in range(MOST + 2)]
     looks = look_at_runs(ReviewRequest(runs=tuple(sources), scenarios=()), silent).looks
     kept = (one.model_copy(update={"look": look, "steps_path": None}) for one, look in zip(sources, looks, strict=True))
     found = collision_causes(RunSet(tuple(kept)))
     assert found is not None
-    assert (found.collisions, found.looked_at, found.is_sample) == (70, 70, False)
-    assert found.laid_to == {"recording": 70}
+    assert (found.collisions, found.looked_at, found.is_sample) == (MOST + 2, MOST + 2, False)
+    assert found.laid_to == {"recording": MOST + 2}
 
 
 def test_leaving_the_road_is_no_collision() -> None:

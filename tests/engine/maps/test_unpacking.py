@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.maps.drawn_library import LIBRARY
-from plannerforge.engine.maps.unpacking import is_map, named_by_content, root_element, unpacked
+from plannerforge.engine.maps.unpacking import is_map, named_by_content, root_element, stored_name, unpacked
 from plannerforge.schemas.errors import UnsafeInput
 
 TOWN = (LIBRARY / "fahrhausen.osm").read_bytes()
@@ -48,6 +48,23 @@ def test_a_packed_map_that_is_cut_off_or_no_archive_is_refused(tmp_path: Path, e
 def test_maps_are_known_by_their_names() -> None:
     assert all(is_map(Path(name)) for name in ("a.osm", "A.OSM", "a.osm.gz", "a.osm.bz2", "a.net.xml", "a.net.xml.gz"))
     assert not any(is_map(Path(name)) for name in ("a.xml", "a.gz", "a.osm.zip"))
+
+
+@pytest.mark.parametrize(
+    ("name", "stored"),
+    [
+        ("a.osm", "map.osm"),
+        ("A.OSM.PBF", "map.osm"),
+        ("a.osm.xml.gz", "map.osm"),
+        ("a.net.xml", "map.net.xml"),
+        ("a.net.xml.bz2", "map.net.xml"),
+        ("a.xml", "map.xml"),
+        ("a.xodr", "map.xodr"),
+        ("a.town", "map.osm"),
+    ],
+)
+def test_a_map_is_stored_under_the_ending_of_its_format(name: str, stored: str) -> None:
+    assert stored_name(Path(name)) == stored
 
 
 @pytest.mark.parametrize("name", ["web.osm.xml", "town.xml", "town.net.xml", "town.osm"])

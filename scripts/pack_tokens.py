@@ -1,0 +1,33 @@
+"""Write ``server/o200k_base.json.gz``: the table of OpenAI's encoding o200k_base, by which ``server/tokens.py`` counts.
+
+    python scripts/pack_tokens.py
+
+takes the table from tiktoken (MIT), which fetches it from OpenAI's server, or reads it from the folder that
+``TIKTOKEN_CACHE_DIR`` names, and checks its SHA-256. tiktoken's own package does not hold it, and a server without the
+net needs it. The same table gives the same bytes.
+"""
+
+import base64
+import gzip
+import json
+from pathlib import Path
+
+import tiktoken
+
+TABLE = Path(__file__).resolve().parent.parent / "server" / "o200k_base.json.gz"
+ABOUT = "OpenAI's encoding o200k_base, as tiktoken (MIT License, Copyright (c) 2022 OpenAI, Shantanu Jain) publishes it"
+
+
+def pack(encoding: tiktoken.Encoding, path: Path) -> None:
+    """Write the pattern that splits a text, and the tokens in base64 in the order of their ranks, from 0 on."""
+    tokens = sorted(encoding._mergeable_ranks, key=encoding._mergeable_ranks.__getitem__)
+    table = {
+        "about": ABOUT,
+        "pattern": encoding._pat_str,
+        "tokens": [base64.b64encode(token).decode("ascii") for token in tokens],
+    }
+    path.write_bytes(gzip.compress(json.dumps(table, separators=(",", ":")).encode("ascii"), compresslevel=9, mtime=0))
+
+
+if __name__ == "__main__":
+    pack(tiktoken.get_encoding("o200k_base"), TABLE)
