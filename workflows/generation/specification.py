@@ -23,7 +23,7 @@ from ...engine.traffic import (
     vehicles_per_lane_km,
     words_of_hour,
 )
-from ...engine.vehicles import PEDESTRIAN, vehicle_classes
+from ...engine.vehicles import PEDESTRIAN, vehicle_class_of, vehicle_classes
 from ...schemas.errors import (
     Faults,
     InvalidRequest,
@@ -56,7 +56,7 @@ from ...schemas.generation import (
 )
 from ...schemas.grammar import parse_condition
 from ...schemas.maps import Box
-from ...schemas.vocabulary import MANOEUVRES, vehicle_class_of
+from ...schemas.vocabulary import MANOEUVRES
 from .flow_tables import NAMING
 
 MOST_VEHICLES = 300
