@@ -237,11 +237,18 @@ def _weather(value: str) -> tuple[Weather, str]:
             f"there is no weather {value!r}; without a condition it is good", valid=closest(value, WEATHERS) or WEATHERS
         )
     taken = f"{value!r} is taken as {known}" if known != value else ""
-    factor = SPEED_FACTORS.get(known)
+    factor, friction = SPEED_FACTORS.get(known), TrafficConditions(weather=known).friction
+    slower = (
+        "" if factor is None else f"vehicles drive {1 - factor:.1%} slower where they are free ({SPEED_FACTORS_SOURCE})"
+    )
+    held = (
+        ""
+        if friction is None
+        else f"the roads have a friction of {friction:g}, and nobody brakes harder than tyres hold"
+    )
+    effects = " and ".join(filter(None, (slower, held)))
     effect = (
-        f"{known}: vehicles drive {1 - factor:.1%} slower where they are free ({SPEED_FACTORS_SOURCE})"
-        if factor is not None
-        else f"{known} stands in the file; how it changes driving is not known here"
+        f"{known}: {effects}" if effects else f"{known} stands in the file; how it changes driving is not known here"
     )
     return known, "; ".join(part for part in (taken, effect) if part)
 
