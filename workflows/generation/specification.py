@@ -234,7 +234,11 @@ def _weather(value: str) -> tuple[Weather, str]:
     known = next((weather for weather in WEATHERS if weather == name), None)
     if known is None:
         raise UnknownName(
-            f"there is no weather {value!r}; without a condition it is good", valid=closest(value, WEATHERS) or WEATHERS
+            f"there is no weather {value!r}; without a condition it is good",
+            valid=closest(value, WEATHERS) or WEATHERS,
+            next_step="choose one of these, or leave the weather out",
+            remedies=misspelt(value, [*WEATHERS, *WEATHER_WORDS]),
+            complete=True,
         )
     taken = f"{value!r} is taken as {known}" if known != value else ""
     factor, friction = SPEED_FACTORS.get(known), TrafficConditions(weather=known).friction
