@@ -108,7 +108,10 @@ def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
         units |= {"steps": step_s, "step": step_s}
     if match is None or not math.isfinite(float(match[1])):
         raise InvalidRequest(
-            f"'{text}' is no quantity", valid=[f"a number{_or_units(units)}"], next_step="write a number and its unit"
+            f"'{text}' is no quantity",
+            valid=[f"a number{_or_units(units)}"],
+            next_step="write a number and its unit",
+            complete=True,
         )
     if match[2] is None:
         return float(match[1])
@@ -240,7 +243,10 @@ def parse_assignment(text: str) -> Assignment:
     if operator == "=" and re.fullmatch(r"[A-Za-z_]\w*", right) and right.lower() not in ("nan", "inf", "infinity"):
         return Assignment(name, "=", None, copied_from=right)
     raise InvalidRequest(
-        f"'{text}' assigns '{right}', which is no finite number", valid=examples, next_step="assign a number"
+        f"'{text}' assigns '{right}', which is no finite number",
+        valid=examples,
+        next_step="assign a number",
+        complete=True,
     )
 
 

@@ -219,6 +219,11 @@ class Achieved(Model):
     unit: str
     reached: bool = Field(True, description="whether the value is the one asked for")
 
+    @property
+    def failed(self) -> bool:
+        """Whether what the edit is about did not happen at all, so that no value could be compared."""
+        return self.asked is None and not self.reached
+
 
 class EditReport(Model):
     """What became of one edit; ``meant``: whom its words for vehicles meant."""
@@ -237,7 +242,7 @@ class EditReport(Model):
     def verdict(self) -> str:
         """``done``, or that nothing is left of it, or that not all get where, or drive as, it tells them."""
         if not self.done:
-            return "without effect"
+            return "not reached" if any(one.failed for one in self.achieved) else "without effect"
         missing = {route.vehicle_id for route in self.routes if route.arrives is False}
         missing |= {one.vehicle_id for one in self.achieved if not one.reached}
         asked = {route.vehicle_id for route in self.routes if route.arrives is not None}

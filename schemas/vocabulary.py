@@ -3,8 +3,6 @@
 Tags, keys and types are those of the paper's selection module (Methodology, Scenario Selection); features are ours.
 """
 
-import unicodedata
-from functools import cache
 from typing import Final, Literal
 
 TAGS: Final[dict[str, str]] = {
@@ -144,89 +142,3 @@ ROAD_FRICTIONS: Final[dict[str, float]] = {"dry": 0.85, "wet": 0.65, "heavy_rain
 heavy rain); snow is the least of R. K. Noon, "Engineering Analysis of Vehicular Accidents" (1994): 0.20 to 0.25."""
 WEATHER_ROADS: Final[dict[str, str]] = {"light_rain": "wet", "heavy_rain": "heavy_rain", "snow": "snow"}
 """What roads are in a weather, by CommonRoad's word for it. Fog changes no road; for hail no figure is known."""
-_VEHICLE_WORDS: Final[dict[str, str]] = {
-    "car": (
-        "auto automobile pkw wagen personenwagen voiture coche carro macchina машина автомобиль легковой "
-        "汽车 轿车 車 乗用車 personbil passengercar sedan"
-    ),
-    "truck": (
-        "lorry lorries lkw lastwagen laster hgv camion camión caminhao vrachtwagen грузовик 卡车 货车 "
-        "トラック ciezarowka heavyvehicle"
-    ),
-    "trailer": (
-        "semi semitrailer semitruck articulatedlorry sattelzug sattelschlepper lastzug auflieger roadtrain "
-        "tractortrailer фура 半挂车 semirremorque"
-    ),
-    "delivery": (
-        "van lieferwagen transporter kleintransporter sprinter camionnette fourgon fourgonnette furgoneta "
-        "furgone bestelwagen фургон 面包车 配送车 バン deliveryvan lightcommercialvehicle"
-    ),
-    "bus": "buses busses omnibus linienbus autobus автобус 公交车 巴士 バス citybus transitbus",
-    "coach": "coaches reisebus fernbus autocar pullman 长途客车 大巴 touringcar tourbus longdistancebus",
-    "taxi": "taxis cab cabs такси 出租车 的士 タクシー taxicab",
-    "emergency": (
-        "ambulance ambulances police policecar firetruck fireengine firebrigade emergencyvehicle rescue "
-        "krankenwagen rettungswagen polizei polizeiauto feuerwehr einsatzfahrzeug notarzt pompiers policia "
-        "bomberos ambulancia ambulanza polizia vigilidelfuoco скорая полиция пожарная 救护车 警车 消防车 "
-        "救急車 パトカー 消防車"
-    ),
-    "motorcycle": (
-        "motorbike motorcycles motorrad moto motocicleta motocicletta motorfiets motocykl мотоцикл 摩托车 オートバイ"
-    ),
-    "moped": (
-        "mopeds scooter scooters roller mofa cyclomoteur ciclomotor ciclomotore bromfiets мопед скутер "
-        "电动车 スクーター"
-    ),
-    "bicycle": (
-        "bike bikes cyclist cyclists cycle fahrrad rad radfahrer velo vélo cycliste bicicleta ciclista "
-        "bicicletta fiets rower велосипед велосипедист 自行车 自転車"
-    ),
-    "pedestrian": (
-        "person people walker fußgänger fußgängerin passant passanten piéton piétons peatón peatones pedone "
-        "pedoni pedestre voetganger pieszy пешеход пешеходы 行人 歩行者"
-    ),
-}
-"""Words that users have for the classes of a request, in the larger languages."""
-_PRESET_WORDS: Final[dict[str, str]] = {
-    "default": "standard normal vorgabe défaut pardefaut predeterminado predefinito стандарт 默认 デフォルト",
-    "comfort": (
-        "komfort comfortable komfortabel bequem confort confortable comodo confortevole комфорт 舒适 快適 smooth"
-    ),
-    "balanced": "ausgewogen balance équilibré equilibrado equilibrato сбалансированный 平衡",
-    "sporty": (
-        "sport sportlich efficiency effizient efficient sportif deportivo sportivo спорт спортивный 运动 スポーツ"
-    ),
-    "safety": (
-        "safe sicher sicherheit conservative konservativ sûr securite sécurité seguro sicuro sicurezza "
-        "безопасный безопасность 安全 保守"
-    ),
-    "cautious": "vorsichtig careful prudent prudente осторожный 谨慎",
-}
-"""Words that users have for presets, by the short name of the preset in small letters."""
-
-
-def vehicle_class_of(word: str) -> str | None:
-    """The class of a request that a word means in one of the larger languages; None for a word that is none."""
-    known, plain = _by_word(tuple(_VEHICLE_WORDS.items())), _plain(word)
-    return known.get(plain) or known.get(plain.removesuffix("s"))
-
-
-def preset_of(word: str) -> str | None:
-    """The short name of a preset, in small letters, that a word means; None for a word that means none."""
-    return _by_word(tuple(_PRESET_WORDS.items())).get(_plain(word))
-
-
-def synonyms() -> tuple[tuple[str, str], ...]:
-    """Every word of the table with what it means, for those who check that it means one thing."""
-    tables = (*_VEHICLE_WORDS.items(), *_PRESET_WORDS.items())
-    return tuple((_plain(word), name) for name, words in tables for word in (name, *words.split()))
-
-
-@cache
-def _by_word(table: tuple[tuple[str, str], ...]) -> dict[str, str]:
-    return {_plain(word): name for name, words in table for word in (name, *words.split())}
-
-
-def _plain(word: str) -> str:
-    """A word in small letters, without accents, and only letters and digits."""
-    return "".join(letter for letter in unicodedata.normalize("NFKD", word.casefold()) if letter.isalnum())

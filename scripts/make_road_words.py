@@ -3,7 +3,8 @@
     python scripts/make_road_words.py LIBPOSTAL
 
 The input is a checkout of libpostal (MIT License), whose ``resources/dictionaries`` hold them in 60 languages. Of their
-lines the table keeps the words: a first one, and what is written for it. Its ``resources/numex`` hold the numbers of 41
+lines the table keeps the words: a first one, and what is written for it; kinds of roads of several words (``state
+route``) as they are. Its ``resources/numex`` hold the numbers of 41
 languages, cardinal and ordinal, and Roman ones; the table keeps those up to 31, the most that dates in names have.
 Its ``resources/addresses`` say, by what they mean, how 36 languages write the cardinal directions and what stands
 between or before the two roads of a crossing.
@@ -38,6 +39,17 @@ def words_of(folder: Path, names: tuple[str, ...]) -> dict[str, list[str]]:
                 written = (latin(other) for other in others if len(other.split()) == 1)
                 found[word].update(other for other in written if other.isalpha())
     return {word: sorted(found[word] - {word}) for word in sorted(found)}
+
+
+def long_kinds_of(folder: Path) -> dict[str, list[str]]:
+    """Return, by a kind of road of several words, all that is written for it, in plain Latin letters; both sorted."""
+    found: dict[str, set[str]] = defaultdict(set)
+    for path in sorted(folder.glob("*/street_types.txt")):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            first, *others = (" ".join(filter(None, map(latin, re.split(r"[\s.]+", text)))) for text in line.split("|"))
+            if " " in first:
+                found[first].update(other for other in others if len(other) > 1)
+    return {kind: sorted(found[kind] - {kind}) for kind in sorted(found)}
 
 
 _RULE = re.compile(r'name: "(?P<name>[^"]+)"\s+value: (?P<value>\d+)')
@@ -114,6 +126,7 @@ def main(checkout: Path) -> None:
     table = {
         "source": "libpostal",
         "kinds": words_of(folder, KINDS),
+        "long_kinds": long_kinds_of(folder),
         "others": words_of(folder, OTHERS),
         "numbers": numbers_of(checkout / "resources" / "numex"),
         "suffixes": suffixes_of(folder),

@@ -29,7 +29,7 @@ HEAVY = {
     "torch",
 }
 LIGHT = [
-    ("catalog", "Search", {"maps"}),
+    ("catalog", "Search", {"maps", "vehicles"}),
     ("commonroad", "derived_benchmark_id", set()),
     ("cosimulation", "presets", {"vehicles"}),
     ("execution", "Executor", set()),

@@ -18,11 +18,12 @@ def test_every_package_of_the_page_is_installed() -> None:
 
 
 def test_every_table_of_others_data_names_its_source() -> None:
-    tables = {path.name for path in (CHECKOUT / "engine" / "maps").rglob("*.json.gz")}
+    tables = {path.name for path in (CHECKOUT / "engine").rglob("*.json.gz")}
     sources = {"borders.json.gz": "Natural Earth", "country_names.json.gz": "Common Locale Data Repository"}
     sources["road_words.json.gz"] = "libpostal"
     sources["regions.json.gz"] = "GeoNames"
     sources["settlements.json.gz"] = "settlements with their names in all languages, from [GeoNames]"
+    sources["vehicle_words.json.gz"] = "[WordNet](https://wordnet.princeton.edu)"
     sources["legal_speeds.json.gz"] = "OpenStreetMap Wiki"
     assert tables == set(sources)
     assert all(source in PAGE for source in sources.values())

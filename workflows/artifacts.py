@@ -22,6 +22,7 @@ from ..schemas.runs import BatchRecord, RunRecord, configuration_id
 from ..schemas.text import counted
 from .context import WorkflowContext
 from .operations import SUCCESS_RATES
+from .paging import check_offset
 from .results import lineages, run_record, told_apart
 
 _NEXT = {
@@ -37,9 +38,16 @@ _NEXT_AFTER_IMPORT = "search with find_scenarios, or list what came in with list
 
 
 async def list_artifacts(arguments: ListArtifactsArguments, context: WorkflowContext) -> ListArtifactsResult:
-    """Artifacts or jobs, newest first."""
+    """Artifacts or jobs, newest first.
+
+    Raises:
+        InvalidRequest: the offset leaves out all of them.
+    """
     if arguments.kind == "job":
         return _jobs(arguments, context)
+    if arguments.offset:
+        total = context.workspace.count(kind=arguments.kind, parent=arguments.parent, text=arguments.text)
+        check_offset(arguments.offset, total, "artifacts that fit", arguments.limit)
     artifacts = context.workspace.newest(
         kind=arguments.kind,
         parent=arguments.parent,
@@ -140,6 +148,8 @@ def _name(artifact: Artifact) -> str:
 
 
 def _jobs(arguments: ListArtifactsArguments, context: WorkflowContext) -> ListArtifactsResult:
+    if arguments.offset:
+        check_offset(arguments.offset, context.jobs.store.count(), "jobs", arguments.limit)
     jobs = context.jobs.store.newest(arguments.limit + 1, arguments.offset)
     listed = tuple(
         ListedArtifact(

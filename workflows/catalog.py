@@ -30,13 +30,14 @@ from ..schemas.catalog import (
     RankRequest,
     SearchRecord,
 )
-from ..schemas.errors import UnknownName, closest, with_values
+from ..schemas.errors import InvalidRequest, UnknownName, closest, with_values
 from ..schemas.generation import MapFacts
 from ..schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ..schemas.text import cited, counted, one_line, quoted
 from .context import INDEX_FOLDER, WorkflowContext
 from .maps import maps_seen
 from .operations import RANK
+from .paging import check_offset
 from .scenarios import one_scenario, opened_search, searched_within
 
 _MAPS_PAGE = 40
@@ -53,6 +54,13 @@ async def describe_catalog(arguments: DescribeCatalogArguments, context: Workflo
     maps = _maps_within(arguments.within, context)
     if arguments.within is not None and not within and not maps and not _is_search(arguments.within):
         raise _nowhere(arguments.within, context)
+    if arguments.offset and arguments.facet != "maps":
+        raise InvalidRequest(
+            f"offset counts maps, and facet={arguments.facet} is told whole",
+            valid=["facet=maps", "no offset"],
+            next_step="leave offset out",
+            remedies=[with_values(offset=None), with_values(facet="maps")],
+        )
     count, facets = scenario_facets(connection, arguments.facet, within)
     found = DescribeCatalogResult(scenarios=count, facets=(*facets, *_other_facets(arguments, maps, context)))
     return _with_maps(found, maps, arguments) if arguments.facet == "maps" else found
@@ -127,7 +135,12 @@ def _nowhere(word: str, context: WorkflowContext) -> UnknownName:
 def _with_maps(
     found: DescribeCatalogResult, maps: Sequence[MapFacts], arguments: DescribeCatalogArguments
 ) -> DescribeCatalogResult:
-    """The answer with one page of the maps, country by country, and the call that shows the rest."""
+    """The answer with one page of the maps, country by country, and the call that shows the rest.
+
+    Raises:
+        InvalidRequest: the offset leaves out all of them.
+    """
+    check_offset(arguments.offset, len(maps), "maps", _MAPS_PAGE)
     page = maps[arguments.offset : arguments.offset + _MAPS_PAGE]
     countries = [
         CountryMaps(
@@ -196,6 +209,7 @@ async def find_scenarios(arguments: FindScenariosArguments, context: WorkflowCon
     search = opened_search(arguments, context)
     ranking = await _ranking(search, context) if search.needs_ranking else None
     hits = search.find(ranking)
+    check_offset(arguments.offset, len(hits.matches), "matches", arguments.limit)
     stages = search.stage_counts()
     found = hashlib.sha256("\n".join(hits.matches).encode()).hexdigest()
     recipe = Recipe(

@@ -15,32 +15,13 @@ from ...schemas.catalog import FindScenariosArguments, Stage
 from ...schemas.errors import Faults, InvalidRequest, UnknownName, calling, closest, instead, misspelt, with_values
 from ...schemas.grammar import Condition, Interval, parse_condition, parse_interval, scope_first
 from ...schemas.text import one_line, quoted
-from ...schemas.vocabulary import (
-    CIRCUMSTANCES,
-    FEATURES,
-    MANOEUVRES,
-    MEASURES,
-    OBSTACLE_TYPES,
-    ROAD_NET_KEYS,
-    TAGS,
-    vehicle_class_of,
-)
+from ...schemas.vocabulary import CIRCUMSTANCES, FEATURES, MANOEUVRES, MEASURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS
 from ..maps import countries_spelt_like, country_code, names_elsewhere, place_keys
+from ..vehicles import vehicle_class_of
 from .bm25 import words_of
 from .entry_sets import column_of
 
 NameOf = Callable[[str], str]
-_OBSTACLE_WORDS = {
-    "bike": "bicycle",
-    "cyclist": "bicycle",
-    "motorbike": "motorcycle",
-    "lorry": "truck",
-    "lorries": "truck",
-    "buses": "bus",
-    "coach": "bus",
-    "parkedcar": "parkedVehicle",
-    "emergencyvehicle": "priorityVehicle",
-}
 PARTICIPANTS = "participants"
 """What obstacles of all types together are called."""
 EITHER = "tag or feature"
@@ -491,7 +472,7 @@ def obstacle_type_of(word: str) -> str | None:
 
 def _obstacle_name(word: str) -> str:
     meant = vehicle_class_of(word)
-    everyday = ({_key(word): _TYPE_OF_CLASS.get(meant, meant)} if meant else {}) | _OBSTACLE_WORDS
+    everyday = {_key(word): _TYPE_OF_CLASS.get(meant, meant)} if meant else {}
     return _name(word, OBSTACLE_TYPES, everyday, "obstacle type")
 
 

@@ -3,6 +3,7 @@
 ``parse_benchmark_id``: country and place of a benchmark id; refuses what does not follow COUNTRY_Place.
 ``follows_naming``: whether country and place can be read from a benchmark id by CommonRoad's naming.
 ``derived_benchmark_id``: The base's id with a prediction number made of the recipe's digest (hexadecimal).
+``friction_of``: The coefficient of friction of a document's roads as it is written; None if it states none.
 ``set_friction``: State the coefficient of friction of a document's roads.
 ``prescribed_ids``: Ids of the road users of a file whose motion an edit prescribes.
 ``script_texts``: What a file says of the motion of road users that depends on the ego.
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from .document import (
         ScenarioDocument,
         ego_class_instruction,
+        friction_of,
         prescribed_ids,
         schema_errors,
         schema_faults,

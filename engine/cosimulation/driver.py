@@ -117,6 +117,7 @@ def behaviour_from(
                 f"there is no behaviour preset '{preset}'",
                 valid=closest(preset, _PRESET_VALUES),
                 next_step="name one of these, or set single parameters with 'params'",
+                complete=True,
             )
         values = presets()[name] | ({} if own_gap_m is None else {"minGap": own_gap_m})
     assignments = [_read(text, values) for text in params]

@@ -16,7 +16,6 @@ import numpy as np
 from ...schemas.errors import InvalidRequest, NotPossible, Remedy, UnknownName, with_values
 from ...schemas.grammar import parse_interval, parse_quantity
 from ...schemas.modification import Edit
-from ...schemas.vocabulary import vehicle_class_of
 from ..commonroad import Track, center_of, size_of
 from ..cosimulation import DrivePlan, first_curve_too_tight
 from ..geometry import point_at, project
@@ -30,6 +29,7 @@ from ..vehicles import (
     ego_class_of,
     latest_passing_s,
     least_time_s,
+    vehicle_class_of,
 )
 from .changes import Changes, EditStep, GoalChange, car_plan, check_speed
 from .entries import PLACE_TAKEN, OccupiedPlaces

@@ -24,6 +24,7 @@ from ..scene import NOT_DRIVEN, Scene
 from ..vehicles import STANDING_MPS
 from .changes import EditStep, listed
 from .edited_scene import EditedScene, SimulationResult, new_overlaps
+from .scripted import LINE_MISSED, RED_MISSED, TIME_GAP_MISSED
 
 _SHORT_M = 5.0
 """A vehicle may be past a lanelet shorter than this within one step, so that no step shows it there (50 m/s)."""
@@ -494,6 +495,25 @@ def why_undone(
     ):
         return None
     return "a later edit removes what it is about" if gone.issuperset(step.vehicles) else "later edits overrule it"
+
+
+def why_missed(values: Sequence[Achieved]) -> str | None:
+    """Return why an edit is not done although its vehicles drive as it prescribes; None if it is done.
+
+    That is so if what it is about happened for none of them. A value that differs from the one asked for is a matter of
+    degree, and is told as such.
+    """
+    missed = {one.vehicle_id: one.quantity for one in values if one.failed}
+    if not missed or {one.vehicle_id for one in values} - set(missed):
+        return None
+    return next((reason for quantity, reason in _MISSED.items() if quantity in missed.values()), None)
+
+
+_MISSED: Mapping[str, str] = {
+    TIME_GAP_MISSED: "not done: the vehicle behind it stands by then, and to one that stands there is no time gap",
+    LINE_MISSED: "not done: the stop line is not crossed before the recording ends",
+    RED_MISSED: "not done: the light is not red any more when it is crossed",
+}
 
 
 def _is_set_anew(step: EditStep, key: int, later: Sequence[EditStep]) -> bool:

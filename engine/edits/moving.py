@@ -34,7 +34,7 @@ from .entries import OccupiedPlaces
 from .placement import Place, first_place
 from .population import check_allowed, class_named
 from .references import select, select_one, target_lanelets
-from .scripted import achieved, motion_of
+from .scripted import LINE_MISSED, RED_MISSED, achieved, motion_of
 
 _BARRIER_M, _BESIDE_BARRIER_M = 1.0, 0.2
 """Length of the barrier that closes a lane, and the room that it leaves on either side (chosen)."""
@@ -219,12 +219,12 @@ def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             track = edited.road_users.get(key)
             step = None if track is None else crossing_step(scene, track, lanelet)
             if step is None:
-                found.append(achieved(key, "lines crossed", 1.0, 0.0, "", reached=False))
+                found.append(achieved(key, LINE_MISSED, None, 0.0, "", reached=False))
                 continue
             is_red = signal.letter_at(step * scene.step_s) in _RED
             found.append(
                 achieved(
-                    key, "crossing at red" if is_red else "crossing", None, step * scene.step_s, "s", reached=is_red
+                    key, "crossing at red" if is_red else RED_MISSED, None, step * scene.step_s, "s", reached=is_red
                 )
             )
         return tuple(found)

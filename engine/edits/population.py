@@ -16,7 +16,6 @@ import numpy as np
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest, with_values
 from ...schemas.grammar import parse_quantity
 from ...schemas.modification import Edit
-from ...schemas.vocabulary import vehicle_class_of
 from ..commonroad import Track
 from ..cosimulation import (
     DrivePlan,
@@ -31,7 +30,7 @@ from ..cosimulation import (
 from ..geometry import Points, length_m, point_at, project, without_repeats
 from ..network import station_m
 from ..scene import Scene
-from ..vehicles import VehicleClass, vehicle_classes
+from ..vehicles import VehicleClass, vehicle_class_of, vehicle_classes
 from .changes import Changes, EditStep, check_speed, listed, within_time
 from .entries import CLEARANCE_M, PLACE_TAKEN, OccupiedPlaces, entry_speed, gaps_in_words
 from .placement import Place, advance_along_lane, first_place, read_trigger

@@ -24,10 +24,9 @@ from ...schemas.errors import (
 from ...schemas.grammar import SELECTORS, Selector, parse_selector
 from ...schemas.modification import AMBIGUOUS_VEHICLE, Edit
 from ...schemas.text import counted
-from ...schemas.vocabulary import vehicle_class_of
 from ..commonroad import Track
 from ..scene import NOT_DRIVEN, Ego, Scene, ego_lane, leader_and_follower
-from ..vehicles import STANDING_MPS, vehicle_classes
+from ..vehicles import STANDING_MPS, vehicle_class_of, vehicle_classes
 from .changes import Changes, scene_for_references
 
 _TIE = 1e-3

@@ -27,6 +27,7 @@ from .explanations import (
     stood_until_s,
     vehicle_route,
     why_handed_over,
+    why_missed,
     why_shifts_are_driven,
     why_undone,
 )
@@ -88,7 +89,7 @@ def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tu
         speeds, achieved = speeds_reached(simulated, step)
         shifts = why_shifts_are_driven(simulated, step.vehicles) if edit.op == "shift_time" else []
         values = step.measure(simulated)
-        undone = why_undone(edit.op, step, simulated.steps[index + 1 :], simulated.result, routes)
+        undone = why_undone(edit.op, step, simulated.steps[index + 1 :], simulated.result, routes) or why_missed(values)
         reports.append(
             EditReport(
                 index=index - request.earlier,

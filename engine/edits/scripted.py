@@ -333,6 +333,10 @@ def is_relative(text: str) -> bool:
     return body.endswith("%") or body[:1] == "+" or (body[:1] == "-" and len(body) > 1)
 
 
+TIME_GAP_MISSED, LINE_MISSED, RED_MISSED = "gap to a standing vehicle", "lines crossed", "crossing"
+"""Quantities that are never reached: they are told if what an edit is about did not happen."""
+
+
 def achieved(
     key: int, quantity: str, asked: float | None, value: float, unit: str, *, reached: bool | None = None
 ) -> Achieved:
@@ -634,7 +638,7 @@ def _cut_in_achieved(
     gap_m = ahead - (track.length_m + target.length_m) / 2
     speed = float(target.speeds_mps[at])
     if speed <= TIME_GAP_MPS:  # the time gap to one that stands is no number, and what was asked is not reached
-        return (achieved(key, "gap", None, gap_m, "m", reached=False),)
+        return (achieved(key, TIME_GAP_MISSED, None, gap_m, "m", reached=False),)
     in_s = achieved(key, "gap", gap_s, gap_m / speed, "s", reached=abs(gap_m / speed - gap_s) <= 0.1)
     return (in_s, achieved(key, "gap", None, gap_m, "m"))
 

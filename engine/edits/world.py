@@ -519,6 +519,7 @@ def _conditions_named(edit: Edit) -> _Conditions:
             "set_weather needs the weather or the friction in 'params'",
             valid=[*valid, *_VALID_FRICTIONS],
             next_step="choose one of these",
+            complete=True,
         )
     weather, friction, road, taken = None, None, "", ""
     for text in edit.params:
@@ -537,8 +538,9 @@ def _conditions_named(edit: Edit) -> _Conditions:
                 next_step="choose one of these",
                 remedies=[
                     *([] if wanted is None else [with_values(params=[f"weather={wanted}"])]),
-                    *misspelt(value, WEATHERS),
+                    *misspelt(value, [*WEATHERS, *WEATHER_WORDS]),
                 ],
+                complete=True,
             )
         weather, taken = wanted, f" ('{value}' is taken as {wanted})" if word != wanted else ""
     if friction is None and weather in WEATHER_ROADS:
@@ -567,6 +569,7 @@ def _friction_named(text: str, value: str) -> tuple[float, str]:
             next_step="choose one of these",
             given=text,
             remedies=near,
+            complete=True,
         )
     return round(friction, 6), ""
 

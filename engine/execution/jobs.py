@@ -125,6 +125,10 @@ class JobStore:
         query = f"{_JOBS} ORDER BY sequence DESC LIMIT ? OFFSET ?"
         return [_job(row) for row in self._database.connection().execute(query, (limit, offset)).fetchall()]
 
+    def count(self) -> int:
+        """Return how many jobs there are."""
+        return int(self._database.connection().execute("SELECT count(*) FROM jobs").fetchone()[0])
+
     def newest_of(self, owner: str, limit: int) -> list[Job]:
         """Jobs that were begun with one token, newest first."""
         query = f"{_JOBS} WHERE owner = ? ORDER BY sequence DESC LIMIT ?"

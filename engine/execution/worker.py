@@ -65,17 +65,21 @@ class Failure:
     unexpected: str = ""
     reason: str = ""
     remedies: Sequence[Mapping[str, Any]] = ()
+    complete: bool = False
 
     @classmethod
     def of(cls, error: PlannerForgeError, unexpected: str = "") -> "Failure":
         """The failure that carries a domain error across processes."""
         remedies = [remedy.to_json() for remedy in error.remedies]
-        return cls(error.code, error.message, error.valid, error.next_step, unexpected, error.reason, remedies)
+        told = error.code, error.message, error.valid, error.next_step
+        return cls(*told, unexpected, error.reason, remedies, error.complete)
 
     def error(self) -> PlannerForgeError:
         """The domain error, made again."""
         remedies = [Remedy.of_json(remedy) for remedy in self.remedies]
-        return rebuild(self.code, self.message, self.valid, self.next_step, self.reason, remedies)
+        error = rebuild(self.code, self.message, self.valid, self.next_step, self.reason, remedies)
+        error.complete = self.complete
+        return error
 
 
 def line_of(message: Order | Progress | Answer | Failure) -> bytes:

@@ -46,6 +46,7 @@ from ..network import (
     lights_begin_at,
     read_net,
     remove_hairpins,
+    stated_frictions,
     summarise_findings,
 )
 from ..traffic import VEHICLES_PER_LANE_KM, WARM_UP_S, lane_km_of, sumo_version
@@ -168,7 +169,8 @@ class _KnownSites:
             self._map = weakref.ref(osm)
             self._kept.clear()
         on_foot = request.people is not None
-        key = site, radius_m, classes_for(site, request), request.country, on_foot
+        friction = None if request.conditions is None else request.conditions.friction
+        key = site, radius_m, classes_for(site, request), request.country, on_foot, friction
         known = self._kept.pop(key, None) or _KnownSite.of(request, osm, site, radius_m, folder, report)
         self._kept[key] = known
         if len(self._kept) > MOST_KNOWN:
@@ -243,7 +245,8 @@ class _KnownSite:
             raise _anew(known)
         net_path = folder / "scenario.net.xml"
         net_path.write_bytes(self._net)
-        metadata = replace(_metadata_of(request, known.site, known.net), tags=known.metadata.tags)
+        stated = known.metadata
+        metadata = replace(_metadata_of(request, known.site, known.net), tags=stated.tags, friction=stated.friction)
         return replace(known, net_path=net_path, metadata=metadata)
 
 
@@ -354,14 +357,29 @@ def build_network(
         notes.append(UNKNOWN_SIDE)
     if on_foot:
         open_footways(net_path)
-    cap_speeds(net_path)
+    friction = _friction_of(request, stated_frictions(net_path) if isinstance(osm, NetMap) else frozenset())
+    cap_speeds(net_path, friction)
     net = read_net(net_path)
-    metadata = _metadata_of(request, site, net)
+    metadata = replace(_metadata_of(request, site, net), friction=friction)
     footways = footways_of(net_path, net, pavements) if on_foot else None
     if footways is not None:
         network = with_walkways(network, footways)
         notes = [*footways.notes, *notes]
+    notes += _told_friction(request, friction)
     return SiteNetwork(site, radius_m, net_path, net, network, metadata, warnings, tuple(notes), footways=footways)
+
+
+def _friction_of(request: GenerationRequest, stated: frozenset[float | None]) -> float | None:
+    """Return the friction of the roads: of the weather that was asked for, else the one that the map states for all."""
+    asked = None if request.conditions is None else request.conditions.friction
+    return next(iter(stated)) if asked is None and len(stated) == 1 else asked
+
+
+def _told_friction(request: GenerationRequest, friction: float | None) -> tuple[str, ...]:
+    """Return a note on the friction of the roads if the map states it; the weather is told with what it does."""
+    if friction is None or (request.conditions is not None and request.conditions.friction is not None):
+        return ()
+    return (f"the map states a friction of {friction:g} for its roads, and the scenario has it too",)
 
 
 def _metadata_of(request: GenerationRequest, site: Site, net: SumoNet) -> ScenarioMetadata:
@@ -424,13 +442,15 @@ def _fill_lanelets(
     net_path.write_bytes(lights_begin_at(lanelets.net, WARM_UP_S))
     if not _is_drivable(net_path) or lanelets.network is None:
         raise _closed_to_cars()
-    cap_speeds(net_path)
-    net, network, roads = read_net(net_path), lanelets.network, RoadFile.read(lanelets.path)
-    metadata = _metadata_of(request, site, net)
-    metadata = replace(metadata, tags=("simulated", *roads.tags))
+    roads = RoadFile.read(lanelets.path)
+    friction = _friction_of(request, frozenset({roads.friction}))
+    cap_speeds(net_path, friction)
+    net, network = read_net(net_path), lanelets.network
+    metadata = replace(_metadata_of(request, site, net), tags=("simulated", *roads.tags), friction=friction)
     points = np.concatenate([lanelet.polygon for lanelet in network.lanelets.values()])
     reach_m = float(np.linalg.norm(points - middle_of(site, net), axis=1).max())
     notes = () if lanelets.is_located else (NOT_LOCATED,)
+    notes = (*notes, *_told_friction(request, friction))
     return SiteNetwork(site, reach_m, net_path, net, network, metadata, (), notes, roads=roads)
 
 

@@ -157,7 +157,7 @@ def generate_traffic(
                 seed=seed,
                 scratch=scratch,
                 report=part,
-                style=_style_of(request),
+                style=_style_of(request, site.metadata.friction),
                 pedestrians=pedestrians,
             )
         except TooFewFoundRoom as full:
@@ -218,16 +218,16 @@ def _asked_ramps(request: GenerationRequest, net: SumoNet) -> tuple[frozenset[st
     return (links, frozenset()) if begins else (frozenset(), links)
 
 
-def _style_of(request: GenerationRequest) -> DrivingStyle | None:
-    """How all drive under the request's conditions; None: as usual."""
+def _style_of(request: GenerationRequest, friction: float | None) -> DrivingStyle | None:
+    """How all drive under the request's conditions, on roads of some friction; None: as usual."""
     conditions = request.conditions
     if conditions is None:
-        return None
+        return None if friction is None else DrivingStyle(friction=friction)
     factor = 1.0 if conditions.weather is None else SPEED_FACTORS.get(conditions.weather, 1.0)
     if conditions.drivers in presets():
-        return DrivingStyle(factor, presets()[conditions.drivers])
+        return DrivingStyle(factor, presets()[conditions.drivers], friction=friction)
     known = published_calibrations()
-    return DrivingStyle(factor, calibrations=tuple(known[name] for name in conditions.calibrations))
+    return DrivingStyle(factor, calibrations=tuple(known[name] for name in conditions.calibrations), friction=friction)
 
 
 class _Part:

@@ -13,7 +13,7 @@ from pathlib import Path
 from lxml import etree
 
 from ...schemas.generation import TrafficConditions
-from ..commonroad import ego_class_instruction
+from ..commonroad import ego_class_instruction, set_friction
 from ..geometry import Points, wrap_angle
 from ..maps import RoadFile
 from ..network import Incoming, RoadLanelet, RoadNetwork, SpeedSign, TrafficLight, Walkway
@@ -36,7 +36,8 @@ class ScenarioMetadata:
     """The attributes of a file's root, its location and its tags.
 
     ``latitude`` and ``longitude`` in degrees, ``offset_m`` of the projected coordinates. ``speed_sign``: the country's
-    sign for a speed limit, None where CommonRoad has none.
+    sign for a speed limit, None where CommonRoad has none. ``friction``: the coefficient of friction of the roads, None
+    if neither the weather nor the map states it.
     """
 
     benchmark_id: str
@@ -49,6 +50,7 @@ class ScenarioMetadata:
     tags: tuple[str, ...]
     speed_sign: str | None
     conditions: TrafficConditions | None = None
+    friction: float | None = None
 
 
 def write_scenario(
@@ -76,6 +78,7 @@ def write_scenario(
             "date": _FIXED_DATE,
         },
     )
+    set_friction(root, metadata.friction)
     write_location(root, metadata, roads)
     tags = _add(root, "scenarioTags")
     for tag in sorted(set(metadata.tags)):

@@ -20,6 +20,7 @@
 ``yield_at_crossings``: Give pedestrians the right of way at all crossings of a net without lights, in place.
 ``read_walk_net``: The pavements, corners and crossings of a SUMO net.
 ``Walkway``: A lanelet for pedestrians in both directions.
+``stated_frictions``: The coefficients of friction that the lanes of a net state; None among them if a lane states none.
 ``run_netconvert``: Run netconvert with the options and those for good geometry inside junctions; its warnings.
 ``station_m``: Arc length in m for a position word, a fraction or metres, at least a centimetre inside the lanelet.
 ``Incoming``: One arm of an intersection.
@@ -54,7 +55,7 @@ if TYPE_CHECKING:
     from .lanelet_graph import Digraph, LaneletGraph
     from .lanelet_net import GeoReference, lights_begin_at, net_over_lanelets
     from .net_parser import MOTOR_CLASSES, NetEdge, SumoNet, read_net
-    from .netconvert import cap_speeds, convert_osm, run_netconvert
+    from .netconvert import cap_speeds, convert_osm, run_netconvert, stated_frictions
     from .positions import station_m
     from .road_network import (
         WIDEST_TURN_RAD,

@@ -37,6 +37,7 @@ from ..geometry import (
     without_repeats,
     wrap_angles,
 )
+from ..vehicles import GRAVITY_MPS2
 from .net_parser import shape_of
 from .walk_net import read_walk_net
 
@@ -323,21 +324,29 @@ _SLOWEST_MPS = 2.0
 """Chosen: kinks of a coarse line have a curvature that no vehicle drives."""
 
 
-def cap_speeds(net_path: Path) -> int:
+def stated_frictions(net_path: Path) -> frozenset[float | None]:
+    """Return the coefficients of friction that the lanes of a net state, with None if a lane states none."""
+    lanes = etree.parse(net_path).getroot().iterfind("edge[@from]/lane")
+    return frozenset(None if (text := lane.get("friction")) is None else float(text) for lane in lanes)
+
+
+def cap_speeds(net_path: Path, friction: float | None = None) -> int:
     """Lower the speed limit of every lane of a net, in place, to √(a / κ) for its sharpest curve.
 
     SUMO slows down for turns inside junctions only, never in the curves of a road: a quarter of its cars would break
-    the friction circle there. Comments (netconvert's date and paths) are left out of the file.
+    the friction circle there. On a road of some friction, half of what tyres hold is the most that drivers use.
+    Comments (netconvert's date and paths) are left out of the file.
 
     Returns:
         The number of lanes that were changed.
     """
+    lateral_mps2 = min(_LATERAL_ACCELERATION_MPS2, math.inf if friction is None else friction * GRAVITY_MPS2 / 2)
     root = etree.parse(net_path, etree.XMLParser(remove_comments=True)).getroot()
     changed = 0
     for lane in root.iter("lane"):
         curvature = maximum_curvature(shape_of(lane))
-        if curvature > 0 and float(lane.get("speed", "0")) ** 2 * curvature > _LATERAL_ACCELERATION_MPS2:
-            lane.set("speed", f"{max(_SLOWEST_MPS, math.sqrt(_LATERAL_ACCELERATION_MPS2 / curvature)):.2f}")
+        if curvature > 0 and float(lane.get("speed", "0")) ** 2 * curvature > lateral_mps2:
+            lane.set("speed", f"{max(_SLOWEST_MPS, math.sqrt(lateral_mps2 / curvature)):.2f}")
             changed += 1
     net_path.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n")
     return changed

@@ -13,7 +13,7 @@ import numpy as np
 from ...schemas.errors import NotPossible
 from ..execution import ProgressReporter
 from ..geometry import Points, Values
-from ..vehicles import VehicleClass, vehicle_classes
+from ..vehicles import GRAVITY_MPS2, VehicleClass, vehicle_classes
 from .conditions import SPEED_CUT, Calibration, time_gaps_s
 from .demand import TripMaker
 from .sumo import Sumo, heading_of_angle_rad, sumo_running, vehicle_type, vehicle_type_distribution
@@ -54,12 +54,14 @@ class DrivingStyle:
     """How all drivers of a traffic drive.
 
     ``speed_factor``: of all free speeds; ``parameters``: of SUMO's vehicle types, in the place of the class's own;
-    ``calibrations``: in the place of both, for the classes that they hold for.
+    ``calibrations``: in the place of both, for the classes that they hold for. ``friction``: the road's coefficient of
+    friction, which bounds how hard they accelerate and brake; None if it is not stated.
     """
 
     speed_factor: float = 1.0
     parameters: Mapping[str, float] = field(default_factory=dict)
     calibrations: tuple[Calibration, ...] = ()
+    friction: float | None = None
 
 
 class OnFoot(Protocol):
@@ -154,6 +156,9 @@ def _vehicle_type(vehicle_class: VehicleClass, style: DrivingStyle) -> str:
             gaps_s = time_gaps_s(calibration.time_gap_s)
     if vehicle_class.minimum_gap_m != vehicle_classes()["car"].minimum_gap_m:  # a class that stands closer by nature
         own["minGap"] = vehicle_class.minimum_gap_m
+    if style.friction is not None:
+        held_mps2 = style.friction * GRAVITY_MPS2
+        own |= {name: min(own[name], held_mps2) for name in ("accel", "decel")} | {"emergencyDecel": held_mps2}
 
     def with_values(type_id: str, values: Mapping[str, float]) -> str:
         return vehicle_type(

@@ -7,11 +7,11 @@ Nothing heavy is imported here: the server reads the tables without loading a pl
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
+from types import MappingProxyType
 from typing import Literal, TypeVar
 
 from ...schemas.errors import UnknownName, closest
 from ...schemas.planning import PlannerDeclaration
-from ...schemas.vocabulary import preset_of
 from ..planners import known_planner, own_planner
 
 LARGEST_WEIGHT = 1e6
@@ -83,11 +83,8 @@ class PlannerTuning:
         """
         folded = word.strip().lower()
         for preset in self.presets.values():
-            if folded in (preset.name.lower(), preset.short_name.lower()):
-                return preset
-        meant = preset_of(word)
-        for preset in self.presets.values():
-            if meant == preset.short_name.lower():
+            words = (preset.name.lower(), preset.short_name.lower(), *_PRESET_WORDS.get(preset.short_name, ()))
+            if folded in words:
                 return preset
         likely = closest(word, self.presets)
         raise UnknownName(
@@ -97,6 +94,17 @@ class PlannerTuning:
         )
 
 
+_PRESET_WORDS = MappingProxyType(
+    {
+        "Default": ("reset",),
+        "Comfort": ("comfortable",),
+        "Balanced": ("balance",),
+        "Sporty": ("efficiency", "efficient"),
+        "Safety": ("conservative", "careful", "safe"),
+        "Cautious": ("careful", "defensive"),
+    }
+)
+"""What the prompts of the paper's released code let users say for presets, besides their names."""
 _Named = TypeVar("_Named", Weight, Preset)
 
 

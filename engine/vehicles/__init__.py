@@ -4,6 +4,7 @@
 ``class_by_size``: The class that a recorded obstacle of a CommonRoad type and length can be; None for other sizes.
 ``nearest_class``: The class of a CommonRoad type whose length is nearest to a recorded one.
 ``vehicle_classes``: All classes by the word used for them in requests.
+``vehicle_class_of``: The class of road user that a word of any language means; None for other words.
 ``PEDESTRIAN``: A person on foot as a class of road users, which is none of the vehicle classes.
 ``can_be_there``: Whether a vehicle can be between two distances ahead after n times at m speeds, shape (n, m).
 ``centers``: Positions of the centre, shape (n, 2) in m, for positions of the rear axle and headings.
@@ -96,5 +97,6 @@ if TYPE_CHECKING:
         STANDING_MPS,
         TIME_GAP_MPS,
     )
+    from .words import vehicle_class_of
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -22,8 +22,9 @@ CUT_IN_REACTION_S = 0.35
 MONITOR_REACTION_S = 0.4
 """With which CommonRoad's own monitor of traffic rules counts the safe distance."""
 HARD_BRAKING_REACTION_S = 0.5
-"""The least time after which a driver brakes hard (chosen below the 0.7 s that Green, How Long Does It Take to Stop?,
-2000, gives for drivers who expect to brake, so that only what no driver can do is refused)."""
+"""The least time after which a driver brakes hard: chosen, so that only what no driver can do is refused. It is below
+the 0.70 to 0.75 s that drivers take who are fully aware of the time and place of the signal (M. Green, How Long Does It
+Take to Stop?, Transportation Human Factors 2(3), 2000, abstract)."""
 HAND_OVER_S = 4.0
 """How long before a collision a vehicle that is handed over is driven by SUMO (chosen): time to brake gently. From
 50 km/h to a standstill that is 3.5 m/s²."""

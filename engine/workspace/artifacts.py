@@ -293,6 +293,20 @@ class Workspace:
         offset: int = 0,
     ) -> list[Artifact]:
         """Artifacts, newest first; ``text`` looks into ids, names and recipes."""
+        wanted, values = self._wanted(kind, parent, text)
+        query = f"SELECT {_COLUMNS} FROM artifacts WHERE {wanted} ORDER BY sequence DESC LIMIT ? OFFSET ?"  # noqa: S608 - fixed words only
+        rows = self.database.connection().execute(query, (*values, limit, offset)).fetchall()
+        return [self._parsed(*row) for row in rows]
+
+    def count(self, *, kind: ArtifactKind | None = None, parent: str | None = None, text: str | None = None) -> int:
+        """Return how many artifacts ``newest`` would list without a limit."""
+        wanted, values = self._wanted(kind, parent, text)
+        query = f"SELECT count(*) FROM artifacts WHERE {wanted}"  # noqa: S608 - fixed words only
+        return int(self.database.connection().execute(query, values).fetchone()[0])
+
+    @staticmethod
+    def _wanted(kind: ArtifactKind | None, parent: str | None, text: str | None) -> tuple[str, list[str]]:
+        """Return the condition on artifacts in SQL, with the values of its marks."""
         conditions = ["1"]
         values: list[str] = []
         if kind is not None:
@@ -304,10 +318,7 @@ class Workspace:
         if text:
             conditions.append("instr(lower(artifact_id || ' ' || name || ' ' || recipe), lower(?)) > 0")
             values.append(text)
-        wanted = " AND ".join(conditions)
-        query = f"SELECT {_COLUMNS} FROM artifacts WHERE {wanted} ORDER BY sequence DESC LIMIT ? OFFSET ?"  # noqa: S608 - fixed words only
-        rows = self.database.connection().execute(query, (*values, limit, offset)).fetchall()
-        return [self._parsed(*row) for row in rows]
+        return " AND ".join(conditions), values
 
     def newest_made(self, limit: int) -> list[Artifact]:
         """The newest artifacts, first those that were made or imported, then searches and the starter scenarios."""

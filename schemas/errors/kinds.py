@@ -41,6 +41,7 @@ class PlannerForgeError(Exception):
         remedies: ways to mend the call, the most useful first; the server writes the first that fits as a call. By
             default they are read from ``valid``: names that a quoted word may misspell (``names_valid``), and fields
             with values, as ``lane=left``.
+        complete: whether ``valid`` names all that would be accepted, or its form, so that no call lists more of it.
     """
 
     code: ClassVar[str] = "error"
@@ -63,8 +64,10 @@ class PlannerForgeError(Exception):
         reason: str = "",
         given: str = "",
         remedies: Iterable[Remedy] | None = None,
+        complete: bool = False,
     ) -> None:
         self.message, self.reason = one_line(message, self.longest_message), reason
+        self.complete = complete
         self.valid: tuple[str, ...] = tuple(one_line(str(value)) for value in valid)
         bare = tuple(map(uncited, self.valid))
         replacing = [instead(given, value) for value in bare[: self.tried_values]] if given else []
@@ -169,6 +172,7 @@ class Faults:
             next_step="; ".join(steps),
             reason=first.reason,
             remedies=_mending_all(self._found),
+            complete=all(fault.complete for fault in self._found),
         )
         together.faults = tuple(self._found)
         raise together from first
@@ -198,6 +202,7 @@ class _Collecting:
                 next_step=fault.next_step,
                 reason=fault.reason,
                 remedies=[remedy.at(self._place) for remedy in fault.remedies],
+                complete=fault.complete,
             )
             kept.__cause__ = error
             if all(other.message != kept.message for other in self._found):

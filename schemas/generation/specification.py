@@ -16,7 +16,7 @@ from pydantic import Field, PlainSerializer, PlainValidator
 from ..base import Model
 from ..errors import InvalidRequest, with_values
 from ..maps import Box
-from ..vocabulary import EGO_CLASSES
+from ..vocabulary import EGO_CLASSES, ROAD_FRICTIONS, WEATHER_ROADS
 
 SiteType = Literal["highway", "urban", "intersection", "signalised_intersection", "roundabout", "rural", "ramp"]
 ScenarioType = Literal["any", SiteType]
@@ -133,6 +133,12 @@ class TrafficConditions(Model):
     def hour(self) -> int | None:
         """The hour of the day, from 0 to 23; None where no time is given."""
         return int(self.time.partition(":")[0]) if self.time else None
+
+    @property
+    def friction(self) -> float | None:
+        """The coefficient of friction of roads in the weather; None if it is good, or no figure is known for it."""
+        road = WEATHER_ROADS.get(self.weather or "")
+        return None if road is None else ROAD_FRICTIONS[road]
 
     @property
     def calibrations(self) -> tuple[str, ...]:

@@ -144,7 +144,14 @@ def _explained(model: type[BaseModel], error: ValidationError, given: Mapping[st
         valid=dict.fromkeys(valid),
         next_step="" if remedies else "correct the arguments that are named and call again",
         remedies=remedies,
+        complete=all(detail["type"] in _OF_CLOSED_RANGES for detail in details),
     )
+
+
+_OF_CLOSED_RANGES = frozenset(
+    ["literal_error", "enum", "greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"]
+)
+"""Pydantic's types of errors for a value that is none of a few names, or a number beyond its bounds."""
 
 
 def _corrected(

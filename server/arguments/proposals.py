@@ -145,8 +145,11 @@ def _look_up(
 
 
 def _usual_looks(error: PlannerForgeError, spec: ToolSpec) -> tuple[Remedy, ...]:
-    """What helps if nothing better is known: an argument's usual path, or the call that lists valid values."""
-    if not isinstance(error, InvalidRequest):
+    """What helps if nothing better is known: an argument's usual path, or the call that lists valid values.
+
+    No call helps if the error itself lists all of them.
+    """
+    if not isinstance(error, InvalidRequest) or error.complete:
         return ()
     usual = (with_values(**spec.arguments_type.usual_values),) if isinstance(error, OutsideRoots) else ()
     return (*usual, *spec.looks)

@@ -95,6 +95,50 @@ async def test_what_does_not_help_is_not_proposed(
     assert call == (None if expected is None else {"tool": tool, "arguments": expected})
 
 
+def weather(params: str) -> dict[str, Any]:
+    return {"scenario_id": SCENARIO, "edits": [{"op": "set_weather", "params": [params]}]}
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments", "mended"),
+    [
+        ("modify_scenario", weather("weather=rainn"), weather("weather=rain")),
+        ("modify_scenario", weather("friction=7"), weather("friction=1")),
+        ("generate_scenarios", {"conditions": ["weather=rainn"]}, {"conditions": ["weather=rain"]}),
+        ("list_artifacts", {"offset": 99, "limit": 1}, {"offset": 0, "limit": 1}),
+        ("describe_catalog", {"facet": "maps", "offset": 99}, {"facet": "maps", "offset": 0}),
+        ("describe_catalog", {"facet": "tags", "offset": 99}, {"facet": "tags"}),
+        ("find_scenarios", {"offset": 9}, {"offset": 0}),
+    ],
+)
+async def test_a_wrong_word_or_number_leads_to_the_nearest_valid_one(
+    client: Client, tool: str, arguments: dict[str, Any], mended: dict[str, Any]
+) -> None:
+    _, call = await refused(client, tool, arguments)
+    assert call == {"tool": tool, "arguments": mended}
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments"),
+    [
+        ("modify_scenario", weather("weather=zzz")),
+        ("modify_scenario", weather("friction=nan")),
+        ("modify_scenario", {"scenario_id": SCENARIO, "edits": [SLOWER | {"speed": "nan"}]}),
+        (
+            "modify_scenario",
+            {"scenario_id": SCENARIO, "edits": [{"op": "set_behaviour", "vehicles": ["31"], "preset": "wild"}]},
+        ),
+        ("generate_scenarios", {"conditions": ["weather=zzz"]}),
+    ],
+)
+async def test_no_other_list_is_proposed_where_the_refusal_names_all_valid_values(
+    client: Client, tool: str, arguments: dict[str, Any]
+) -> None:
+    text, call = await refused(client, tool, arguments)
+    assert call is None
+    assert "Valid: " in text
+
+
 async def test_names_outside_the_roots_are_not_listed(client: Client, tmp_path: Path) -> None:
     (tmp_path / "rootz").mkdir()
     (tmp_path / "roots").rename(tmp_path / "moved")

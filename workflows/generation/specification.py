@@ -23,7 +23,7 @@ from ...engine.traffic import (
     vehicles_per_lane_km,
     words_of_hour,
 )
-from ...engine.vehicles import PEDESTRIAN, vehicle_classes
+from ...engine.vehicles import PEDESTRIAN, vehicle_class_of, vehicle_classes
 from ...schemas.errors import (
     Faults,
     InvalidRequest,
@@ -56,7 +56,7 @@ from ...schemas.generation import (
 )
 from ...schemas.grammar import parse_condition
 from ...schemas.maps import Box
-from ...schemas.vocabulary import MANOEUVRES, vehicle_class_of
+from ...schemas.vocabulary import MANOEUVRES
 from .flow_tables import NAMING
 
 MOST_VEHICLES = 300
@@ -234,14 +234,25 @@ def _weather(value: str) -> tuple[Weather, str]:
     known = next((weather for weather in WEATHERS if weather == name), None)
     if known is None:
         raise UnknownName(
-            f"there is no weather {value!r}; without a condition it is good", valid=closest(value, WEATHERS) or WEATHERS
+            f"there is no weather {value!r}; without a condition it is good",
+            valid=closest(value, WEATHERS) or WEATHERS,
+            next_step="choose one of these, or leave the weather out",
+            remedies=misspelt(value, [*WEATHERS, *WEATHER_WORDS]),
+            complete=True,
         )
     taken = f"{value!r} is taken as {known}" if known != value else ""
-    factor = SPEED_FACTORS.get(known)
+    factor, friction = SPEED_FACTORS.get(known), TrafficConditions(weather=known).friction
+    slower = (
+        "" if factor is None else f"vehicles drive {1 - factor:.1%} slower where they are free ({SPEED_FACTORS_SOURCE})"
+    )
+    held = (
+        ""
+        if friction is None
+        else f"the roads have a friction of {friction:g}, and nobody brakes harder than tyres hold"
+    )
+    effects = " and ".join(filter(None, (slower, held)))
     effect = (
-        f"{known}: vehicles drive {1 - factor:.1%} slower where they are free ({SPEED_FACTORS_SOURCE})"
-        if factor is not None
-        else f"{known} stands in the file; how it changes driving is not known here"
+        f"{known}: {effects}" if effects else f"{known} stands in the file; how it changes driving is not known here"
     )
     return known, "; ".join(part for part in (taken, effect) if part)
 

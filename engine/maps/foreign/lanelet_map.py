@@ -20,9 +20,11 @@ from ....schemas.text import counted, one_line, shown_name
 from ...commonroad import (
     LoadedScenario,
     ScenarioDocument,
+    friction_of,
     parse_benchmark_id,
     read_scenario,
     schema_faults,
+    set_friction,
     speed_limit_number,
 )
 from ...network import GeoReference, RoadNetwork, net_over_lanelets
@@ -112,6 +114,7 @@ def write_network(source: Path, target: Path) -> tuple[str, ...]:
     kept = {key: one_line(root.get(key, "")) for key in ("author", "affiliation", "source", "date")}
     copy = etree.Element("commonRoad", {**header, **kept})
     location, tags = root.find("location"), root.find("scenarioTags")
+    set_friction(copy, loaded.friction)
     copy.append(_no_location() if location is None else location)
     copy.append(etree.Element("scenarioTags") if tags is None else tags)
     for tag in ROAD_ELEMENTS:
@@ -196,11 +199,12 @@ def _remove(element: etree._Element) -> None:
 
 @dataclass(frozen=True)
 class RoadFile:
-    """What a scenario takes over from a kept map: the elements of its roads, its location, and its tags."""
+    """What a scenario takes over from a kept map: the elements of its roads, its location, tags, and friction."""
 
     elements: tuple[etree._Element, ...]
     location: etree._Element
     tags: tuple[str, ...]
+    friction: float | None = None
 
     @classmethod
     def read(cls, path: Path) -> "RoadFile":
@@ -209,7 +213,9 @@ class RoadFile:
         elements = tuple(element for tag in ROAD_ELEMENTS for element in root.iterfind(tag))
         tags = tuple(str(tag.tag) for tag in root.iterfind("scenarioTags/*"))
         location = root.find("location")
-        return cls(elements, _no_location() if location is None else location, tags)
+        friction = friction_of(root)
+        where = _no_location() if location is None else location
+        return cls(elements, where, tags, None if friction is None else float(friction))
 
 
 def cut_lanelets(lanelets: LaneletMap, center: tuple[float, float], radius_m: float, target: Path) -> bool:

@@ -10,6 +10,7 @@ from lxml import etree
 
 from ....schemas.errors import NotPossible, UnsafeInput
 from ....schemas.text import cited, counted, shown_name
+from ....schemas.vocabulary import LEAST_FRICTION, MOST_FRICTION
 from ...commonroad import XmlLimits, scan_xml
 from ...network import run_netconvert
 from ..unpacking import LARGEST_BYTES
@@ -28,6 +29,10 @@ STEEPEST = 1e30
 """Of coefficients of polynomials (chosen): those that hold over a micrometre only are large; values stay finite."""
 DRIVEN = frozenset({"driving", "bidirectional", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "bus", "taxi"})
 """Types of lanes that vehicles of SUMO drive on; bicycles have lanes of type biking besides."""
+_LOST_FRICTION = (
+    f"friction, which is not the same at all lanes for vehicles, or not from {LEAST_FRICTION:g} to {MOST_FRICTION:g} "
+    "(a scenario's roads have one: set_weather with friction=… states it)"
+)
 _VERTICAL = re.compile(r"\+(geoidgrids|nadgrids|vunits|vto_meter|to_meter)=\S*")
 """Parts of a PROJ string that say how heights are meant, or name files."""
 
@@ -45,6 +50,10 @@ def convert_opendrive(source: Path, target: Path, scratch: Path) -> tuple[str, .
         axis_m = min(y_range(root))
         mirror(root, axis_m)
     repair(source.name, root)
+    frictions = _frictions(root)
+    friction = next(iter(frictions)) if len(frictions) == 1 else None
+    if friction is None and frictions - {None}:
+        lost.append(_LOST_FRICTION)
     reference = root.find("header/geoReference")
     said = "" if reference is None else " ".join(_VERTICAL.sub("", reference.text or "").split())
     located = PROJECTION.fullmatch(said) is not None and "+proj=" in said
@@ -65,6 +74,8 @@ def convert_opendrive(source: Path, target: Path, scratch: Path) -> tuple[str, .
         ) from refusal
     if axis_m is not None:
         _mirror_back(target, axis_m)
+    if friction is not None:
+        _state_friction(target, friction)
     lost += untraced_links(target)
     if warnings:
         lost.append(f"netconvert warned {counted(len(warnings), 'time')}, first: {warnings[0]}")
@@ -75,6 +86,31 @@ def convert_opendrive(source: Path, target: Path, scratch: Path) -> tuple[str, .
         _put_nowhere(target)
         lost.insert(0, f"it has {why}, so its roads are given an artificial place near 0°, 0°")
     return tuple(lost)
+
+
+def _frictions(root: etree._Element) -> frozenset[float | None]:
+    """Return the coefficients of friction that lanes for vehicles state, with None if one states no possible one."""
+    lanes = [lane for lane in root.iter("lane") if lane.get("type") in DRIVEN]
+    stated = {one.get("friction") for lane in lanes for one in lane.iterfind("material")}
+    stated |= {None for lane in lanes if lane.find("material") is None}
+    return frozenset(_possible(text) for text in stated)
+
+
+def _possible(text: str | None) -> float | None:
+    """Return a coefficient of friction that a road can have, or None for any other text."""
+    try:
+        friction = float(text or "nan")
+    except ValueError:
+        return None
+    return friction if LEAST_FRICTION <= friction <= MOST_FRICTION else None
+
+
+def _state_friction(net: Path, friction: float) -> None:
+    """State the friction at all lanes of a network, as SUMO's networks do."""
+    tree = etree.parse(net)
+    for lane in tree.getroot().iter("lane"):
+        lane.set("friction", f"{friction:g}")
+    tree.write(net, encoding="UTF-8", xml_declaration=True)
 
 
 def _checked(path: Path) -> etree._Element:

@@ -12,17 +12,12 @@ from functools import cache, lru_cache
 from pathlib import Path
 
 _COUNTRY_NAMES = Path(__file__).parent / "country_names.json.gz"
-_ALSO = """
-ALB shqiperia
-ARE vae emirates
-DEU ger brd bundesrepublikdeutschland
-GBR uk britain greatbritain grossbritannien grandebretagne scotland wales northernireland
-KOR korea
-LIE fl
-USA america unitedstatesofamerica сша ηπα アメリカ
-ZAM artificial invented zamunda
-"""
-"""Names in common use that neither ISO 3166 nor the CLDR has, and CommonRoad's own ``ZAM`` for invented places."""
+_OTHER_CODES = {"GER": "DEU", "UAE": "ARE", "FL": "LIE"}
+"""Codes in common use that are not the ISO's: two of the International Olympic Committee, and Liechtenstein's
+distinguishing sign of vehicles (United Nations), which addresses there have."""
+_OTHER_NAMES = {"Korea": "KOR", "Shqipëria": "ALB", "Zamunda": "ZAM", "artificial": "ZAM", "invented": "ZAM"}
+"""Names that no table settles: the ISO calls both Koreas so; OpenStreetMap's name of Albania has the article, which the
+CLDR's has not; and CommonRoad's own country for places that are none."""
 VOWELLESS = re.compile(r"[\u0590-\u05ff\u0600-\u06ff]")
 """Hebrew and Arabic, which write hardly any vowel: many names have the same consonants."""
 _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ø": "oe", "å": "aa", "æ": "ae"})
@@ -42,10 +37,8 @@ def _codes() -> dict[str, str]:
     codes: dict[str, str] = {}
     for country in countries:
         codes[fold(country.alpha2)] = codes[fold(country.alpha3)] = country.alpha3
-    for line in _ALSO.strip().splitlines():
-        code, *names = line.split()
-        for key in (code, *names):
-            codes.setdefault(fold(key), code)
+    for text, code in {**_OTHER_CODES, **_OTHER_NAMES, "ZAM": "ZAM"}.items():
+        codes.setdefault(fold(text), code)
     for country in countries:
         for text in (country.name, country.apolitical_name, country.name.split(",")[0]):
             codes.setdefault(fold(text.partition("(")[0]), country.alpha3)

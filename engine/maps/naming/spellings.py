@@ -143,9 +143,11 @@ _CHINESE_ROAD = re.compile(
     rf"(?P<stem>[\u4e00-\u9fff]{{1,}}?)(?P<direction>[北南东東西中]?)(?P<section>[{_NUMERALS}]?)"
     rf"(?P<kind>{'|'.join(_CHINESE_KINDS)})(?P<part>[{_NUMERALS}]段)?"
 )
-_ROUTE_WORDS = re.compile(
-    r"^(?:state route|state road|route|highway|hwy|sr|loop|road|motorway|autoroute|autobahn) (\d+)$"
+_NUMBERED_KINDS = frozenset(
+    ["road", "highway", "freeway", "expressway", "route", "interstate", "motorway", "autoroute", "autobahn", "loop"]
 )
+"""The kinds of roads that have numbers for names, by our words and libpostal's; streets and avenues have them in grids,
+where the number is no reference."""
 _LETTERED = {
     "interstate": "i",
     "usroute": "us",
@@ -335,5 +337,14 @@ def _number_keys(name: str) -> set[str]:
 
 def route_number(name: str) -> str | None:
     """The number of a road that is named by nothing else (``Route 99``, ``SR 99``); None for any other name."""
-    found = _ROUTE_WORDS.match(" ".join(latin(word) for word in _split(name)))
-    return found[1] if found else None
+    *kind, number = [latin(word) for word in _split(name)] or [""]
+    return number if kind and number.isdecimal() and " ".join(kind) in _numbered_kinds() else None
+
+
+@cache
+def _numbered_kinds() -> frozenset[str]:
+    """All that is written for the kinds of roads that have numbers for names."""
+    short = {spelling for spelling, meant in _meanings().items() if not _NUMBERED_KINDS.isdisjoint(meant)}
+    long = _table()["long_kinds"].items()
+    numbered = ((kind, *spellings) for kind, spellings in long if not short.isdisjoint(kind.split()))
+    return frozenset(short.union(_NUMBERED_KINDS, *numbered))

@@ -46,6 +46,8 @@ def write_opendrive(request: ForeignExportRequest, report: ProgressReporter) -> 
     loaded = read_scenario(Path(request.scenario_path))
     report(0.3, "drawing the roads")
     root, lost = opendrive_of(loaded.scenario, loaded.benchmark_id)
+    if loaded.friction is not None:
+        _state_friction(root, loaded.friction)
     etree.indent(root, space=" ")
     text = etree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
     Path(request.target_path).write_bytes(text)
@@ -86,6 +88,13 @@ def opendrive_of(scenario: "Scenario", name: str) -> tuple[etree._Element, tuple
         _write_junction(root, junction, plan)
     lost = _lost(network, plan, len(getattr(scenario, "footways", ())))
     return root, lost if projection or not _is_located(scenario) else (*lost, "the geo-reference")
+
+
+def _state_friction(root: etree._Element, friction: float) -> None:
+    """State the friction of the roads at every lane that has an area, after its marks as the schema has it."""
+    for lane in root.iterfind("road/lanes/laneSection/right/lane"):
+        material = etree.Element("material", {"sOffset": "0", "friction": f"{friction:.6g}"})
+        (lane.findall("roadMark") or lane.findall("width"))[-1].addnext(material)
 
 
 def _is_located(scenario: "Scenario") -> bool:

@@ -8,17 +8,21 @@ import pytest
 from lxml import etree
 from support.builders import Problem, driving, town_road
 from support.edits import Apply, apply_to, schema_errors
+from support.generation import make
 from support.planning import configuration
 
 from plannerforge.engine.commonroad.reader import kept_recording, read_scenario
 from plannerforge.engine.edits.scene_cache import scene_of
 from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.maps import RoadFile
+from plannerforge.engine.maps.foreign.lanelet_map import write_network
 from plannerforge.engine.planners.reference_drivers.models import CAR_BRAKES
 from plannerforge.engine.planners.runs import run_planner
 from plannerforge.engine.scenarios.exchange.openscenario import write_openscenario
 from plannerforge.engine.vehicles import BMW_320I, GRAVITY_MPS2, Motion, check_drivability, check_kinematics
 from plannerforge.schemas.artifacts import ForeignExportRequest
 from plannerforge.schemas.errors import InvalidRequest, UnsafeInput
+from plannerforge.schemas.generation import TrafficConditions
 from plannerforge.schemas.planning import RunRequest, RunResponse
 from plannerforge.schemas.vocabulary import ROAD_FRICTIONS
 
@@ -162,3 +166,16 @@ def test_a_file_with_a_friction_that_no_road_has_is_refused(apply: Apply, tmp_pa
     broken.write_bytes(apply(SLIPPERY).xml.read_bytes().replace(b'friction="0.2"', f'friction="{text}"'.encode()))
     with pytest.raises(UnsafeInput):
         read_scenario(broken)
+
+
+def test_a_scenario_made_in_snow_is_driven_within_what_tyres_hold(tmp_path: Path) -> None:
+    make("Kreiselheim", tmp_path, conditions=TrafficConditions(weather="snow"), duration_s=8.0, density="medium")
+    loaded = read_scenario(tmp_path / "scenario.xml")
+    assert loaded.friction == ROAD_FRICTIONS["snow"]
+    changes = [np.abs(np.diff(track.speeds_mps)).max() / loaded.step_s for track in loaded.tracks.values()]
+    assert max(changes) <= ROAD_FRICTIONS["snow"] * GRAVITY_MPS2 + 0.1
+
+
+def test_the_network_of_a_scenario_keeps_its_friction_as_a_map(apply: Apply, tmp_path: Path) -> None:
+    write_network(apply(SLIPPERY).xml, tmp_path / "map.xml")
+    assert RoadFile.read(tmp_path / "map.xml").friction == 0.2

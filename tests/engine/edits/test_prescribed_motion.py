@@ -13,10 +13,12 @@ from support.edits import Apply, apply_to
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.edits import scripted
+from plannerforge.engine.edits.explanations import why_missed
 from plannerforge.engine.planners.interface import EgoState
 from plannerforge.engine.planners.registry import open_traffic
 from plannerforge.engine.vehicles.models import BMW_320I
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
+from plannerforge.schemas.modification import EditReport
 
 ALONE = town_road().with_vehicles(driving(31, (70, 0), 10.0, 101))
 BESIDE = town_road().with_vehicles(driving(33, (50, 3.5), 12.0, 121))
@@ -75,6 +77,19 @@ def test_a_time_gap_to_one_that_stands_is_not_told_as_reached(apply: Apply, spee
     told = scripted._cut_in_achieved(edited, 31, behind, path, found, 1.5)
     assert [one.unit for one in told] == units
     assert all(one.reached for one in told) == (len(units) == 2)
+    assert (why_missed(told) is None) == (len(units) == 2)
+
+
+def test_an_edit_is_done_if_what_it_is_about_happened_for_one_of_its_vehicles() -> None:
+    missed = scripted.achieved(31, scripted.LINE_MISSED, None, 0.0, "", reached=False)
+    crossed = scripted.achieved(32, "crossing at red", None, 4.0, "s")
+    short = scripted.achieved(31, "gap", 1.5, 1.2, "s")
+    assert why_missed([missed]) is not None
+    assert why_missed([missed, crossed]) is None
+    assert not short.reached
+    assert why_missed([short]) is None
+    told = EditReport(index=0, op="cut_in", letter="T", done=False, what="", vehicles=(31,), achieved=(missed,))
+    assert told.verdict == "not reached"
 
 
 def test_a_cut_in_from_another_lane_than_the_next_names_the_vehicles_beside(apply: Apply) -> None:

@@ -7,6 +7,7 @@ from plannerforge.engine.generation.writer import ScenarioMetadata, write_locati
 from plannerforge.engine.traffic.simulation import DrivingStyle, _vehicle_type
 from plannerforge.engine.vehicles import vehicle_classes
 from plannerforge.schemas.generation import WEATHERS, TrafficConditions, Weather
+from plannerforge.schemas.vocabulary import ROAD_FRICTIONS, WEATHER_ROADS
 
 
 def location(conditions: TrafficConditions | None) -> etree._Element:
@@ -50,3 +51,17 @@ def test_bad_weather_and_drivers_change_speeds_and_gaps_together() -> None:
 def test_environments_follow_the_schema() -> None:
     words = [element.tag for element in location(TrafficConditions(weather="fog"))[-1]]
     assert words == ["time", "timeOfDay", "weather", "underground"]
+
+
+def test_nobody_accelerates_or_brakes_harder_than_tyres_hold() -> None:
+    car, moped = (_vehicle_type(vehicle_classes()[name], DrivingStyle(friction=0.2)) for name in ("car", "moped"))
+    assert 'accel="1.962" decel="1.962"' in car
+    assert 'emergencyDecel="1.962"' in car
+    assert 'accel="1.1"' in moped, "it is no stronger on any road"
+
+
+def test_a_weather_states_the_friction_that_is_known_for_it() -> None:
+    known = {weather: TrafficConditions(weather=weather).friction for weather in WEATHERS}
+    assert {weather for weather, friction in known.items() if friction is not None} == set(WEATHER_ROADS)
+    assert known["snow"] == ROAD_FRICTIONS["snow"]
+    assert TrafficConditions(time="17:30").friction is None

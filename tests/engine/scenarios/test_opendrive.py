@@ -10,8 +10,9 @@ from pyproj import Proj
 from support.builders import Lane, ScenarioBuilder, line, town_road
 
 from benchmarks.maps.formats import asam_schema, bounds_of
-from plannerforge.engine.commonroad import read_scenario
-from plannerforge.engine.network import run_netconvert
+from plannerforge.engine.commonroad import read_scenario, set_friction
+from plannerforge.engine.maps.foreign.opendrive import convert_opendrive
+from plannerforge.engine.network import run_netconvert, stated_frictions
 from plannerforge.engine.scenarios import write_opendrive
 from plannerforge.engine.scenarios.exchange.opendrive import BRIDGE_M
 from plannerforge.engine.scenarios.exchange.reading_back import geometry_error
@@ -293,3 +294,30 @@ def test_pavements_and_crossings_are_left_out_and_told(tmp_path: Path) -> None:
     users = "<laneletType>sidewalk</laneletType><userBidirectional>pedestrian</userBidirectional>"
     path.write_text(path.read_text().replace("<lanelet ", f'<lanelet id="900">{bounds}{users}</lanelet><lanelet ', 1))
     assert exported(path, tmp_path / "town.xodr").lost == ("1 footway (pavements and crossings)",)
+
+
+def with_friction(source: Path, friction: float) -> Path:
+    document = etree.parse(source)
+    set_friction(document.getroot(), friction)
+    document.write(source)
+    return source
+
+
+def test_the_friction_of_the_roads_stands_at_every_lane_and_comes_back(tmp_path: Path) -> None:
+    exported(with_friction(town_road().write(tmp_path / "town.xml"), 0.2), tmp_path / "town.xodr")
+    root = etree.parse(tmp_path / "town.xodr")
+    asam_schema("opendrive_17_core.xsd").assertValid(root)
+    assert {one.get("friction") for one in root.iter("material")} == {"0.2"}
+    lost = convert_opendrive(tmp_path / "town.xodr", tmp_path / "town.net.xml", tmp_path)
+    assert stated_frictions(tmp_path / "town.net.xml") == {0.2}
+    assert not any(words.startswith("friction") for words in lost)
+
+
+def test_frictions_that_differ_are_told_and_left_out(tmp_path: Path) -> None:
+    exported(with_friction(town_road().write(tmp_path / "town.xml"), 0.2), tmp_path / "town.xodr")
+    root = etree.parse(tmp_path / "town.xodr")
+    next(root.iter("material")).set("friction", "0.8")
+    root.write(tmp_path / "town.xodr")
+    lost = convert_opendrive(tmp_path / "town.xodr", tmp_path / "town.net.xml", tmp_path)
+    assert stated_frictions(tmp_path / "town.net.xml") == {None}
+    assert any(words.startswith("friction") for words in lost)

@@ -187,3 +187,23 @@ def test_unknown_names_are_refused(text: str) -> None:
 
 def test_an_id_is_no_name() -> None:
     assert named_configuration("cfg_0123456789ab") is None
+
+
+@pytest.mark.parametrize(
+    ("planner", "word", "preset"),
+    [
+        *(("frenetix", "safe", "Safety-Conservative"), ("frenetix", "careful", "Safety-Conservative")),
+        *(("frenetix", "Comfortable", "Comfort"), ("frenetix", "reset", "Default"), ("idm", "careful", "Cautious")),
+    ],
+)
+def test_a_preset_by_a_word_of_the_paper_s_prompts_is_said(planner: str, word: str, preset: str) -> None:
+    made, notes = changed_configuration(named_configuration(planner), word, [])
+    assert made.preset == preset
+    assert f"'{word}' is taken as the preset {preset}" in notes
+
+
+def test_another_word_for_a_preset_is_refused_with_all_of_them() -> None:
+    with pytest.raises(UnknownName) as refusal:
+        changed_configuration(named_configuration("frenetix"), "komfortabel", [])
+    assert refusal.value.valid[0] == "Comfort"
+    assert len(refusal.value.valid) == 5

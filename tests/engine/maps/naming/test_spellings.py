@@ -165,7 +165,14 @@ def test_a_house_number_and_a_postcode_do_not_hide_the_road() -> None:
     assert roads(entry, "12 Pine St, 98101 Seattle") == [("Pine Street",)]
 
 
-@pytest.mark.parametrize(("words", "number"), [("SR 99", "99"), ("State Route 99", "99"), ("Pine Street 9", None)])
+@pytest.mark.parametrize(
+    ("words", "number"),
+    [
+        *(("SR 99", "99"), ("State Route 99", "99"), ("Rte. 9", "9"), ("County Road 12", "12")),
+        *(("Route nationale 7", "7"), ("Carretera 5", "5"), ("Autobahn 9", "9")),
+        *(("Pine Street 9", None), ("Avenue 9", None), ("99", None), ("", None)),
+    ],
+)
 def test_roads_by_their_number_alone(words: str, number: str | None) -> None:
     assert route_number(words) == number
 

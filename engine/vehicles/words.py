@@ -1,0 +1,56 @@
+"""Words for the classes of road users in any language.
+
+Languages' own words come from Unicode's CLDR and from WordNet (``scripts/make_vehicle_words.py``).
+"""
+
+import gzip
+import json
+import unicodedata
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+
+_TABLE = Path(__file__).parent / "vehicle_words.json.gz"
+_VOCABULARIES = MappingProxyType(
+    {
+        "passenger": "car",
+        "motorcar": "car",
+        "hgv": "truck",
+        "hgvarticulated": "trailer",
+        "goods": "delivery",
+        "touristbus": "coach",
+        "authority": "emergency",
+        "emergencyvehicle": "emergency",
+        "priorityvehicle": "emergency",
+        "mofa": "moped",
+        "cyclist": "bicycle",
+        "person": "pedestrian",
+        "foot": "pedestrian",
+    }
+)
+"""Classes by their names in the vocabularies of the field, where they are others than ours: SUMO's vehicle classes and
+persons, CommonRoad's types of obstacles, the means of transport of OSM's key ``access``."""
+_DETACHED = (("s", ""), ("ses", "s"), ("xes", "x"), ("ches", "ch"), ("shes", "sh"), ("men", "man"), ("ies", "y"))
+"""Endings of English plurals, and what stands in their place (WordNet's rules of detachment for nouns, morphy(7WN))."""
+
+
+def vehicle_class_of(word: str) -> str | None:
+    """Return the class of road user that a word means in any of the languages of CLDR, or None if it means none."""
+    plain = plain_word(word)
+    singular = (plain.removesuffix(ending) + other for ending, other in _DETACHED if plain.endswith(ending))
+    known = _class_by_word()
+    return next((known[spelling] for spelling in (plain, *singular) if spelling in known), None)
+
+
+def plain_word(word: str) -> str:
+    """Return a word in small letters, without accents, and only with its letters and digits."""
+    return "".join(letter for letter in unicodedata.normalize("NFKD", word.casefold()) if letter.isalnum())
+
+
+@cache
+def _class_by_word() -> dict[str, str]:
+    from .classes import PEDESTRIAN, vehicle_classes
+
+    told = json.loads(gzip.decompress(_TABLE.read_bytes()))["words"]
+    found = {word: name for name, words in told.items() for word in words}
+    return found | dict(_VOCABULARIES) | {name: name for name in (*vehicle_classes(), PEDESTRIAN.name)}

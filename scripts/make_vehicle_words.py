@@ -1,0 +1,192 @@
+"""Make ``engine/vehicles/vehicle_words.json.gz``: the words that languages have for the classes of road users.
+
+    python scripts/make_vehicle_words.py CLDR_ANNOTATIONS WORDNET
+
+``CLDR_ANNOTATIONS`` is the folder ``annotations`` of the package ``cldr-annotations-full`` of Unicode's Common Locale
+Data Repository (Unicode License), in which about 150 languages name the pictures of vehicles and give key words for
+them. ``WORDNET`` is the folder ``dict`` of WordNet 3 (WordNet License), whose nouns say in English what is a kind of
+what. A word has the class that, in this order,
+
+1. it has in WordNet, if it has one class there: as a synonym that stands for the class, or if what it means first is a
+   kind of one,
+2. most languages give to it as the name of a picture,
+3. most languages give to it as a key word of all pictures of one kind that no picture of anything else has.
+
+English texts are searched for these words too. So what WordNet has as an English word without a class, and English does
+not give one either, is left out (a bill is a car in Icelandic), and so is what holds no letter.
+Words stand in small letters, without accents, and as letters and digits alone.
+"""
+
+import gzip
+import json
+import sys
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from plannerforge.engine.vehicles.words import plain_word
+
+TARGET = Path(__file__).parent.parent / "engine" / "vehicles" / "vehicle_words.json.gz"
+PICTURES = {
+    "car": ["🚗🚘", "🚙"],
+    "bus": ["🚌🚍", "🚐", "🚎"],
+    "taxi": ["🚕🚖"],
+    "emergency": ["🚓🚔", "🚑", "🚒"],
+    "motorcycle": ["🏍"],
+    "moped": ["🛵"],
+    "bicycle": ["🚲🚴", "🚵", "🚳"],
+    "pedestrian": ["🚶🚷", "🚷🚸"],
+}
+"""The pictures of each class, those of one kind together; a sequence that begins or ends with one (a woman on a
+bicycle) is of its class too."""
+POLICE = "👮🚨"
+"""Pictures of police, which share its word with the cars."""
+DELIVERY_TRUCK, ARTICULATED_LORRY, PICKUP = "🚚🚛🛻"
+"""A word for both of the first two is a truck, and so is one for a pickup; one for the first alone is a delivery van.
+The name of the second is a trailer if the language has a word for both, and otherwise its word for trucks."""
+_KINDS = [kind for kinds in PICTURES.values() for kind in kinds if len(kind) > 1] + [DELIVERY_TRUCK + ARTICULATED_LORRY]
+SYNSETS = {
+    "car": ["car automobile"],
+    "truck": ["truck motortruck", "lorry camion"],
+    "trailer": ["trailer_truck tractor_trailer semi"],
+    "delivery": ["van", "delivery_truck delivery_van"],
+    "bus": ["bus motorbus"],
+    "taxi": ["cab taxi"],
+    "emergency": ["ambulance", "fire_engine fire_truck", "cruiser police_car"],
+    "motorcycle": ["motorcycle"],
+    "moped": ["moped", "motor_scooter scooter"],
+    "bicycle": ["bicycle bike", "cyclist bicyclist"],
+    "pedestrian": ["pedestrian footer"],
+}
+"""The synonyms of WordNet that stand for each class, by words that they hold, which have the class whatever else they
+mean. What is under several of them has the class of the nearest."""
+_NOUN_OF_ARTEFACT, _NOUN_OF_PERSON = 6, 18
+"""WordNet's files of nouns (lexnames(5WN)): only their words can be road users."""
+
+
+def words_of_wordnet(folder: Path) -> dict[str, str]:
+    """Return the class of each English word that has one class alone."""
+    synsets: dict[str, tuple[list[str], list[str]]] = {}
+    for line in (folder / "data.noun").read_text(encoding="utf-8").splitlines():
+        fields = line.partition("|")[0].split()
+        if line.startswith(" ") or int(fields[1]) not in (_NOUN_OF_ARTEFACT, _NOUN_OF_PERSON):
+            continue
+        count = int(fields[3], 16)
+        pointers = fields[5 + 2 * count :]
+        narrower = [pointers[i + 1] for i, mark in enumerate(pointers) if mark in ("~", "~i")]
+        synsets[fields[0]] = [word.lower() for word in fields[4 : 4 + 2 * count : 2]], narrower
+    first = dict(_first_senses(folder))
+    meant: dict[str, set[str]] = defaultdict(set)
+    heads = {_head(words.split(), synsets): name for name, several in SYNSETS.items() for words in several}
+    chosen = {word: name for name, several in SYNSETS.items() for words in several for word in words.split()}
+    for head, name in heads.items():
+        waiting = [head]
+        while waiting:
+            lemmas, narrower = synsets[(synonyms := waiting.pop())]
+            for lemma in lemmas:
+                if first.get(lemma) == synonyms and lemma not in chosen:
+                    meant[lemma].add(name)
+            waiting += [offset for offset in narrower if offset in synsets and offset not in heads]
+    told = chosen | {word: next(iter(names)) for word, names in meant.items() if len(names) == 1}
+    return {plain_word(word): name for word, name in told.items()}
+
+
+def _first_senses(folder: Path) -> Iterator[tuple[str, str]]:
+    """Yield each noun with the synonyms of its first meaning, which is the most frequent one (wndb(5WN))."""
+    for line in (folder / "index.noun").read_text(encoding="utf-8").splitlines():
+        if not line.startswith(" "):
+            fields = line.split()
+            yield fields[0], fields[6 + int(fields[3])]
+
+
+def english_words(folder: Path) -> Iterator[str]:
+    """Yield every word of WordNet."""
+    for part in ("noun", "verb", "adj", "adv"):
+        for line in (folder / f"index.{part}").read_text(encoding="utf-8").splitlines():
+            if not line.startswith(" "):
+                yield plain_word(line.partition(" ")[0])
+
+
+def _head(words: Sequence[str], synsets: Mapping[str, tuple[list[str], list[str]]]) -> str:
+    """Return the synonyms that hold the words; of several, which a van has, the ones with the most kinds."""
+    found = [offset for offset, (lemmas, _) in synsets.items() if set(words) <= set(lemmas)]
+    return max(found, key=lambda offset: len(synsets[offset][1]))
+
+
+def words_of_cldr(folder: Path, languages: str) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the class of each word that names a picture, and of each key word, in languages by a pattern of codes."""
+    names: dict[str, Counter[str]] = defaultdict(Counter)
+    keywords: dict[str, Counter[str]] = defaultdict(Counter)
+    told = [dict(_pictures(path)) for path in sorted(folder.glob(f"{languages}/annotations.json"))]
+    trucks = {word for pictures in told for word in _for_both_trucks(pictures)}
+    for pictures in told:
+        used: dict[str, dict[str, str]] = defaultdict(dict)
+        has_both = bool(_for_both_trucks(pictures))
+        for picture, (named, described) in pictures.items():
+            for word in described:
+                used[word][picture] = _class_of(picture, word in trucks, has_both and word in named)
+                if word in named and used[word][picture]:
+                    names[word][used[word][picture]] += 1
+        for word, classes in used.items():
+            if len(set(classes.values())) == 1 and any(set(kind) <= set(classes) for kind in _KINDS):
+                keywords[word].update(set(classes.values()))
+    return _most_say(names), _most_say(keywords)
+
+
+def _for_both_trucks(pictures: Mapping[str, tuple[set[str], set[str]]]) -> set[str]:
+    """Return the words that a language has for a delivery truck and for an articulated lorry."""
+    delivery, articulated = (pictures.get(one, (set(), set()))[1] for one in (DELIVERY_TRUCK, ARTICULATED_LORRY))
+    return delivery & articulated
+
+
+def _pictures(path: Path) -> Iterator[tuple[str, tuple[set[str], set[str]]]]:
+    told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["annotations"].get("annotations", {})
+    for picture, words in told.items():
+        named, described = (_plain(words.get(key, ())) for key in ("tts", "default"))
+        yield picture.removesuffix("\ufe0f"), (named, named | described)
+
+
+def _plain(words: Iterable[str]) -> set[str]:
+    return {plain_word(word) for word in words} - {""}
+
+
+def _class_of(picture: str, truck: bool, articulated: bool) -> str:
+    if picture in (DELIVERY_TRUCK, ARTICULATED_LORRY, PICKUP):
+        if picture == DELIVERY_TRUCK and not truck:
+            return "delivery"
+        return "trailer" if picture == ARTICULATED_LORRY and articulated and not truck else "truck"
+    parts = {picture[0], picture[-1]}
+    if parts & set(POLICE):
+        return "emergency"
+    return next((class_ for class_, kinds in PICTURES.items() if parts & set("".join(kinds))), "")
+
+
+def _most_say(votes: Mapping[str, Counter[str]]) -> dict[str, str]:
+    said = {}
+    for word, classes in votes.items():
+        (first, most), *others = classes.most_common(2)
+        if not others or others[0][1] < most:
+            said[word] = first
+    return said
+
+
+def main() -> None:
+    """Write the table."""
+    annotations, wordnet = map(Path, sys.argv[1:3])
+    named, keywords = words_of_cldr(annotations, "*")
+    english = set().union(*words_of_cldr(annotations, "en"), meant := words_of_wordnet(wordnet))
+    others = set(english_words(wordnet)) - english
+    meant = {word: class_ for word, class_ in (keywords | named | meant).items() if word not in others}
+    meant = {word: class_ for word, class_ in meant.items() if not word.isnumeric()}
+    words: dict[str, list[str]] = defaultdict(list)
+    for word, class_ in sorted(meant.items()):
+        words[class_].append(word)
+    version = json.loads((annotations.parent / "package.json").read_text(encoding="utf-8"))["version"]
+    table = {"source": f"CLDR {version} (annotations), WordNet 3", "words": dict(sorted(words.items()))}
+    text = json.dumps(table, ensure_ascii=False, separators=(",", ":"))
+    TARGET.write_bytes(gzip.compress(text.encode(), 9, mtime=0))
+
+
+if __name__ == "__main__":
+    main()
