@@ -50,6 +50,7 @@
 ``jurisdiction_of``: The country and the states in which a position lies, as the table of legal limits names them.
 ``RoadReader``: Writes the tags of a site's roads as netconvert reads them, and tells what it left out.
 ``Site``: A spot of a map: type, middle in degrees, streets, and the node or way that marks it.
+``SitePart``: One of the spots that a site was merged of.
 ``SiteFinder``: Finds the sites of one map by their type.
 ``MAP_ENDINGS``: Endings of the names of map files.
 ``is_binary``: Whether a file is a binary extract by its name.
@@ -97,7 +98,7 @@ if TYPE_CHECKING:
     from .site_roads.jurisdictions import jurisdiction_of
     from .site_roads.pavements import Pavements, find_pavements
     from .site_roads.road_reader import RoadReader
-    from .site_search.finder import Site, SiteFinder
+    from .site_search.finder import Site, SiteFinder, SitePart
     from .site_search.nearness import Gathering
     from .unpacking import (
         MAP_ENDINGS,

@@ -22,6 +22,7 @@
 ``Walkway``: A lanelet for pedestrians in both directions.
 ``run_netconvert``: Run netconvert with the options and those for good geometry inside junctions; its warnings.
 ``station_m``: Arc length in m for a position word, a fraction or metres, at least a centimetre inside the lanelet.
+``ROAD_DECIMALS``: Decimals of the coordinates of a road network in a file.
 ``Incoming``: One arm of an intersection.
 ``LaneletLookup``: Finds lanelets of one network by position and heading.
 ``RoadLanelet``: A lanelet with the SUMO lane that it was made from.
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
     from .netconvert import cap_speeds, convert_osm, run_netconvert
     from .positions import station_m
     from .road_network import (
+        ROAD_DECIMALS,
         WIDEST_TURN_RAD,
         Incoming,
         LaneletLookup,

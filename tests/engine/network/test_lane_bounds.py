@@ -34,3 +34,10 @@ def test_a_line_that_runs_back_over_itself_has_no_bounds_or_valid_ones() -> None
     center = np.array([[0.0, 0], [5, 0], [5, 0.1], [0, 0.1]])
     bounds = repaired(center, offset(center, 1.6), offset(center, -1.6))
     assert bounds is None or is_valid(*bounds)
+
+
+def test_a_bound_whose_ends_meet_with_the_digits_of_a_file_is_not_valid() -> None:
+    angles = np.linspace(0.0, 2 * np.pi, 20)
+    circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    gap_m = np.stack([np.zeros(20), np.linspace(0.0, 4e-5, 20)], axis=1)
+    assert not is_valid(circle * 0.2 + gap_m, circle + gap_m)
