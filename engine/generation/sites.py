@@ -34,6 +34,7 @@ from ..maps import (
     SiteFinder,
     SitePart,
     fold,
+    ground_distance_m,
     read_map_file,
     site_finder,
 )
@@ -144,7 +145,7 @@ def lacking_turn(osm: OsmMap, request: GenerationRequest) -> NotPossible | None:
     if turn == request.goal.turn:
         calls |= {f"goal={THROUGH}:{offer}": with_values(goal=f"{THROUGH}:{offer}") for offer in sorted(offered)}
     if (other := next((site for site in ramps if turn in site.turns), None)) is not None:
-        box = [round(middle + aside, 4) for aside in (-NEARBY_DEG, NEARBY_DEG) for middle in other.position]
+        box = _box_around(other)
         calls[f"place={request.map_id} and bbox={box}"] = with_values(place=request.map_id, bbox=box)
     return NotPossible(
         f"{all_here} at {first} is {kind} only: no link {link} the main road there",
@@ -153,6 +154,11 @@ def lacking_turn(osm: OsmMap, request: GenerationRequest) -> NotPossible | None:
         reason="no_such_turn",
         remedies=list(calls.values()),
     )
+
+
+def _box_around(site: Site) -> list[float]:
+    """A box (south, west, north, east) in degrees in which a site lies."""
+    return [round(middle + aside, 4) for aside in (-NEARBY_DEG, NEARBY_DEG) for middle in site.position]
 
 
 def other_types(osm: OsmMap, request: GenerationRequest) -> list[SiteType]:
@@ -187,13 +193,30 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
     if request.road_classes and (wanted == "any" or _fitting(everywhere, everywhere.find(wanted), request)):
         where += f" that is made of {' or '.join(request.road_classes[:SHOWN_CLASSES])} only"
         next_step = "leave road_classes out" + (", or choose one of these scenario types" if held else "")
+    remedies = [with_values(scenario_type=kind) for kind in held[:1]]
+    if (outside := _nearest_outside(finder, request)) is not None:
+        streets = cited_all(outside.streets[:SHOWN_CLASSES], " / ") or "unnamed roads"
+        at = f"{outside.latitude:.5f}, {outside.longitude:.5f}"
+        where += f"; the nearest {wanted} of the map lies outside it, at {streets} ({at})"
+        remedies.insert(0, with_values(place=request.map_id, bbox=_box_around(outside)))
     return NotPossible(
         f"{cited(request.place)} ({request.map_id}) holds no {wish}{where}",
         valid=held,
         next_step=next_step,
         reason="no_such_site",
-        remedies=[with_values(scenario_type=kind) for kind in held[:1]],
+        remedies=remedies,
     )
+
+
+def _nearest_outside(finder: SiteFinder, request: GenerationRequest) -> Site | None:
+    """The site of the asked type on the asked streets that lies nearest to the middle of the asked box, if any."""
+    if request.bbox is None or request.scenario_type == "any":
+        return None
+    south, west, north, east = request.bbox
+    middle = (south + north) / 2, (west + east) / 2
+    anywhere = request.model_copy(update={"bbox": None})
+    sites = _fitting(finder, finder.find(request.scenario_type), anywhere)
+    return min(sites, key=lambda site: ground_distance_m(middle, site.position), default=None)
 
 
 def _fitting(finder: SiteFinder, sites: list[Site], request: GenerationRequest) -> list[Site]:

@@ -11,6 +11,7 @@ from plannerforge.engine.generation.site_network import prepare_site
 from plannerforge.engine.generation.sites import fitting_sites, lacking_turn
 from plannerforge.engine.maps.drawn_library import Sketch
 from plannerforge.engine.maps.osm import OsmMap, read_osm
+from plannerforge.engine.maps.site_search.finder import SiteFinder
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GenerationRequest
 
@@ -83,6 +84,18 @@ def test_a_site_on_the_streets_that_are_asked_for_comes_before_one_that_they_pas
         assert beside.longitude < on.longitude
     built = prepare_site(request_in(tmp_path, streets=streets), osm, beside, tmp_path, silent)
     assert "do not meet at one point" in built.notes[0]
+
+
+def test_a_site_outside_the_part_that_is_asked_for_is_offered(tmp_path: Path) -> None:
+    osm = drawn(tmp_path, two_ramps())
+    first, _ = sorted(SiteFinder(osm).find("ramp"), key=lambda site: site.longitude)
+    west = request_in(tmp_path, scenario_type="ramp", bbox=(49.9, first.longitude - 0.02, 50.1, first.longitude - 0.01))
+    with pytest.raises(NotPossible) as caught:
+        fitting_sites(osm, west)
+    boxed = caught.value.remedies[0].changes[0].values
+    assert boxed is not None
+    there = request_in(tmp_path, scenario_type="ramp", bbox=boxed["bbox"])
+    assert [site.position for site in fitting_sites(osm, there)] == [first.position]
 
 
 def test_a_ring_whose_turns_are_too_tight_is_drawn_with_tighter_corners(tmp_path: Path) -> None:
