@@ -270,11 +270,11 @@ def _with_lights(built: SiteNetwork) -> SiteNetwork:
 
 
 def _beside(site: Site, request: GenerationRequest) -> str:
-    """Return the note on a site that streets pass which were asked for, though none of its junctions lies on them."""
+    """Return the note on a site that the streets that were asked for only pass: none of its junctions lies on them."""
     kind = site.kind.replace("_", " ")
     if len(request.streets) > 1:
         asked = cited_all((names[0] for names in request.streets), " and ")
-        return f"{asked} do not meet at one point here; both are at the {kind}"
+        return f"{asked} do not meet at one point here, but pass this {kind}"
     return f"no {kind} lies on {cited(request.streets[0][0])} itself; this is one close by"
 
 

@@ -66,10 +66,10 @@ ANY_ORDER: tuple[SiteType, ...] = (
 """All types, the rarer first."""
 SAME_PLACE_M = 60.0
 """Sites of different types that lie closer together are one, as sites of one type are (``maps.site_search``)."""
-SHOWN_CLASSES = 3
+SHOWN_NAMES = 3
 """Road classes, and streets of a ramp, that a refusal names, at most."""
-NEARBY_DEG = 0.001
-"""Half the side of the box in which a refusal names another site (chosen): about 100 m."""
+NEARBY_DEG = 0.0005
+"""Half the side of the box in which a refusal names another site: 56 m, as sites of a type lie 60 m apart."""
 _WITHOUT_LINK: Mapping[Turn, tuple[str, str]] = MappingProxyType(
     {"merge": ("an exit", "joins"), "exit": ("an entry", "leaves")}
 )
@@ -89,8 +89,8 @@ def count_sites(request: GenerationRequest, report: ProgressReporter) -> SiteCou
 def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     """All different sites for a request, in an order that the seed shuffles; of any type: the types take turns.
 
-    Of streets that are asked for, sites on them come first, narrowed to what of them lies there; likewise ramps at
-    which a link leads where the ego, or the other road user, is to go.
+    If streets are asked for, sites on them come first, each narrowed to its parts on them. Ramps with a link that leads
+    where the ego or another road user is to go come before others.
 
     Raises:
         NotPossible: the map, street or box holds no such site of the road classes asked for; the types that it does
@@ -122,7 +122,7 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
 
 
 def _asked_at_ramp(request: GenerationRequest) -> Turn | None:
-    """Which way a link has to lead at a ramp for what is asked of the ego or of another road user; None if either."""
+    """What a link at a ramp has to make possible for the ego or another road user; None if nothing is asked of it."""
     if request.goal.turn in _WITHOUT_LINK:
         return request.goal.turn
     return "merge" if request.others is not None and request.others.name == "merging" else None
@@ -139,8 +139,8 @@ def lacking_turn(osm: OsmMap, request: GenerationRequest) -> NotPossible | None:
     if turn in offered or not offered:
         return None
     kind, link = _WITHOUT_LINK[turn]
-    first = f"{cited_all(here[0].streets[:SHOWN_CLASSES], ' / ')} ({here[0].latitude:.5f}, {here[0].longitude:.5f})"
-    all_here = "the ramp" if len(here) == 1 else f"each of the {len(here)} ramps here, such as the one"
+    first = f"{cited_all(here[0].streets[:SHOWN_NAMES], ' / ')} ({here[0].latitude:.5f}, {here[0].longitude:.5f})"
+    which = "the ramp" if len(here) == 1 else f"each of the {len(here)} ramps here, such as the one"
     calls: dict[str, Remedy] = {}
     if turn == request.goal.turn:
         calls |= {f"goal={THROUGH}:{offer}": with_values(goal=f"{THROUGH}:{offer}") for offer in sorted(offered)}
@@ -148,7 +148,7 @@ def lacking_turn(osm: OsmMap, request: GenerationRequest) -> NotPossible | None:
         box = _box_around(other)
         calls[f"place={request.map_id} and bbox={box}"] = with_values(place=request.map_id, bbox=box)
     return NotPossible(
-        f"{all_here} at {first} is {kind} only: no link {link} the main road there",
+        f"{which} at {first} is {kind} only: no link {link} the main road there",
         valid=list(calls),
         next_step="choose one of these" if calls else "choose another place, or leave the manoeuvre out",
         reason="no_such_turn",
@@ -191,11 +191,11 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
     next_step = f"choose one of these scenario types, or {elsewhere}" if held else f"choose {elsewhere}"
     everywhere = site_finder(osm)
     if request.road_classes and (wanted == "any" or _fitting(everywhere, everywhere.find(wanted), request)):
-        where += f" that is made of {' or '.join(request.road_classes[:SHOWN_CLASSES])} only"
+        where += f" that is made of {' or '.join(request.road_classes[:SHOWN_NAMES])} only"
         next_step = "leave road_classes out" + (", or choose one of these scenario types" if held else "")
     remedies = [with_values(scenario_type=kind) for kind in held[:1]]
     if (outside := _nearest_outside(finder, request)) is not None:
-        streets = cited_all(outside.streets[:SHOWN_CLASSES], " / ") or "unnamed roads"
+        streets = cited_all(outside.streets[:SHOWN_NAMES], " / ") or "unnamed roads"
         at = f"{outside.latitude:.5f}, {outside.longitude:.5f}"
         where += f"; the nearest {wanted} of the map lies outside it, at {streets} ({at})"
         remedies.insert(0, with_values(place=request.map_id, bbox=_box_around(outside)))

@@ -305,13 +305,15 @@ class SiteFinder:
     def _turns_at(self, key: int) -> frozenset[Turn]:
         """What the links at a node of a main road are for, by their directions."""
         turns: set[Turn] = set()
-        for way in (way for way in self._with_links.ways_at(key) if way.road_class in RAMP_LINKS):
+        for way in self._with_links.ways_at(key):
+            if way.road_class not in RAMP_LINKS:
+                continue
             direction = direction_of(way)
-            for index, node in enumerate(way.node_ids):
-                if node == key and index > 0:
-                    turns |= {"merge"} if direction > 0 else {"exit"} if direction < 0 else {"merge", "exit"}
-                if node == key and index < len(way.node_ids) - 1:
-                    turns |= {"exit"} if direction > 0 else {"merge"} if direction < 0 else {"merge", "exit"}
+            ends_here, begins_here = key in way.node_ids[1:], key in way.node_ids[:-1]
+            if (ends_here and direction >= 0) or (begins_here and direction <= 0):
+                turns.add("merge")
+            if (begins_here and direction >= 0) or (ends_here and direction <= 0):
+                turns.add("exit")
         return frozenset(turns)
 
     def _roads_of_ramp(self, key: int) -> Iterator[OsmWay]:
