@@ -58,7 +58,7 @@ async def maps_at_hand(context: WorkflowContext) -> MapInventory:
 
 
 async def _amend_old(context: WorkflowContext) -> None:
-    """Read anew what an older program kept of maps: it knew fewer names, and not where the parts of a place lie."""
+    """Read anew what an older program kept of maps: it knew fewer names, and counted sites that cannot be built."""
     for artifact in context.workspace.newest(kind="map", limit=_MOST_MAPS):
         facts = artifact.read(MapFacts)
         if facts.facts_version >= MAP_FACTS_VERSION or facts.extract is not None:
@@ -69,6 +69,7 @@ async def _amend_old(context: WorkflowContext) -> None:
             "places": tuple(dict.fromkeys((*facts.places[:1], *read.places))),
             "road_names": read.road_names,
             "areas": read.areas,
+            "sites": read.sites,
             "facts_version": read.facts_version,
         }
         context.workspace.amend("map", artifact.artifact_id, facts.model_copy(update=names))

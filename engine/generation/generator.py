@@ -28,7 +28,7 @@ from .people import people_notes, people_wanted
 from .planning_problem import PlanningTask, TaskSpec, choose_task
 from .record import absences_of, record_of, with_scripted
 from .site_network import SITE_LOST, SiteNetwork, prepare_site
-from .sites import fitting_sites, other_types
+from .sites import fitting_sites, lacking_turn, other_types
 from .traffic import NO_ROOM, TrafficAim, along_the_site, generate_traffic, without_spares
 from .writer import STEP_S, write_scenario
 
@@ -190,12 +190,15 @@ class _Attempts:
         """The usable attempt with the fewest faults, the first of equal ones.
 
         Raises:
-            NotPossible: none is usable; with the first refusal, or else the faults of the first attempt. Where all
-                sites were lost on their way to the net, the other types that the map holds are named.
+            NotPossible: none is usable; because no ramp leads where it has to, with the first refusal, or else the
+                faults of the first attempt. Where all sites were lost on their way to the net, the other types that the
+                map holds are named.
         """
         usable = [attempt for attempt in self.made if not attempt.unusable and not attempt.lacks]
         if usable:
             return min(usable, key=lambda attempt: len(attempt.faults))
+        if (lacking := lacking_turn(osm, self._request)) is not None:
+            raise lacking
         if self._wanted is not None and any(attempt.lacks for attempt in self.made):
             raise self._without_manoeuvre(self._wanted)
         if self.refusals:

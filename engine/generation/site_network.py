@@ -17,7 +17,7 @@ from lxml import etree
 from ...schemas.errors import NotPossible
 from ...schemas.generation import GenerationRequest, SiteType
 from ...schemas.scenarios import RuleFinding
-from ...schemas.text import counted
+from ...schemas.text import cited, cited_all, counted
 from ..commonroad import road_document, speed_limit_number
 from ..execution import ProgressReporter
 from ..maps import (
@@ -272,6 +272,15 @@ def _with_lights(built: SiteNetwork) -> SiteNetwork:
     return replace(built, notes=(*built.notes, note))
 
 
+def _beside(site: Site, request: GenerationRequest) -> str:
+    """Return the note on a site that the streets that were asked for only pass: none of its junctions lies on them."""
+    kind = site.kind.replace("_", " ")
+    if len(request.streets) > 1:
+        asked = cited_all((names[0] for names in request.streets), " and ")
+        return f"{asked} do not meet at one point here, but pass this {kind}"
+    return f"no {kind} lies on {cited(request.streets[0][0])} itself; this is one close by"
+
+
 def _anew(refusal: NotPossible) -> NotPossible:
     """The same refusal without its traceback, which would keep all that was there when it was raised."""
     return NotPossible(refusal.message, valid=refusal.valid, next_step=refusal.next_step, reason=refusal.reason)
@@ -336,7 +345,8 @@ def build_network(
         if not _is_drivable(net_path):
             raise _closed_to_cars()
         report(0.15, "building the lanelets")
-        network = _lanelets(read_net(net_path))
+        later, notes, network = _without_hairpins(_lanelets(read_net(net_path)), net_path, folder)
+        warnings += later
     else:
         if on_foot:
             pavements = find_pavements(osm, osm.roads(frozenset(classes)), site.position, radius_m, lefthand=lefthand)
@@ -346,13 +356,12 @@ def build_network(
             site_finder(osm).built_up, jurisdiction_of(request.country, site.position), lefthand=lefthand
         )
         cut_map(osm, site.position, radius_m, classes, cut, pavements, reader)
-        warnings, notes, network = _convert_site(site, cut, net_path, lefthand=lefthand, on_foot=on_foot, report=report)
-        notes += reader.notes()
-    if network.dropped_lanes:
-        removed, later = remove_hairpins(net_path, folder)
-        warnings += later
-        notes.append(f"{removed} turn(s) too tight to be drawn as a lanelet were taken out of the net")
-        network = _lanelets(read_net(net_path))
+        warnings, notes, hairpins, network = _convert_site(
+            site, cut, net_path, lefthand=lefthand, on_foot=on_foot, report=report
+        )
+        notes += [*reader.notes(), *hairpins]
+    if site.beside:
+        notes.insert(0, _beside(site, request))
     if request.country is None and not isinstance(osm, NetMap):  # a network itself says on which side it drives
         notes.append(UNKNOWN_SIDE)
     if on_foot:
@@ -456,11 +465,14 @@ def _fill_lanelets(
 
 def _convert_site(
     site: Site, cut: Path, net_path: Path, *, lefthand: bool, on_foot: bool, report: ProgressReporter
-) -> tuple[tuple[str, ...], list[str], RoadNetwork]:
+) -> tuple[tuple[str, ...], list[str], list[str], RoadNetwork]:
     """Convert what was cut out; junctions close together stay apart where the joined one swallows the site.
 
+    Where turns that are too tight are a part of what the site is about, as on a small ring, the corners of junctions
+    are drawn tighter.
+
     Returns:
-        netconvert's warnings, notes on what had to be changed, and the lanelets.
+        netconvert's warnings, notes on what had to be changed, on turns that were taken out, and the lanelets.
 
     Raises:
         NotPossible: no road there is open to cars.
@@ -471,15 +483,47 @@ def _convert_site(
     lost = why_not_realised(site, net) is not None
     report(0.15, "building the lanelets")
     network = _lanelets(net)
+    service, joined = bool(notes), True
     if lost or len(network.dropped_lanes) > MANY_HAIRPINS:
-        service = bool(notes)
+        joined = False
         warnings = convert_osm(
             cut, net_path, lefthand=lefthand, drivable_service_roads=service, join_junctions=False, pavements=on_foot
         )
         why = "the site was lost in one of them" if lost else "one of them became too large to be drawn"
         notes.append(f"junctions close together were not joined, because {why}")
-        network = _lanelets(read_net(net_path))
-    return warnings, notes, network
+        net = read_net(net_path)
+        network = _lanelets(net)
+    was_shown = bool(network.dropped_lanes) and why_not_realised(site, net) is None
+    later, hairpins, network = _without_hairpins(network, net_path, cut.parent)
+    if was_shown and why_not_realised(site, read_net(net_path)) is not None:
+        warnings = convert_osm(
+            cut,
+            net_path,
+            lefthand=lefthand,
+            drivable_service_roads=service,
+            join_junctions=joined,
+            tight_corners=True,
+            pavements=on_foot,
+        )
+        notes.append(
+            "corners of junctions were drawn tighter, because the site was lost with turns that were too tight"
+        )
+        later, hairpins, network = _without_hairpins(_lanelets(read_net(net_path)), net_path, cut.parent)
+    return (*warnings, *later), notes, hairpins, network
+
+
+def _without_hairpins(
+    network: RoadNetwork, net_path: Path, folder: Path
+) -> tuple[tuple[str, ...], list[str], RoadNetwork]:
+    """Take turns that no lanelet can follow out of a net, in place; netconvert's warnings, a note, and the lanelets.
+
+    ``network``: the lanelets of the net as it is.
+    """
+    if not network.dropped_lanes:
+        return (), [], network
+    removed, warnings = remove_hairpins(net_path, folder)
+    note = f"{removed} turn(s) too tight to be drawn as a lanelet were taken out of the net"
+    return warnings, [note], _lanelets(read_net(net_path))
 
 
 def convert_map(

@@ -7,15 +7,17 @@ on the net, before traffic is made for it. Distances in m.
 
 import random
 from collections.abc import Callable, Mapping, Set
+from functools import partial
 from itertools import zip_longest
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, with_values
-from ...schemas.generation import TURNS_AT, GenerationRequest, SiteCount, SiteType
+from ...schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, Remedy, with_values
+from ...schemas.generation import THROUGH, TURNS_AT, GenerationRequest, SiteCount, SiteType, Turn
 from ...schemas.text import cited, cited_all
 from ..execution import ProgressReporter
 from ..geometry import Points
@@ -30,7 +32,9 @@ from ..maps import (
     OsmMap,
     Site,
     SiteFinder,
+    SitePart,
     fold,
+    ground_distance_m,
     read_map_file,
     site_finder,
 )
@@ -62,8 +66,14 @@ ANY_ORDER: tuple[SiteType, ...] = (
 """All types, the rarer first."""
 SAME_PLACE_M = 60.0
 """Sites of different types that lie closer together are one, as sites of one type are (``maps.site_search``)."""
-SHOWN_CLASSES = 3
-"""Road classes that a refusal names, at most."""
+SHOWN_NAMES = 3
+"""Road classes, and streets of a ramp, that a refusal names, at most."""
+NEARBY_DEG = 0.0005
+"""Half the side of the box in which a refusal names another site: 56 m, as sites of a type lie 60 m apart."""
+_WITHOUT_LINK: Mapping[Turn, tuple[str, str]] = MappingProxyType(
+    {"merge": ("an exit", "joins"), "exit": ("an entry", "leaves")}
+)
+"""What a ramp is at which a turn is not possible, and what no link does there."""
 
 
 def count_sites(request: GenerationRequest, report: ProgressReporter) -> SiteCount:
@@ -79,6 +89,9 @@ def count_sites(request: GenerationRequest, report: ProgressReporter) -> SiteCou
 def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     """All different sites for a request, in an order that the seed shuffles; of any type: the types take turns.
 
+    If streets are asked for, sites on them come first, each narrowed to its parts on them. Ramps with a link that leads
+    where the ego or another road user is to go come before others.
+
     Raises:
         NotPossible: the map, street or box holds no such site of the road classes asked for; the types that it does
             hold are named.
@@ -89,9 +102,9 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     any_type = tuple(kind for kind in ANY_ORDER if turn is None or turn in TURNS_AT[kind])
     wanted = any_type if request.scenario_type == "any" else (request.scenario_type,)
     choice = random.Random(request.seed)  # noqa: S311 - reproducible, not secret
-    kinds = [fitting for kind in wanted if (fitting := _fitting(finder.find(kind), request))]
+    kinds = [fitting for kind in wanted if (fitting := _fitting(finder, finder.find(kind), request))]
     if not kinds and request.scenario_type == "any" and (longest := finder.longest_road()) is not None:
-        kinds = [fitting] if (fitting := _fitting([longest], request)) else []
+        kinds = [fitting] if (fitting := _fitting(finder, [longest], request)) else []
     if not kinds:
         raise _nothing_fits(osm, finder, request)
     for sites in kinds:
@@ -99,11 +112,53 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     choice.shuffle(kinds)
     different: list[Site] = []
     taken = Gathering(SAME_PLACE_M)
-    for site in (site for turn in zip_longest(*kinds) for site in turn if site is not None):
+    in_turn = [site for sites in zip_longest(*kinds) for site in sites if site is not None]
+    at_ramp = _asked_at_ramp(request)
+    for site in sorted(in_turn, key=lambda site: (site.beside, at_ramp is not None and at_ramp not in site.turns)):
         if taken.near(site.position) is None:
             taken.add(site.position)
             different.append(site)
     return different
+
+
+def _asked_at_ramp(request: GenerationRequest) -> Turn | None:
+    """What a link at a ramp has to make possible for the ego or another road user; None if nothing is asked of it."""
+    if request.goal.turn in _WITHOUT_LINK:
+        return request.goal.turn
+    return "merge" if request.others is not None and request.others.name == "merging" else None
+
+
+def lacking_turn(osm: OsmMap, request: GenerationRequest) -> NotPossible | None:
+    """Return the refusal of a merge at ramps that are all exits, or the other way round; None if that is not so."""
+    turn = _asked_at_ramp(request)
+    if turn is None:
+        return None
+    ramps = site_finder(osm, request.road_classes).find("ramp")
+    here = [site for site in ramps if _passes_by(site, request) and _is_in_box(site, request)]
+    offered = {offer for site in here for offer in site.turns}
+    if turn in offered or not offered:
+        return None
+    kind, link = _WITHOUT_LINK[turn]
+    first = f"{cited_all(here[0].streets[:SHOWN_NAMES], ' / ')} ({here[0].latitude:.5f}, {here[0].longitude:.5f})"
+    which = "the ramp" if len(here) == 1 else f"each of the {len(here)} ramps here, such as the one"
+    calls: dict[str, Remedy] = {}
+    if turn == request.goal.turn:
+        calls |= {f"goal={THROUGH}:{offer}": with_values(goal=f"{THROUGH}:{offer}") for offer in sorted(offered)}
+    if (other := next((site for site in ramps if turn in site.turns), None)) is not None:
+        box = _box_around(other)
+        calls[f"place={request.map_id} and bbox={box}"] = with_values(place=request.map_id, bbox=box)
+    return NotPossible(
+        f"{which} at {first} is {kind} only: no link {link} the main road there",
+        valid=list(calls),
+        next_step="choose one of these" if calls else "choose another place, or leave the manoeuvre out",
+        reason="no_such_turn",
+        remedies=list(calls.values()),
+    )
+
+
+def _box_around(site: Site) -> list[float]:
+    """A box (south, west, north, east) in degrees in which a site lies."""
+    return [round(middle + aside, 4) for aside in (-NEARBY_DEG, NEARBY_DEG) for middle in site.position]
 
 
 def other_types(osm: OsmMap, request: GenerationRequest) -> list[SiteType]:
@@ -113,7 +168,7 @@ def other_types(osm: OsmMap, request: GenerationRequest) -> list[SiteType]:
 
 
 def _held_types(finder: SiteFinder, request: GenerationRequest) -> list[SiteType]:
-    return [kind for kind in ANY_ORDER if _fitting(finder.find(kind), request)]
+    return [kind for kind in ANY_ORDER if _fitting(finder, finder.find(kind), request)]
 
 
 def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -> PlannerForgeError:
@@ -134,29 +189,63 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
     wish = "site of any type" if wanted == "any" else f"{wanted} site"
     elsewhere = f"place={request.map_id} to look in the whole map" if request.bbox is not None else "another place"
     next_step = f"choose one of these scenario types, or {elsewhere}" if held else f"choose {elsewhere}"
-    if request.road_classes and (wanted == "any" or _fitting(site_finder(osm).find(wanted), request)):
-        where += f" that is made of {' or '.join(request.road_classes[:SHOWN_CLASSES])} only"
+    everywhere = site_finder(osm)
+    if request.road_classes and (wanted == "any" or _fitting(everywhere, everywhere.find(wanted), request)):
+        where += f" that is made of {' or '.join(request.road_classes[:SHOWN_NAMES])} only"
         next_step = "leave road_classes out" + (", or choose one of these scenario types" if held else "")
+    remedies = [with_values(scenario_type=kind) for kind in held[:1]]
+    if (outside := _nearest_outside(finder, request)) is not None:
+        streets = cited_all(outside.streets[:SHOWN_NAMES], " / ") or "unnamed roads"
+        at = f"{outside.latitude:.5f}, {outside.longitude:.5f}"
+        where += f"; the nearest {wanted} of the map lies outside it, at {streets} ({at})"
+        remedies.insert(0, with_values(place=request.map_id, bbox=_box_around(outside)))
     return NotPossible(
         f"{cited(request.place)} ({request.map_id}) holds no {wish}{where}",
         valid=held,
         next_step=next_step,
         reason="no_such_site",
-        remedies=[with_values(scenario_type=kind) for kind in held[:1]],
+        remedies=remedies,
     )
 
 
-def _fitting(sites: list[Site], request: GenerationRequest) -> list[Site]:
-    on_streets = [site for site in sites if all(_carries(site, names) for names in request.streets)]
-    if request.bbox is None:
-        return on_streets
+def _nearest_outside(finder: SiteFinder, request: GenerationRequest) -> Site | None:
+    """The site of the asked type on the asked streets that lies nearest to the middle of the asked box, if any."""
+    if request.bbox is None or request.scenario_type == "any":
+        return None
     south, west, north, east = request.bbox
-    return [site for site in on_streets if south <= site.latitude <= north and west <= site.longitude <= east]
+    middle = (south + north) / 2, (west + east) / 2
+    anywhere = request.model_copy(update={"bbox": None})
+    sites = _fitting(finder, finder.find(request.scenario_type), anywhere)
+    return min(sites, key=lambda site: ground_distance_m(middle, site.position), default=None)
 
 
-def _carries(site: Site, names: tuple[str, ...]) -> bool:
-    """Whether one of the names is among the site's streets; road numbers of a list (``A 4;E 40``) count one by one."""
-    single = [part.strip() for street in site.streets for part in street.split(";")]
+def _fitting(finder: SiteFinder, sites: list[Site], request: GenerationRequest) -> list[Site]:
+    """The sites that carry all the streets of a request and lie in its box."""
+    if request.streets:
+        sites = [
+            finder.narrowed(site, partial(_lies_on, request.streets)) for site in sites if _passes_by(site, request)
+        ]
+    return [site for site in sites if _is_in_box(site, request)]
+
+
+def _is_in_box(site: Site, request: GenerationRequest) -> bool:
+    if request.bbox is None:
+        return True
+    south, west, north, east = request.bbox
+    return south <= site.latitude <= north and west <= site.longitude <= east
+
+
+def _passes_by(site: Site, request: GenerationRequest) -> bool:
+    return all(_carries(site.streets, names) for names in request.streets)
+
+
+def _lies_on(streets: tuple[tuple[str, ...], ...], part: SitePart) -> bool:
+    return all(_carries(part.streets, names) for names in streets)
+
+
+def _carries(streets: tuple[str, ...], names: tuple[str, ...]) -> bool:
+    """Whether one of the names is among the streets; road numbers of a list (``A 4;E 40``) count one by one."""
+    single = [part.strip() for street in streets for part in street.split(";")]
     return bool({fold(name) for name in names} & {fold(name) for name in single})
 
 

@@ -16,14 +16,12 @@ from ...schemas.generation import TrafficConditions
 from ..commonroad import ego_class_instruction, set_friction
 from ..geometry import Points, wrap_angle
 from ..maps import RoadFile
-from ..network import Incoming, RoadLanelet, RoadNetwork, SpeedSign, TrafficLight, Walkway
+from ..network import ROAD_DECIMALS, Incoming, RoadLanelet, RoadNetwork, SpeedSign, TrafficLight, Walkway
 from ..traffic import DECIMALS, NIGHT_HOURS, GeneratedVehicle
 from ..vehicles import Motion
 from .planning_problem import HEADING_MARGIN_RAD, PlanningTask
 
 _FIXED_DATE = "2025-01-01"
-_ROAD_DECIMALS = 4
-"""Of coordinates of the road network in m: a tenth of a millimetre, finer than any map."""
 STEP_S = 0.1
 """Time step of all generated scenarios: that of nearly all scenarios of CommonRoad's collection."""
 _PROBLEM = b" <planningProblem"
@@ -170,8 +168,8 @@ def copy_network(root: etree._Element, roads: RoadFile) -> None:
 def _write_point(parent: etree._Element, point: Points) -> None:
     """Append a point (2,) in metres."""
     element = _add(parent, "point")
-    _add(element, "x", f"{point[0]:.{_ROAD_DECIMALS}f}")
-    _add(element, "y", f"{point[1]:.{_ROAD_DECIMALS}f}")
+    _add(element, "x", f"{point[0]:.{ROAD_DECIMALS}f}")
+    _add(element, "y", f"{point[1]:.{ROAD_DECIMALS}f}")
 
 
 def _add(parent: etree._Element, path: str, text: str | None = None) -> etree._Element:

@@ -28,6 +28,7 @@
 ``NetMap``: A SUMO network as a map.
 ``read_map_file``: The map in a file of either kind, scanned and read.
 ``site_finder``: The finder of sites on a map; of the map that was read last, the one that has searched it.
+``ground_distance_m``: The distance in m between two positions in degrees.
 ``OsmMap``: An OpenStreetMap extract as nodes, ways and relations.
 ``fetch_maps``: An operation: fetch the roads of a place or box from Overpass.
 ``locate_place``: An operation: find out through Nominatim what place some words mean.
@@ -50,6 +51,7 @@
 ``jurisdiction_of``: The country and the states in which a position lies, as the table of legal limits names them.
 ``RoadReader``: Writes the tags of a site's roads as netconvert reads them, and tells what it left out.
 ``Site``: A spot of a map: type, middle in degrees, streets, and the node or way that marks it.
+``SitePart``: One of the spots that a site was merged of.
 ``SiteFinder``: Finds the sites of one map by their type.
 ``MAP_ENDINGS``: Endings of the names of map files.
 ``is_binary``: Whether a file is a binary extract by its name.
@@ -91,13 +93,13 @@ if TYPE_CHECKING:
     from .naming.places import countries_spelt_like, country_code, country_name, fold, place_keys
     from .online.fetch import fetch_maps
     from .online.places import locate_place
-    from .osm import OsmMap, write_as_xml
+    from .osm import OsmMap, ground_distance_m, write_as_xml
     from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, resolve_road_classes
     from .site_roads.cut import cut_map, cut_net
     from .site_roads.jurisdictions import jurisdiction_of
     from .site_roads.pavements import Pavements, find_pavements
     from .site_roads.road_reader import RoadReader
-    from .site_search.finder import Site, SiteFinder
+    from .site_search.finder import Site, SiteFinder, SitePart
     from .site_search.nearness import Gathering
     from .unpacking import (
         MAP_ENDINGS,

@@ -26,6 +26,7 @@ from .naming.regions import region_of
 from .naming.spellings import (
     MOST_KEPT,
     distinctive,
+    kinds_of_road,
     road_keys,
     road_readings,
     route_number,
@@ -569,11 +570,23 @@ def _read_part(part: str, facts: MapFacts, closeness: Closeness, *, settled: boo
 
 
 def _read_whole(part: str, facts: MapFacts) -> _Reading | None:
-    """The words as the whole name of a place or a road; of a square as its roads, where there are any."""
+    """The words as the whole name of a place or a road.
+
+    A square is its roads, where there are any; and a place that only addresses or borders name, so that the map does
+    not say where it lies, is the road of its very name.
+    """
     place = _read_place(part, facts)
-    if place is not None and (place.area is None or place.area.kind not in ROAD_PLACES):
+    is_square = place is not None and place.area is not None and place.area.kind in ROAD_PLACES
+    if place is not None and not is_square and not _is_a_road_s_name(part, facts):
         return place
     return _read_road(part, facts, whole=True) or place
+
+
+def _is_a_road_s_name(part: str, facts: MapFacts) -> bool:
+    """Whether a road is called just so, and neither the map nor a place that it locates."""
+    word = fold(part)
+    places = (facts.map_id, facts.place, *(name for area in facts.areas for name in (area.name, *area.other_names)))
+    return word in map(fold, facts.streets) and word not in map(fold, places)
 
 
 def _read_alike(
@@ -779,11 +792,16 @@ def _as_roads(part: str, roads: tuple[str, ...]) -> _Reading:
 
 
 def _read_crossing(text: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:
-    """The words as several roads or a road near a place; None where one of them is unknown."""
+    """The words as several roads or a road near a place; None where one of them is unknown.
+
+    Beside a road that the map calls so, another one may be of another kind than the words say (``Colina Drive`` for
+    ``Colina Street``): the roads have to meet, and the answer says as what it is taken.
+    """
     parts = crossing_parts(text)
     if len(parts) < 2:
         return None if parts in ([], [text]) else _read_part(parts[0], facts, closeness)
     reading = _Reading()
+    of_other_kind: list[str] = []
     for part in parts:
         found = (
             _read_road(part, facts)
@@ -792,10 +810,22 @@ def _read_crossing(text: str, facts: MapFacts, closeness: Closeness) -> _Reading
             or _read_road(part, facts, short=True)
             or _read_alike(part, facts, closeness)
         )
+        if found is None and closeness >= Closeness.HEARD and (found := _read_other_kind(part, facts)) is not None:
+            of_other_kind.append(part)
         if found is None:
             return None
         reading += found
-    return reading
+    return None if of_other_kind and len(of_other_kind) == len(reading.streets) else reading
+
+
+def _read_other_kind(part: str, facts: MapFacts) -> _Reading | None:
+    """The words as a road of that name but of another kind; a number is no name (``5th Street``, ``5th Avenue``)."""
+    told_by = [distinctive(words) for words in road_readings(part)]
+    is_number = any(all(map(str.isdecimal, words)) for words in told_by)
+    if is_number or not kinds_of_road(part):
+        return None
+    roads = _roads_after(part, facts)
+    return _as_roads(part, roads) if roads else None
 
 
 def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:

@@ -23,6 +23,7 @@
 ``stated_frictions``: The coefficients of friction that the lanes of a net state; None among them if a lane states none.
 ``run_netconvert``: Run netconvert with the options and those for good geometry inside junctions; its warnings.
 ``station_m``: Arc length in m for a position word, a fraction or metres, at least a centimetre inside the lanelet.
+``ROAD_DECIMALS``: Decimals of the coordinates of a road network in a file.
 ``Incoming``: One arm of an intersection.
 ``LaneletLookup``: Finds lanelets of one network by position and heading.
 ``RoadLanelet``: A lanelet with the SUMO lane that it was made from.
@@ -58,6 +59,7 @@ if TYPE_CHECKING:
     from .netconvert import cap_speeds, convert_osm, run_netconvert, stated_frictions
     from .positions import station_m
     from .road_network import (
+        ROAD_DECIMALS,
         WIDEST_TURN_RAD,
         Incoming,
         LaneletLookup,

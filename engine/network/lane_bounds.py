@@ -16,6 +16,7 @@ import numpy as np
 
 from ..geometry import Points, Values, arc_length, hermite, interpolate, resample, unit
 from .net_parser import LaneGraph, NetLane, SumoNet
+from .road_network import ROAD_DECIMALS
 
 _WIDEST_JOINT_M = 3.0
 """Chosen, about a lane's width: lanes whose ends lie farther apart do not follow each other without a junction."""
@@ -211,7 +212,7 @@ def _repair(bounds: LaneBounds) -> bool:
 
 
 def _find_oncoming(net: SumoNet, drawn: dict[str, LaneBounds]) -> None:
-    """Innermost lanes of two edges between the same junctions that share their inner bound."""
+    """Pair the innermost lanes of two edges between the same junctions that share their inner bound, each with one."""
     innermost: dict[tuple[str, str], list[LaneBounds]] = {}
     for edge in net.edges.values():
         lanes = [drawn[key] for key in edge.lane_ids if key in drawn]
@@ -220,12 +221,16 @@ def _find_oncoming(net: SumoNet, drawn: dict[str, LaneBounds]) -> None:
             innermost.setdefault(ends, []).append(max(lanes, key=lambda bounds: bounds.lane.index))
     for (start, end), lanes_there in innermost.items():
         for bounds in lanes_there:
+            if bounds.oncoming is not None:
+                continue
             for other in innermost.get((end, start), ()):
+                if other.oncoming is not None or other is bounds:
+                    continue
                 own = bounds.right if net.lefthand else bounds.left
                 facing = other.right if net.lefthand else other.left
                 apart_m = np.linalg.norm(resample(own, 20) - resample(facing[::-1], 20), axis=1)
                 if float(apart_m.max()) < _SAME_LINE_M:
-                    bounds.oncoming = other
+                    bounds.oncoming, other.oncoming = other, bounds
                     break
 
 
@@ -302,10 +307,10 @@ def _draw_together(center: Points, bound: Points, first: int, last: int) -> None
 
 
 def is_valid(left: Points, right: Points) -> bool:
-    """Whether the two bounds enclose a simple polygon."""
+    """Whether the two bounds enclose a simple polygon, also with the digits that a file has: they may close a gap."""
     from shapely.geometry import Polygon
 
-    polygon = Polygon(np.concatenate([left, right[::-1]]))
+    polygon = Polygon(np.round(np.concatenate([left, right[::-1]]), ROAD_DECIMALS))
     return bool(polygon.is_valid and polygon.area > 1e-4)
 
 

@@ -62,6 +62,10 @@ _OSM_OPTIONS = """
 """What SUMO's guide to importing OpenStreetMap recommends, with street names, for roads of motor vehicles alone."""
 
 
+_TIGHT_RADIUS_M = 1.5
+"""netconvert's own radius for junctions in which no vehicle needs room to turn (``--junctions.small-radius``)."""
+
+
 def convert_osm(
     osm: Path,
     net: Path,
@@ -69,6 +73,7 @@ def convert_osm(
     lefthand: bool,
     drivable_service_roads: bool = False,
     join_junctions: bool = True,
+    tight_corners: bool = False,
     pavements: bool = False,
 ) -> tuple[str, ...]:
     """Turn an OSM extract into a SUMO net; netconvert's warnings.
@@ -79,6 +84,7 @@ def convert_osm(
         lefthand: whether traffic keeps to the left.
         drivable_service_roads: open service roads (delivery only by SUMO's default) to all vehicles.
         join_junctions: make one junction of those that lie close together.
+        tight_corners: round the corners of junctions by 1.5 m and not by 4 m, which leaves more of small rings.
         pavements: build the pavements that tags state, crossings where they meet at a junction and where nodes mark
             them, and cycle lanes.
 
@@ -94,6 +100,8 @@ def convert_osm(
         types.append(own)
     options = ["--osm-files", str(osm), "--type-files", ",".join(str(path) for path in types), *_OSM_OPTIONS.split()]
     options += ["--lefthand", str(lefthand).lower(), "--junctions.join", str(join_junctions).lower()]
+    if tight_corners:
+        options += ["--default.junctions.radius", f"{_TIGHT_RADIUS_M:g}"]
     if pavements:
         options[options.index("--keep-edges.by-vclass") + 1] += ",pedestrian"
         options += ["--osm.sidewalks", "true", "--crossings.guess", "true", "--osm.bike-access", "true"]

@@ -64,8 +64,9 @@ class PlaceArea(Model):
     radius_m: float
 
 
-MAP_FACTS_VERSION = 3
-"""Raised when more is read of a map than before: what a workspace keeps of a map is then read anew."""
+MAP_FACTS_VERSION = 4
+"""Raised when more is read of a map than before, or its sites are counted otherwise: what a workspace keeps of a map is
+then read anew."""
 
 
 class MapSource(Model):

@@ -94,11 +94,12 @@ async def test_what_an_older_program_kept_of_a_map_is_read_anew(connect: Connect
         await client.call_tool("generate_scenarios", WISH)
     workspace = Workspace(settings.workspace)
     kept = workspace.newest(kind="map")[0]
-    old = kept.read(MapFacts).model_copy(update={"facts_version": 1, "areas": (), "place": "Oldtown"})
+    old = kept.read(MapFacts).model_copy(update={"facts_version": 1, "areas": (), "sites": {}, "place": "Oldtown"})
     workspace.amend("map", kept.artifact_id, old)
     async with connect() as client:
         await client.call_tool("generate_scenarios", WISH)
     read = workspace.get(kept.artifact_id, "map").read(MapFacts)
     assert read.facts_version == MAP_FACTS_VERSION
+    assert read.sites["urban"] > 0
     assert (read.place, [area.name for area in read.areas]) == ("Oldtown", ["Fahrhausen"])
     workspace.close()

@@ -189,6 +189,10 @@ async def test_an_invented_place_is_no_failure_of_the_service(
         assert "GeoNames" in invented
         real, _ = await generate(client, place="Ouagadougou")
         assert real.startswith("[service_failure]")
+        assert "only the maps at hand are searched" in real
+        assert "Next: call again" not in real
+        street, _ = await generate(client, place="Moonlight Alley, Kreiselheim")
+        assert "“Kreiselheim”" in street
         misspelled, _ = await generate(client, place="Kraiselheim")
         assert "“Kreiselheim”" in misspelled
 

@@ -347,8 +347,17 @@ def _told_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: str 
         return UnknownName(
             message, valid=refusal.valid, next_step=refusal.next_step, reason=refusal.reason, remedies=refusal.remedies
         )
-    message = f"{refusal.message.rstrip('.')}, and {failure.message}"
-    return ServiceFailure(message, valid=refusal.valid, reason=failure.reason)
+    message = (
+        f"{refusal.message.rstrip('.')}, and {failure.message.rstrip('.')}; "
+        "until it can, only the maps at hand are searched, and their nearest names are listed"
+    )
+    return ServiceFailure(
+        message,
+        valid=refusal.valid,
+        next_step=f"{refusal.next_step}; where the place itself is meant, call again when the service can be reached",
+        reason=failure.reason,
+        remedies=refusal.remedies,
+    )
 
 
 async def _located(spec: GenerationSpec, context: WorkflowContext) -> NamedPlace | None:

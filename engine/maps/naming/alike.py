@@ -5,7 +5,15 @@ import unicodedata
 from functools import cache, lru_cache
 
 from .places import VOWELLESS, latin
-from .spellings import MOST_KEPT, distinctive, kinds_of_road, road_readings, without_particles, words_of_name
+from .spellings import (
+    MOST_KEPT,
+    always_says_kind,
+    distinctive,
+    kinds_of_road,
+    road_readings,
+    without_particles,
+    words_of_name,
+)
 
 _TRANSLITERATIONS = """
 eu=oi ei=ai schtsch=s shch=s tsch=c tch=c sch=s sh=s cz=c ch=c kh=h gh=g dzh=z zh=z dj=z ph=f th=t ts=c tz=c
@@ -69,7 +77,7 @@ def is_abbreviated(typed: str, name: str) -> bool:
 
 def is_with_kind(typed: str, name: str) -> bool:
     """Whether what was typed is a name with the kind of road, which the name does not say (``Pasteur Street``)."""
-    if kinds_of_road(name) or not kinds_of_road(typed):
+    if always_says_kind(name) or not kinds_of_road(typed):
         return False
     whole = {distinctive(reading) for reading in road_readings(name)} - {frozenset()}
     return any(distinctive(reading) in whole for reading in road_readings(typed))

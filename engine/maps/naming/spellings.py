@@ -286,6 +286,11 @@ def kinds_of_road(name: str) -> frozenset[str]:
     return frozenset(word for reading in road_readings(name) for word in reading & _KINDS)
 
 
+def always_says_kind(name: str) -> bool:
+    """Whether every reading of a name says a kind of road: the ``C`` of ``M.C. Briones`` need not be ``Calle``."""
+    return all(reading & _KINDS for reading in road_readings(name))
+
+
 def words_of_name(name: str) -> tuple[str, ...]:
     """The words of a name in their order, in Latin letters without accents."""
     return tuple(word for word in map(latin, _split(_ELIDED.sub("", name))) if word)

@@ -11,7 +11,7 @@ from functools import cached_property, partial
 from heapq import heapify, heappop, heappush
 from itertools import islice, pairwise
 
-from ....schemas.generation import SiteType
+from ....schemas.generation import SiteType, Turn
 from ..osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, ground_distance_m, length_m
 from ..road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, THROUGH_ROADS
 from .built_up import TOWN_JUNCTIONS_PER_KM, BuiltUp
@@ -50,19 +50,43 @@ MARKED_BY_NODES: frozenset[SiteType] = frozenset({"intersection", "signalised_in
 
 
 @dataclass(frozen=True)
+class SitePart:
+    """One of the spots that a site was merged of: where it lies, the streets at it, and the node or way that marks it.
+
+    ``turns``: at a ramp, whether a link joins the main road there (``merge``) or leaves it (``exit``), or both.
+    """
+
+    position: tuple[float, float]
+    streets: tuple[str, ...]
+    mark: int
+    turns: frozenset[Turn] = frozenset()
+
+
+@dataclass(frozen=True)
 class Site:
-    """A spot of a map: its type, its middle in degrees, the streets there, and the node or way that marks it."""
+    """A spot of a map: its type, its middle in degrees, the streets there, and the node or way that marks it.
+
+    ``parts``: the spots that it was merged of, ``MOST_NAMED`` at most; the streets are those of all of them.
+    ``beside``: the streets that were asked for pass it, but none of its parts lies on all of them.
+    """
 
     kind: SiteType
     latitude: float
     longitude: float
     streets: tuple[str, ...]
     mark: int
+    parts: tuple[SitePart, ...] = ()
+    beside: bool = False
 
     @property
     def position(self) -> tuple[float, float]:
         """Its middle as latitude and longitude in degrees."""
         return self.latitude, self.longitude
+
+    @property
+    def turns(self) -> frozenset[Turn]:
+        """What links make possible at a ramp: to merge onto the main road, to leave it, or both."""
+        return frozenset(turn for part in self.parts for turn in part.turns)
 
     @property
     def osm_id(self) -> str:
@@ -78,6 +102,7 @@ class _Spot:
     node: OsmNode
     mark: int
     roads: Callable[[], Iterable[OsmWay]]
+    turns: frozenset[Turn] = frozenset()
 
     @property
     def position(self) -> tuple[float, float]:
@@ -146,6 +171,16 @@ class SiteFinder:
             )
         return list(self._found[kind])
 
+    def narrowed(self, site: Site, is_meant: Callable[[SitePart], bool]) -> Site:
+        """Return a site with those of its parts alone that are meant; if there are none, the site, as one beside."""
+        parts = tuple(part for part in site.parts if is_meant(part))
+        if len(parts) == len(site.parts):
+            return site
+        narrow = _site_of(site.kind, parts, [part.position for part in parts]) if parts else None
+        if narrow is None or (site.kind == "signalised_intersection" and not self._has_lights(narrow)):
+            return replace(site, beside=True)
+        return narrow
+
     def kinds(self) -> dict[SiteType, int]:
         """How many sites of each kind the map holds; kinds that it lacks are left out."""
         counts = {kind: len(self.find(kind)) for kind in _SPOTS}
@@ -189,8 +224,8 @@ class SiteFinder:
 
     @cached_property
     def _everywhere(self) -> _Crossings:
-        """Where roads meet, driveways and tracks included, links not."""
-        return _Crossings(self.osm.roads(frozenset(ROADS) & self._classes))
+        """Where roads meet, driveways included, links not; nor tracks, which netconvert opens to no car."""
+        return _Crossings(self.osm.roads((frozenset(ROADS) - {"track"}) & self._classes))
 
     @cached_property
     def _fast(self) -> str:
@@ -208,7 +243,7 @@ class SiteFinder:
         spots = []
         for way in (way for way in tagged if way.road_class in self._without_links):
             if ring := rings.around(way):
-                middle = OsmNode(0, *_mean([self.osm.nodes[key] for key in ring]), {})
+                middle = OsmNode(0, *_middle([self.osm.nodes[key].position for key in ring]), {})
                 spots.append(_Spot("roundabout", middle, way.way_id, partial(self._arms, way)))
         return spots
 
@@ -240,13 +275,17 @@ class SiteFinder:
 
     @cached_property
     def _junctions_with_lights(self) -> Surroundings:
-        """Of the roads that are cut out around a site."""
+        """Of the roads that are cut out around a site.
+
+        A light at which no two ways meet and lead on, because the road only parts there or the map ends, controls
+        nothing: netconvert leaves it out.
+        """
         roads = self.osm.roads(self._without_links)
-        lit = _nodes_at_signals(self.osm, roads)
+        lit = _nodes_at_signals(self.osm, roads) & _where_ways_meet(roads)
         return Surroundings([[self._metres(self.osm.nodes[key])] for key in _Crossings(roads).junctions if key in lit])
 
     def _crossings(self) -> list[_Spot]:
-        """Junctions of streets; those with driveways and tracks only where there is no other."""
+        """Junctions of streets; those with driveways only where there is no other."""
         crossings = self._streets if self._streets.of_streets() else self._everywhere
         return [
             self._spot("intersection", self.osm.nodes[key], crossings.ways_at(key), key)
@@ -259,8 +298,23 @@ class SiteFinder:
         for key in self._with_links.junctions:
             classes = {way.road_class for way in self._with_links.ways_at(key)}
             if self._fast in classes and classes & RAMP_LINKS:
-                spots.append(_Spot("ramp", self.osm.nodes[key], key, partial(self._roads_of_ramp, key)))
+                roads = partial(self._roads_of_ramp, key)
+                spots.append(_Spot("ramp", self.osm.nodes[key], key, roads, self._turns_at(key)))
         return spots
+
+    def _turns_at(self, key: int) -> frozenset[Turn]:
+        """What the links at a node of a main road are for, by their directions."""
+        turns: set[Turn] = set()
+        for way in self._with_links.ways_at(key):
+            if way.road_class not in RAMP_LINKS:
+                continue
+            direction = direction_of(way)
+            ends_here, begins_here = key in way.node_ids[1:], key in way.node_ids[:-1]
+            if (ends_here and direction >= 0) or (begins_here and direction <= 0):
+                turns.add("merge")
+            if (begins_here and direction >= 0) or (ends_here and direction <= 0):
+                turns.add("exit")
+        return frozenset(turns)
 
     def _roads_of_ramp(self, key: int) -> Iterator[OsmWay]:
         """What a ramp is called after: the roads at its node, those that its links lead to, and those that pass."""
@@ -382,12 +436,12 @@ def _is_expressway(way: OsmWay) -> bool:
     return fast or way.tags.get("motorroad") == "yes"
 
 
-def _mean(places: Sequence[OsmNode | _Spot]) -> tuple[float, float]:
-    """The mean latitude and longitude in degrees, on either side of the antimeridian too."""
-    latitudes, longitudes = zip(*(place.position for place in places), strict=True)
+def _middle(positions: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Return the mean latitude and longitude in degrees, on either side of the antimeridian too."""
+    latitudes, longitudes = zip(*positions, strict=True)
     if max(longitudes) - min(longitudes) > HALF_TURN_DEG:
         longitudes = tuple(longitude % (2 * HALF_TURN_DEG) for longitude in longitudes)
-    latitude, longitude = math.fsum(latitudes) / len(places), math.fsum(longitudes) / len(places)
+    latitude, longitude = math.fsum(latitudes) / len(positions), math.fsum(longitudes) / len(positions)
     return latitude, longitude - 2 * HALF_TURN_DEG if longitude > HALF_TURN_DEG else longitude
 
 
@@ -401,11 +455,23 @@ def _merged(spots: list[_Spot]) -> list[Site]:
         else:
             firsts.add(spot.position)
             groups.append([spot])
-    merged = []
-    for group in groups:
-        streets = tuple(sorted({street for spot in group[:MOST_NAMED] for street in spot.streets()}))
-        merged.append(Site(group[0].kind, *_mean(group), streets, group[0].mark))
-    return merged
+    return [
+        _site_of(
+            group[0].kind,
+            tuple(
+                SitePart(spot.position, tuple(sorted(set(spot.streets()))), spot.mark, spot.turns)
+                for spot in group[:MOST_NAMED]
+            ),
+            [spot.position for spot in group],
+        )
+        for group in groups
+    ]
+
+
+def _site_of(kind: SiteType, parts: tuple[SitePart, ...], positions: Sequence[tuple[float, float]]) -> Site:
+    """Return a site of these parts in the middle of the positions, marked by the first part."""
+    streets = tuple(sorted({street for part in parts for street in part.streets}))
+    return Site(kind, *_middle(positions), streets, parts[0].mark, parts)
 
 
 def _spaced_points(osm: OsmMap, way: OsmWay) -> list[OsmNode]:
@@ -427,6 +493,20 @@ def _spaced_points(osm: OsmMap, way: OsmWay) -> list[OsmNode]:
             points.append(OsmNode(0, latitude, longitude, {}))
         gone += step
     return points
+
+
+def _where_ways_meet(roads: Iterable[OsmWay]) -> frozenset[int]:
+    """The nodes to which roads lead from two nodes at least, and from which one leads on."""
+    ways_in: dict[int, set[int]] = {}
+    leads_on: set[int] = set()
+    for way in roads:
+        direction = direction_of(way)
+        for one, other in pairwise(way.node_ids):
+            for before, after, is_open in ((one, other, direction >= 0), (other, one, direction <= 0)):
+                if is_open:
+                    ways_in.setdefault(after, set()).add(before)
+                    leads_on.add(before)
+    return frozenset(key for key, before in ways_in.items() if len(before) > 1 and key in leads_on)
 
 
 def _nodes_at_signals(osm: OsmMap, roads: Iterable[OsmWay]) -> frozenset[int]:

@@ -125,3 +125,36 @@ def test_a_refused_place_is_answered_with_the_names_that_share_a_word() -> None:
     with pytest.raises(UnknownName) as refusal:
         find_maps([crowded], place="Zzzz Mill")
     assert refusal.value.valid[0] == "“Zzz Mill”"
+
+
+def town_with(*streets: str) -> MapEntry:
+    return nameless(place="Mandaue", places=("Mandaue",), streets=streets, refs=(), road_names=())
+
+
+@pytest.mark.parametrize(
+    ("place", "streets"),
+    [
+        ("Colina St / M.C. Briones St", (("Colina Street",), ("M.C. Briones",))),
+        ("Colina Drive & M.C. Briones Avenue", (("Colina Street",), ("M.C. Briones",))),
+        ("Ouano Road / Colina Street", (("Ouano Avenue",), ("Colina Street",))),
+    ],
+)
+def test_a_road_of_a_crossing_may_be_called_of_another_kind_or_of_none(
+    place: str, streets: tuple[tuple[str, ...], ...]
+) -> None:
+    match = find_maps([town_with("Colina Street", "M.C. Briones", "Ouano Avenue")], place=place)[0]
+    assert match.streets == streets
+    assert match.understood
+
+
+@pytest.mark.parametrize("place", ["5th Avenue / Colina Street", "Colina Drive / Ouano Road", "Colina Drive"])
+def test_roads_of_other_kinds_need_one_that_is_called_so_and_numbers_are_no_names(place: str) -> None:
+    with pytest.raises(UnknownName):
+        find_maps([town_with("Colina Street", "5th Street", "Ouano Avenue")], place=place)
+
+
+def test_a_district_that_the_map_does_not_locate_is_the_road_of_its_name() -> None:
+    districts = {"places": ("Granada", "Camino de Ronda")}
+    entry = nameless(place="Granada", streets=("Camino de Ronda",), refs=(), road_names=(), **districts)
+    assert find_maps([entry], place="Camino de Ronda, Granada")[0].streets == (("Camino de Ronda",),)
+    assert find_maps([entry], place="Granada")[0].streets == ()

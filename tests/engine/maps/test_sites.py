@@ -188,3 +188,56 @@ def test_a_signal_behind_a_junction_or_far_before_it_is_not(tmp_path: Path, x: f
 
 def test_a_signal_beside_a_junction_counts_where_traffic_comes_from_there(tmp_path: Path) -> None:
     assert finder(tmp_path, one_way_with_signal(20.0)).kinds()["signalised_intersection"] == 1
+
+
+def staggered() -> Sketch:
+    """A main road with two side roads, 50 m apart, so that their junctions are one site."""
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-500, 0), (-25, 0), (25, 0), (500, 0)], "primary", "Main Road")
+    sketch.road([(-25, 0), (-25, 150)], "residential", "First Road")
+    sketch.road([(25, 0), (25, -150)], "residential", "Second Road")
+    return sketch
+
+
+def test_a_site_is_narrowed_to_its_junctions_on_a_street(tmp_path: Path) -> None:
+    found = finder(tmp_path, staggered())
+    (site,) = found.find("intersection")
+    narrow = found.narrowed(site, lambda part: "Second Road" in part.streets)
+    assert narrow.streets == ("Main Road", "Second Road")
+    assert narrow.longitude > site.longitude
+    assert not narrow.beside
+    assert found.narrowed(site, lambda part: "Main Road" in part.streets) == site
+
+
+def test_a_site_none_of_whose_junctions_is_meant_lies_beside(tmp_path: Path) -> None:
+    found = finder(tmp_path, staggered())
+    (site,) = found.find("intersection")
+    narrow = found.narrowed(site, lambda part: {"First Road", "Second Road"} <= set(part.streets))
+    assert narrow.beside
+    assert narrow.position == site.position
+
+
+def test_a_track_makes_no_junction(tmp_path: Path) -> None:
+    assert "intersection" not in finder(tmp_path, crossing("track")).kinds()
+
+
+def test_a_light_where_a_road_only_parts_is_no_junction_with_lights(tmp_path: Path) -> None:
+    def lit(*, crossed: bool) -> Sketch:
+        sketch = Sketch("Town", 50.0, 8.0)
+        sketch.road([(-300, 0), (0, 0), (300, 0)], "secondary", "Main Road", oneway="yes")
+        sketch.road([(0, 0), (0, 200)], "secondary", "Side Road", **({} if crossed else {"oneway": "yes"}))
+        sketch.mark((0, 0), highway="traffic_signals")
+        return sketch
+
+    assert finder(tmp_path, lit(crossed=True)).kinds()["signalised_intersection"] == 1
+    assert "signalised_intersection" not in finder(tmp_path, lit(crossed=False)).kinds()
+
+
+def test_a_ramp_knows_whether_its_link_joins_or_leaves(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-900, 0), (0, 0), (600, 0), (900, 0)], "motorway", "", ref="A 1", oneway="yes")
+    sketch.road([(0, 0), (200, -60)], "motorway_link", "", oneway="yes")
+    sketch.road([(400, -60), (600, 0)], "motorway_link", "", oneway="yes")
+    exit_, entry = sorted(finder(tmp_path, sketch).find("ramp"), key=lambda site: site.longitude)
+    assert exit_.turns == {"exit"}
+    assert entry.turns == {"merge"}

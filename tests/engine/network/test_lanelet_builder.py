@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plannerforge.engine.maps.drawn_library import LIBRARY
+from plannerforge.engine.maps.drawn_library import LIBRARY, Sketch
 from plannerforge.engine.network.lane_bounds import is_valid
 from plannerforge.engine.network.lanelet_builder import build_road_network
 from plannerforge.engine.network.net_parser import SumoNet, read_net
@@ -85,3 +85,20 @@ def test_a_map_without_roads_for_cars_is_refused(tmp_path: Path) -> None:
     with pytest.raises(NotPossible, match="no road network"):
         convert_osm(path, old, lefthand=False)
     assert not old.exists()
+
+
+def test_of_two_roads_drawn_over_each_other_each_lane_has_one_oncoming_lane(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    for name, aside_m in (("Mill Road", 0.1), ("Mill Road too", -0.1)):
+        sketch.road([(0, 0), (60, aside_m), (120, 0)], "residential", name)
+    sketch.road([(120, 100), (120, 0), (120, -100)], "residential", "Side Road")
+    sketch.road([(0, 100), (0, 0), (0, -100)], "residential", "Other Road")
+    sketch.write(tmp_path / "map.osm")
+    convert_osm(tmp_path / "map.osm", tmp_path / "a.net.xml", lefthand=False)
+    lanelets = build_road_network(read_net(tmp_path / "a.net.xml"), step_s=0.1, elapsed_s=0.0).lanelets
+    twice = [lanelet for lanelet in lanelets.values() if lanelet.street.startswith("Mill Road")]
+    assert len(twice) == 4
+    for lanelet in twice:
+        if lanelet.left_neighbour is not None:
+            assert lanelets[lanelet.left_neighbour].left_neighbour == lanelet.lanelet_id
+    assert all(lanelet.left_neighbour is not None for lanelet in twice)

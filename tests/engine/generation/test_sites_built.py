@@ -1,0 +1,115 @@
+"""Sites that a map promises are built, and a ramp that does not lead where it has to is told as what it is."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from plannerforge.engine.execution import silent
+from plannerforge.engine.generation.generator import generate_scenario
+from plannerforge.engine.generation.site_network import prepare_site
+from plannerforge.engine.generation.sites import fitting_sites, lacking_turn
+from plannerforge.engine.maps.drawn_library import Sketch
+from plannerforge.engine.maps.osm import OsmMap, read_osm
+from plannerforge.engine.maps.site_search.finder import SiteFinder
+from plannerforge.schemas.errors import NotPossible
+from plannerforge.schemas.generation import GenerationRequest
+
+pytestmark = pytest.mark.usefixtures("unknown_sites")
+
+
+def drawn(folder: Path, sketch: Sketch) -> OsmMap:
+    sketch.write(folder / "map.osm")
+    return read_osm(folder / "map.osm")
+
+
+def request_in(folder: Path, **changes: Any) -> GenerationRequest:
+    wish = {"map_path": str(folder / "map.osm"), "map_id": "map_town", "place": "Town", "country": "ZAM"}
+    return GenerationRequest.model_validate({**wish, "attribution": "", "folder": str(folder), **changes})
+
+
+def two_ramps() -> Sketch:
+    """A motorway with an exit, and an entry 3 km behind it."""
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-900, 0), (0, 0), (3000, 0), (4000, 0)], "motorway", "", ref="A 1", oneway="yes")
+    sketch.road([(0, 0), (300, -90)], "motorway_link", "Exit Road", oneway="yes")
+    sketch.road([(2700, -90), (3000, 0)], "motorway_link", "Entry Road", oneway="yes")
+    return sketch
+
+
+def test_ramps_that_lead_where_the_ego_is_to_go_come_first(tmp_path: Path) -> None:
+    osm = drawn(tmp_path, two_ramps())
+    for turn in ("merge", "exit"):
+        for seed in range(4):
+            request = request_in(tmp_path, scenario_type="ramp", goal=f"through:{turn}", seed=seed)
+            assert fitting_sites(osm, request)[0].turns == {turn}
+            assert lacking_turn(osm, request) is None
+
+
+@pytest.mark.parametrize("wish", [{"goal": "through:merge"}, {"others": "merging"}])
+def test_a_merge_at_an_exit_is_refused_as_that_with_a_ramp_that_merges(tmp_path: Path, wish: dict[str, str]) -> None:
+    osm = drawn(tmp_path, two_ramps())
+    refusal = lacking_turn(osm, request_in(tmp_path, scenario_type="ramp", streets=[["Exit Road"]], **wish))
+    assert refusal is not None
+    assert refusal.reason == "no_such_turn"
+    boxed = refusal.remedies[-1].changes[0].values
+    assert boxed is not None
+    there = request_in(tmp_path, scenario_type="ramp", bbox=boxed["bbox"], **wish)
+    assert [site.turns for site in fitting_sites(osm, there)] == [{"merge"}]
+
+
+def test_an_exit_alone_offers_what_it_has(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-600, 0), (0, 0), (600, 0)], "motorway", "", ref="A 1", oneway="yes")
+    sketch.road([(0, 0), (300, -90)], "motorway_link", "Exit Road", oneway="yes")
+    drawn(tmp_path, sketch)
+    with pytest.raises(NotPossible) as caught:
+        generate_scenario(request_in(tmp_path, scenario_type="ramp", goal="through:merge", duration_s=6.0), silent)
+    assert caught.value.reason == "no_such_turn"
+    assert caught.value.valid == ("goal=through:exit",)
+
+
+def test_a_site_on_the_streets_that_are_asked_for_comes_before_one_that_they_pass(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-900, 0), (-25, 0), (25, 0), (800, 0), (900, 0)], "primary", "Main Road")
+    sketch.road([(-25, 0), (-25, 150)], "residential", "First Road")
+    sketch.road([(25, 0), (25, -150)], "residential", "Second Road")
+    sketch.road([(800, -150), (800, 0)], "residential", "First Road")
+    sketch.road([(800, 0), (800, 150)], "residential", "Second Road")
+    osm = drawn(tmp_path, sketch)
+    for seed in range(4):
+        streets = [["First Road"], ["Second Road"]]
+        on, beside = fitting_sites(osm, request_in(tmp_path, scenario_type="intersection", streets=streets, seed=seed))
+        assert (on.beside, beside.beside) == (False, True)
+        assert beside.longitude < on.longitude
+    built = prepare_site(request_in(tmp_path, streets=streets), osm, beside, tmp_path, silent)
+    assert "do not meet at one point" in built.notes[0]
+
+
+def test_a_site_outside_the_part_that_is_asked_for_is_offered(tmp_path: Path) -> None:
+    osm = drawn(tmp_path, two_ramps())
+    first, _ = sorted(SiteFinder(osm).find("ramp"), key=lambda site: site.longitude)
+    west = request_in(tmp_path, scenario_type="ramp", bbox=(49.9, first.longitude - 0.02, 50.1, first.longitude - 0.01))
+    with pytest.raises(NotPossible) as caught:
+        fitting_sites(osm, west)
+    boxed = caught.value.remedies[0].changes[0].values
+    assert boxed is not None
+    there = request_in(tmp_path, scenario_type="ramp", bbox=boxed["bbox"])
+    assert [site.position for site in fitting_sites(osm, there)] == [first.position]
+
+
+def test_a_ring_whose_turns_are_too_tight_is_drawn_with_tighter_corners(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    right = [(2.7, -0.0), (2.6, 0.9), (2.2, 1.7), (1.5, 2.3), (0.7, 2.7), (-0.2, 2.7), (-1.1, 2.5), (-1.8, 2.0)]
+    left = [(-2.4, 1.3), (-2.6, 0.5), (-2.7, 0.1), (-2.6, -0.4), (-2.3, -1.2), (-1.8, -1.9), (-1.1, -2.4), (-0.3, -2.6)]
+    ring = [*right, *left, (0.6, -2.5), (1.4, -2.2), (2.0, -1.7), (2.5, -0.9), (2.7, -0.0)]
+    sketch.road(ring, "residential", "Ring", junction="roundabout", oneway="yes", lanes="1")
+    sketch.road([(0.7, 2.7), (0.9, 4.9), (1.6, 95.3)], "residential", "North Road", lanes="1")
+    sketch.road([(0.3, -93.3), (0.9, -4.4), (0.6, -2.5)], "residential", "South Road", lanes="1")
+    sketch.road([(-85.4, 0.4), (-41.6, 0.3), (-7.3, 0.3), (-2.7, 0.1)], "residential", "West Road", lanes="1")
+    osm = drawn(tmp_path, sketch)
+    request = request_in(tmp_path, scenario_type="roundabout")
+    (site,) = fitting_sites(osm, request)
+    built = prepare_site(request, osm, site, tmp_path, silent)
+    assert built.net.roundabout_edges
+    assert any("tighter" in note for note in built.notes)
