@@ -209,7 +209,7 @@ def foreign_format(path: Path) -> ForeignFormat | None:
         return "OpenDRIVE"
     if name.endswith(LANELETS_ENDING) and not is_net(path):
         return "CommonRoad"
-    return "Lanelet2" if name.endswith(_STREETS_ENDING) and _holds_lanelets(path) else None
+    return "Lanelet2" if name.endswith(".osm") and _holds_lanelets(path) else None
 
 
 def _holds_lanelets(path: Path) -> bool:
