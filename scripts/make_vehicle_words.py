@@ -51,7 +51,7 @@ SYNSETS = {
     "truck": ["truck motortruck", "lorry camion"],
     "trailer": ["trailer_truck tractor_trailer semi"],
     "delivery": ["van", "delivery_truck delivery_van"],
-    "bus": ["bus motorbus"],
+    "bus": ["bus motorbus omnibus"],
     "taxi": ["cab taxi"],
     "emergency": ["ambulance", "fire_engine fire_truck", "cruiser police_car"],
     "motorcycle": ["motorcycle"],

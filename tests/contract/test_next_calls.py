@@ -251,10 +251,3 @@ async def test_what_can_be_computed_is_mended(
 ) -> None:
     _, call = await refused(client, tool, arguments)
     assert call == {"tool": tool, "arguments": expected}
-
-
-async def test_a_missing_vehicle_preset_without_a_like_one_leads_to_the_vehicles(client: Client) -> None:
-    edit = {"op": "set_behaviour", "vehicles": ["31"], "preset": "zzz"}
-    _, call = await refused(client, "modify_scenario", {"scenario_id": SCENARIO, "edits": [edit]})
-    assert call is not None
-    assert call["tool"] == "describe_scenario"
