@@ -37,8 +37,8 @@ class Measure:
     ``words``: its name as people say it; ``abbreviation``: that of the field, empty where there is none. ``better``:
     the direction that is better, None where neither is. ``meaning``: for readers who did not make the runs; ``method``:
     how it is computed, with its parameters; ``source``: where the definition is from. ``span``: what values it can
-    take; ``cap``: beyond what there is none, or no more is told, empty where nothing is capped. ``none``: why a run
-    does not have it, which is where it is not valid.
+    take; ``cap``: the bound beyond which a run has none, or a value is clipped; empty if there is no bound. ``none``: why
+    a run does not have it.
 
     For comparisons, of stored ones: ``basis``: a run that ends in a collision is short and never brakes for its goal,
     so progress and comfort are compared only where both runs reached the goal; nearness to others counts in every
@@ -632,8 +632,7 @@ def metric_words(name: str) -> str:
 
 
 def definition_rows(measures: Sequence[Measure] = MEASURES) -> tuple[tuple[str, ...], ...]:
-    """A row a measure: name, words, unit and direction, how it is computed, source, span with cap, when there is "
-    "none."""
+    """Return a row for each measure: name, words, unit, method, source, span with its cap, and when a run has none."""
     return tuple(
         (
             f"`{one.name}`{', stored' if one.stored else ''}",

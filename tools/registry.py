@@ -31,7 +31,8 @@ class ToolSpec:
         making: arguments with which a tool that is read-only otherwise makes something.
         refused: arguments that this listing refuses.
         open_world: may ask services on the net.
-        trial: the values with which a call makes nothing, so that a refusal can try what it proposes; None without any.
+        trial: the arguments that make a call a dry run, so that a refusal can try what it proposes; empty if no call
+            makes anything, None if there is no dry run.
         view: the page that shows its answers, in hosts that show pages.
         looks: calls that list valid values; a refusal proposes the first that the client may make, if it knows no
             better remedy.

@@ -11,7 +11,7 @@
 ``recorded_plan``: The ``DrivePlan`` of a recorded vehicle along its recorded route.
 ``sent_on``: The plan of a vehicle that an edit sends somewhere, which does not stand any more.
 ``Manoeuvre``: An order to a driven vehicle from a step on: a speed, or a change of lanes.
-``Halt``: An order to a driven vehicle to stand, from a step on until another one.
+``Halt``: An order to a driven vehicle to stand, from one step to before another.
 ``JunctionLaneChange``: A change of lane inside a junction.
 ``Replay``: A road user that moves by a given track and not by SUMO.
 ``SpeedAct``: Of a script: speed up or slow down by a prescribed acceleration from a step on.

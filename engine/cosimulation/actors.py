@@ -41,7 +41,7 @@ class Actor:
     vehicle waits for a gap into one of them instead of driving past it (none: it does not). ``is_sent``: an edit sends
     it another way than recorded. ``branch``: the lane behind a junction that tells the way through it to the target
     from others that leave the target's lane for the same edge. ``maximum_speed_mps``: what a driven vehicle never
-    exceeds, that of its class or of its recording. ``halts``: where it waits for others. ``ignores_lights``: it
+    exceeds, that of its class or of its recording. ``halts``: where it must stop. ``ignores_lights``: it
     stops at no red light and yields to nobody at a junction. ``friction``: the road's coefficient of friction, which
     limits how hard it brakes; None if nothing states it.
     """

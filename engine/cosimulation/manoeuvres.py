@@ -45,7 +45,7 @@ class Manoeuvre:
 
 @dataclass(frozen=True)
 class Halt:
-    """An order from a step on until another one: to roll no more than ``rolled_m`` from the hand-over on."""
+    """An order from ``from_step`` to before ``until_step``: to roll at most ``rolled_m`` from where SUMO takes over."""
 
     from_step: int
     until_step: int

@@ -23,7 +23,7 @@ FileState = tuple[Path, int, int, int]
 
 
 def read_map_file(path: Path) -> OsmMap:
-    """The map in a file of either kind, a ``NetMap`` for a network; read anew only if it is not the last one.
+    """Return the map in a file of any format; a network gives a ``NetMap``. The last map read is kept.
 
     Raises:
         UnsafeInput: the file is hostile, broken, no map, or holds no road for vehicles.

@@ -54,7 +54,7 @@ MAP_ENDINGS = (
     BINARY_ENDING,
 )
 _ENDINGS = {one.root: one.ending for one in MAP_FORMATS if one.root}
-"""Of the names that files get, by the root elements of their formats."""
+"""The ending that a file gets, by the root element of its XML."""
 _ROOT = re.compile(r"<(?:[\w.-]{1,99}:)?([A-Za-z_][\w.-]{0,99})")
 _ASIDES = {"<?": "?>", "<!--": "-->"}
 """Begins and ends of what may stand before the root element: declarations and comments."""

@@ -68,7 +68,7 @@ class DroppedVehicle:
 def drop_infeasible(
     everyone: Sequence[GeneratedVehicle], needed: Mapping[str, int]
 ) -> tuple[tuple[GeneratedVehicle, ...], tuple[DroppedVehicle, ...]]:
-    """Return the vehicles without those that cannot be driven or overlap others, and those; as few as possible go.
+    """Return the vehicles that stay, and those that cannot be driven or overlap others; as few as possible go.
 
     ``needed``: how many of a class must stay, even where their motion cannot be driven.
     """

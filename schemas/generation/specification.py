@@ -180,7 +180,7 @@ class AskedGoal:
     ``turn``: what the ego does at the site on its way behind it; None: anything. ``text``: the words for all of it.
     """
 
-    text: str = THROUGH
+    text: str
     steps: int | None = None
     distance_m: float | None = None
     lanelet: LaneletGoal | None = None

@@ -36,7 +36,7 @@ def read(**given: Any) -> GenerationSpec:
 @pytest.mark.parametrize(
     ("text", "goal"),
     [
-        ("through", AskedGoal()),
+        ("through", AskedGoal("through")),
         *((f"through:{turn}", AskedGoal(f"through:{turn}", turn=turn)) for turn in get_args(Turn)),
         ("steps:070", AskedGoal("steps:070", steps=70)),
         ("distance_m:40.5", AskedGoal("distance_m:40.5", distance_m=40.5)),

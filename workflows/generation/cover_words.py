@@ -23,6 +23,7 @@ from ...schemas.errors import InvalidRequest, UnknownName, closest, instead
 from ...schemas.generation import (
     THROUGH,
     TURNS_AT,
+    USUAL_GOAL,
     AskedGoal,
     Combination,
     Density,
@@ -167,7 +168,7 @@ class AskedPlan:
             )
         if spec.goal.lanelet is not None:
             raise InvalidRequest("a goal on a lanelet means one site; a plan has many", valid=[THROUGH, "steps:50"])
-        if "turn" in names and spec.goal != AskedGoal():
+        if "turn" in names and spec.goal not in (AskedGoal.of(THROUGH), AskedGoal.of(USUAL_GOAL)):
             raise InvalidRequest(f"cover varies the turn; goal {quoted(spec.goal)} has none", valid=[THROUGH])
         bbox = None if spec.bbox is None else list(spec.bbox)
         left = {"place": spec.place, "country": spec.country, "bbox": bbox}

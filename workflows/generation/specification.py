@@ -40,6 +40,7 @@ from ...schemas.generation import (
     NATURAL_SHARES,
     SHARES_SOURCE,
     TRIP_KINDS,
+    USUAL_GOAL,
     WEATHER_WORDS,
     WEATHERS,
     AskedEgo,
@@ -87,7 +88,7 @@ def read_specification(arguments: GenerateScenariosArguments) -> GenerationSpec:
     """
     faults = Faults()
     read = _ReadConditions()
-    goal, ego, bbox = AskedGoal(), AskedEgo(), None
+    goal, ego, bbox = AskedGoal.of(USUAL_GOAL), AskedEgo(), None
     road_classes: tuple[str, ...] = ()
     vehicles: tuple[VehicleDemand, ...] = ()
     taken: list[str] = []
