@@ -34,7 +34,8 @@ from .naming.spellings import (
     words_for_crossings,
     words_of_name,
 )
-from .naming.tags import CITY_PEOPLE, ROAD_PLACES
+from .naming.tags import CITY_PEOPLE, PLACE_KINDS, ROAD_PLACES, SETTLEMENTS
+from .osm import ground_distance_m
 
 LIBRARY = Path(__file__).parent / "library"
 NOT_SHOWN = "not_shown"
@@ -169,6 +170,21 @@ class MapMatch:
     unnamed: tuple[str, ...] = ()
     area: PlaceArea | None = None
     understood: tuple[str, ...] = ()
+
+    @property
+    def widened(self) -> "MapMatch | None":
+        """The whole map for streets that lie outside the circle of the place named with them; None if it is a bound.
+
+        A town's circle is mostly guessed, and where streets cross is one place. A quarter tells which part of a single
+        street is meant.
+        """
+        if self.area is None or not self.streets:
+            return None
+        if self.area.kind not in SETTLEMENTS and len(self.streets) < 2:
+            return None
+        note = f"the streets lie outside {_area_text(self.area)}; the whole map was searched"
+        kept = tuple(text for text in self.understood if not text.endswith(_area_text(self.area)))
+        return replace(self, area=None, understood=(*kept, note))
 
     @property
     def box(self) -> Box | None:
@@ -506,6 +522,7 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
         for part in listed:
             found = (
                 _read_whole(part, facts)
+                or _read_roads_of_crossing(part, facts)
                 or _read_together(part, facts, Closeness.SAME)
                 or _read_part(part, facts, closeness, settled=settled)
                 or _read_crossing(part, facts, closeness)
@@ -517,10 +534,18 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
     reading = _with_words_of_the_file(reading, facts)
     if reading.named:
         reading = _with_quarters_of_roads(reading, facts)
+    if reading.streets and reading.area is not None and _is_called(reading.area, facts.place):
+        reading = _without_area(reading, reading.area)
     known = reading.named or (not facts.places and country in _countries(facts))
     if reading.unnamed and not (reading.streets and known):
         return None
     return MapMatch(entry, reading.streets, reading.unnamed, reading.area, reading.understood)
+
+
+def _without_area(reading: "_Reading", area: PlaceArea) -> "_Reading":
+    """The reading without the circle of the map's own town, which is only the context of a road beside it."""
+    told = (text.replace(_area_text(area), cited(area.name)) for text in reading.understood)
+    return replace(reading, area=None, understood=tuple(text for text in told if text != cited(area.name)))
 
 
 def _with_words_of_the_file(reading: "_Reading", facts: MapFacts) -> "_Reading":
@@ -554,11 +579,11 @@ class _Reading:
     named: bool = False
 
     def __add__(self, other: "_Reading") -> "_Reading":
-        areas = [area for area in (self.area, other.area) if area is not None]
+        areas = [area for area in (self.area, other.area) if area is not None]  # the district rather than its city
         return _Reading(
             self.streets + other.streets,
             self.unnamed + other.unnamed,
-            min(areas, key=lambda area: area.radius_m, default=None),
+            min(areas, key=lambda area: (-PLACE_KINDS.index(area.kind), area.radius_m), default=None),
             self.understood + other.understood,
             self.named or other.named,
         )
@@ -708,19 +733,49 @@ def _read_place(part: str, facts: MapFacts) -> _Reading | None:
 
 
 def _read_named_place(part: str, facts: MapFacts, keys_of: Callable[[str], frozenset[str]]) -> _Reading | None:
-    """The words as a place inside the map, or as its own place, by the given keys of names."""
+    """The words as a place inside the map, or as its own place, by the given keys of names.
+
+    The map's own name means its town and never a quarter that is called alike (``竹北``: ``竹北市``, not ``竹北里``).
+    """
     keys = keys_of(part)
+    is_own = not keys.isdisjoint(keys_of(facts.place))
     for area in facts.areas:
+        if is_own and area.kind not in SETTLEMENTS and not _is_called(area, facts.place):
+            continue
         if any(not keys.isdisjoint(keys_of(name)) for name in (area.name, *area.other_names)):
-            taken = "" if fold(part) == fold(area.name) else f"{part!r} is taken as "
-            if _is_whole(area, facts):
-                return _Reading(named=True, understood=(f"{taken}{cited(area.name)}",) if taken else ())
-            return _Reading(named=True, area=area, understood=(f"{taken}{_area_text(area)}",))
+            widest = max(_same_place(area, facts), key=lambda one: one.radius_m)
+            taken = "" if fold(part) in (fold(area.name), fold(widest.name)) else f"{part!r} is taken as "
+            if _is_whole(widest, facts):
+                return _Reading(named=True, understood=(f"{taken}{cited(widest.name)}",) if taken else ())
+            return _Reading(named=True, area=widest, understood=(f"{taken}{_area_text(widest)}",))
     for name in (facts.place, *facts.places):
         if not keys.isdisjoint(keys_of(name)):
             alike = fold(part) == fold(name)
             return _Reading(named=True, understood=() if alike else (f"{part!r} is taken as {cited(name)}",))
     return None
+
+
+def _is_called(area: PlaceArea, name: str) -> bool:
+    return fold(name) in map(fold, (area.name, *area.other_names))
+
+
+def _same_place(area: PlaceArea, facts: MapFacts) -> list[PlaceArea]:
+    """The place and those of its kind that are it as well: one is drawn in another language beside it.
+
+    They share a name, and the centre of one lies within the other.
+    """
+    names = {fold(name) for name in (area.name, *area.other_names)}
+    return [
+        other
+        for other in facts.areas
+        if other == area
+        or (
+            other.kind == area.kind
+            and not names.isdisjoint(fold(name) for name in (other.name, *other.other_names))
+            and ground_distance_m((area.latitude, area.longitude), (other.latitude, other.longitude))
+            <= max(area.radius_m, other.radius_m)
+        )
+    ]
 
 
 def file_stem(name: str) -> str:
@@ -748,8 +803,9 @@ def _area_text(area: PlaceArea) -> str:
 
 def _is_whole(area: PlaceArea, facts: MapFacts) -> bool:
     """Whether a place is what the map shows and not a part of it: its largest, or one that covers the map."""
-    alone = sum(other.kind == facts.areas[0].kind for other in facts.areas) == 1
-    if alone and area == facts.areas[0] and area.kind in ("city", "town", "village"):
+    largest = _same_place(facts.areas[0], facts)
+    alone = sum(other.kind == facts.areas[0].kind for other in facts.areas) == len(largest)
+    if alone and area in largest and area.kind in SETTLEMENTS:
         return True
     south, west, north, east = _box_around(area)
     return south <= facts.south and west <= facts.west and facts.north <= north and facts.east <= east
@@ -816,6 +872,25 @@ def _read_crossing(text: str, facts: MapFacts, closeness: Closeness) -> _Reading
             return None
         reading += found
     return None if of_other_kind and len(of_other_kind) == len(reading.streets) else reading
+
+
+def _read_roads_of_crossing(text: str, facts: MapFacts) -> _Reading | None:
+    """The words as roads that meet, if every part is one: a quarter that is called like a road is not meant then.
+
+    The town of the map is a place even so: ``Main Street at Springfield`` has a road and a town.
+    """
+    parts = crossing_parts(text)
+    if len(parts) < 2 or any(not place_keys(part).isdisjoint(place_keys(facts.place)) for part in parts):
+        return None
+    reading = _Reading()
+    for part in parts:
+        found = _read_road(part, facts)
+        if found is None and not kinds_of_road(part):
+            found = _read_road(part, facts, core=True)
+        if found is None:
+            return None
+        reading += found
+    return reading
 
 
 def _read_other_kind(part: str, facts: MapFacts) -> _Reading | None:

@@ -154,6 +154,32 @@ def _beyond_the_maps(box: Box, matches: Sequence[MapMatch]) -> list[str]:
     return [f"no map shows the whole bbox; sites were looked for where the maps lie in it: {named}"]
 
 
+async def widen_empty(spec: GenerationSpec, context: WorkflowContext, plan: GenerationPlan) -> GenerationPlan:
+    """The plan with the whole map for streets that do not lie in the circle of the town named with them.
+
+    Only a map with such a circle is looked at. What the whole map lacks too is left to be refused as it was asked.
+    """
+    matches: list[MapMatch] = []
+    notes = list(plan.notes)
+    for match in plan.matches:
+        wide = match.widened
+        if wide is None or await _holds_site(spec, context, match) or not await _holds_site(spec, context, wide):
+            matches.append(match)
+            continue
+        matches.append(wide)
+        notes = [text for text in notes if text not in match.understood or text in wide.understood]
+        notes += [text for text in wide.understood if text not in notes]
+    return GenerationPlan(tuple(matches), tuple(notes))
+
+
+async def _holds_site(spec: GenerationSpec, context: WorkflowContext, match: MapMatch) -> bool:
+    try:
+        await context.run(COUNT_SITES, request_for(spec, AssignedSite(match), 0), share=(0.0, 0.0))
+    except NotPossible as refusal:
+        return refusal.reason != "no_such_site"
+    return True
+
+
 async def assign_sites(spec: GenerationSpec, context: WorkflowContext, matches: tuple[MapMatch, ...]) -> SiteAssignment:
     """Sites for as many scenarios as were asked for, or as many as there are.
 
