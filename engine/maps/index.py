@@ -35,7 +35,6 @@ from .naming.spellings import (
     words_of_name,
 )
 from .naming.tags import CITY_PEOPLE, PLACE_KINDS, ROAD_PLACES, SETTLEMENTS
-from .osm import ground_distance_m
 
 LIBRARY = Path(__file__).parent / "library"
 NOT_SHOWN = "not_shown"
@@ -333,8 +332,11 @@ def _box_text(f: MapFacts) -> str:
 def _showing(found: list[MapMatch], place: str, country: str | None, closeness: Closeness) -> list[MapMatch]:
     """Maps in which every part of the text (``street, city`` or ``street A / street B``) is a place or a road.
 
-    Of those only the closest.
+    Of those only the closest; and if the text names a town behind a comma that is at hand, only maps that show it, so
+    that ``Oxford Street, Sydney`` is no crossing in another town.
     """
+    if (town := _town_named(place[:LONGEST_TEXT], found)) is not None:
+        found = [map_ for map_ in found if map_ in town.maps or _read_place(town.words, map_.entry.facts) is not None]
     for level in range(closeness + 1):
         matches = (_match(map_.entry, place[:LONGEST_TEXT], country, Closeness(level)) for map_ in found)
         if shown := [match for match in matches if match is not None]:
@@ -342,6 +344,45 @@ def _showing(found: list[MapMatch], place: str, country: str | None, closeness: 
             is_half = closeness is Closeness.PART
             return _with_begun(shown, found, place[:LONGEST_TEXT], Closeness(level)) if is_half else shown
     return []
+
+
+@dataclass(frozen=True)
+class _Town:
+    """A town that a text names behind a street: its words, the other parts of the text, and the maps of the town."""
+
+    words: str
+    others: tuple[str, ...]
+    maps: tuple[MapMatch, ...]
+
+    @property
+    def roads(self) -> list[str]:
+        """The roads of the other parts, one by one."""
+        return [part for listed in self.others for part in crossing_parts(listed)]
+
+
+def _is_named_on(facts: MapFacts, part: str) -> bool:
+    return _read_part(part, facts, Closeness.HEARD) is not None
+
+
+def _town_named(place: str, found: Sequence[MapMatch]) -> _Town | None:
+    """The last part between commas that names the town of a map at hand; None if it is no part beside others."""
+    listed = listed_parts(place)
+    for index in reversed(range(len(listed) if len(listed) > 1 else 0)):
+        if maps := tuple(map_ for map_ in found if _is_town_of(listed[index], map_.entry.facts)):
+            return _Town(listed[index], (*listed[:index], *listed[index + 1 :]), maps)
+    return None
+
+
+def _is_town_of(part: str, facts: MapFacts) -> bool:
+    """Whether the words are the map's place, or a settlement that the map names or GeoNames knows there."""
+    keys = _framed_keys(part)
+    towns = (area for area in facts.areas if area.kind in SETTLEMENTS)
+    names = (facts.place, *(name for area in towns for name in (area.name, *area.other_names)))
+    return (
+        any(not keys.isdisjoint(_framed_keys(name)) for name in names)
+        or _read_name_elsewhere(part, facts) is not None
+        or _read_settlement(part, facts, wide=True) is not None
+    )
 
 
 def _with_begun(shown: list[MapMatch], found: list[MapMatch], text: str, level: Closeness) -> list[MapMatch]:
@@ -437,14 +478,24 @@ def _not_shown(
             reason=NOT_SHOWN,
         )
     shown = sorted({match.entry.facts.place for match in matches})
-    near = _near(place[:LONGEST_TEXT], [match.entry.facts for match in matches])
+    town = _town_named(place[:LONGEST_TEXT], matches)
+    why = ""
+    if town is not None:
+        near = _near_in_town(town)
+        own = town.maps[0].entry.facts
+        missing = [part for part in town.roads if not any(_is_named_on(map_.entry.facts, part) for map_ in town.maps)]
+        why = f": {cited(own.place)} ({own.map_id}) is at hand, and names no {cited_all(missing or town.roads, ' or ')}"
+    else:
+        towns = [part for part in listed_parts(place[:LONGEST_TEXT])[1:] if country_code(part) is None]
+        is_elsewhere = any(settlements_called(without_frame(part)) for part in towns)
+        near = [] if is_elsewhere else _near(place[:LONGEST_TEXT], [match.entry.facts for match in matches])
     if near:
         return UnknownName(
-            f"no map shows {place!r}",
+            f"no map shows {place!r}{why}",
             valid=map(cited, near),
             next_step="choose one of these places, or import an .osm extract of the place with import_files",
             reason=NOT_SHOWN,
-            remedies=[with_values(place=near[0])],
+            remedies=[with_values(place=one) for one in near],
         )
     return UnknownName(
         f"no map shows {place!r} or a name like it: there is no map of that city or country",
@@ -452,6 +503,26 @@ def _not_shown(
         next_step="choose one of these places, or import an .osm extract of the place with import_files",
         reason=NOT_SHOWN,
     )
+
+
+def _near_in_town(town: _Town) -> list[str]:
+    """The streets of a town at hand that are like the other parts of a text, then the town itself: all can be found."""
+    scores: dict[str, float] = {}
+    for match in town.maps:
+        facts = match.entry.facts
+        for name in (*facts.streets, *facts.refs):
+            if len(place_parts(name)) != 1:
+                continue
+            spelling = name[:LONGEST_TEXT]
+            likeness = max((_likeness(_telling(part), _telling(spelling)) for part in town.roads), default=0.0)
+            if likeness >= _LEAST_LIKENESS:
+                scores[name] = max(scores.get(name, 0.0), likeness)
+    streets = sorted(scores, key=lambda name: (-scores[name], name))[: _MOST_NEAR - 1]
+    towns = [town.words, *(match.entry.facts.place for match in town.maps)]
+    whole = next((one for one in towns if _showing(list(town.maps), one, None, Closeness.KNOWN)), None)
+    wishes = (f"{name}, {town.words}" for name in streets)
+    near = [wish for wish in wishes if _showing(list(town.maps), wish, None, Closeness.KNOWN)]
+    return [*near, *([] if whole is None else [whole])]
 
 
 def _near(place: str, shown: Sequence[MapFacts]) -> list[str]:
@@ -685,6 +756,10 @@ def _lies_elsewhere(part: str, facts: MapFacts) -> bool:
     )
 
 
+def _middle_of(area: PlaceArea) -> Box:
+    return area.latitude, area.longitude, area.latitude, area.longitude
+
+
 def _as_box(settlement: Settlement) -> Box:
     return settlement.latitude, settlement.longitude, settlement.latitude, settlement.longitude
 
@@ -772,8 +847,7 @@ def _same_place(area: PlaceArea, facts: MapFacts) -> list[PlaceArea]:
         or (
             other.kind == area.kind
             and not names.isdisjoint(fold(name) for name in (other.name, *other.other_names))
-            and ground_distance_m((area.latitude, area.longitude), (other.latitude, other.longitude))
-            <= max(area.radius_m, other.radius_m)
+            and 1000.0 * _km_between(_middle_of(area), _middle_of(other)) <= max(area.radius_m, other.radius_m)
         )
     ]
 

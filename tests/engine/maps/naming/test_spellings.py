@@ -210,6 +210,43 @@ def test_only_what_is_near_is_suggested(words: str, near: str | None) -> None:
         assert refusal.value.valid[0] == f"“{near}”"
 
 
+BROSSARD = a_map(
+    "Rue Oxford", "Rue Sydney", "Rue Zagreb", country="CAN", map_id="map_b", place="Brossard", places=("Brossard",)
+)
+ZAGREB = a_map("Jarunska ulica", "Selska cesta", country="HRV", map_id="map_z", place="Zagreb", places=("Zagreb",))
+SYDNEY = a_map("Park Street", country="AUS", map_id="map_s", place="Sydney", places=("Sydney",))
+
+
+@pytest.mark.parametrize(
+    ("words", "near"),
+    [
+        ("Oxford Street, Sydney", ("“Sydney”",)),
+        ("Ilica, Zagreb", ("“Zagreb”",)),
+        ("Jarunka, Zagreb", ("“Jarunska ulica, Zagreb”", "“Zagreb”")),
+        ("Selska / Ilica, Zagreb", ("“Selska cesta, Zagreb”", "“Zagreb”")),
+    ],
+)
+def test_if_the_town_is_at_hand_what_is_proposed_is_in_it_and_can_be_found(words: str, near: tuple[str, ...]) -> None:
+    maps = [BROSSARD, ZAGREB, SYDNEY]
+    with pytest.raises(UnknownName) as refusal:
+        find_maps(maps, place=words)
+    assert refusal.value.valid == near
+    for remedy in refusal.value.remedies:
+        places = remedy.changes[0].values
+        assert find_maps(maps, place=str(places["place"]))[0].entry is not BROSSARD
+
+
+def test_streets_of_another_town_are_not_proposed_for_a_town_that_is_not_at_hand() -> None:
+    with pytest.raises(UnknownName, match="there is no map of that city") as refusal:
+        find_maps([BROSSARD, SYDNEY], place="Ilica, Zagreb")
+    assert refusal.value.valid == ("“Brossard”", "“Sydney”")
+
+
+def test_a_comma_between_streets_is_a_crossing_if_no_town_at_hand_is_called_so() -> None:
+    assert find_maps([BROSSARD], place="Rue Oxford, Rue Sydney")[0].streets == (("Rue Oxford",), ("Rue Sydney",))
+    assert find_maps([BROSSARD, SYDNEY], place="Rue Oxford / Rue Sydney")[0].entry is BROSSARD
+
+
 def test_a_place_far_from_all_is_answered_with_what_there_is() -> None:
     with pytest.raises(UnknownName, match="there is no map of that city or country") as refusal:
         find_maps([a_map("Pine Street")], place="Ouagadougou")
