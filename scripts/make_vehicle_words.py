@@ -1,16 +1,18 @@
 """Make ``engine/vehicles/vehicle_words.json.gz``: the words that languages have for the classes of road users.
 
-    python scripts/make_vehicle_words.py CLDR_ANNOTATIONS WORDNET
+    python scripts/make_vehicle_words.py CLDR_ANNOTATIONS WORDNET DICTIONARIES
 
 ``CLDR_ANNOTATIONS`` is the folder ``annotations`` of the package ``cldr-annotations-full`` of Unicode's Common Locale
 Data Repository (Unicode License), in which about 150 languages name the pictures of vehicles and give key words for
 them. ``WORDNET`` is the folder ``dict`` of WordNet 3 (WordNet License), whose nouns say in English what is a kind of
-what. A word has the class that, in this order,
+what. ``DICTIONARIES`` is the folder of dictd in which Debian's packages ``dict-freedict-*-*`` put dictionaries; those
+that WikDict makes of Wiktionary (CC BY-SA 3.0) are read (``wikdict.py``). A word has the class that, in this order,
 
 1. it has in WordNet, if it has one class there: as a synonym that stands for the class, or if what it means first is a
    kind of one,
-2. most languages give to it as the name of a picture,
-3. most languages give to it as a key word of all pictures of one kind that no picture of anything else has.
+2. the dictionaries of most languages give to its first two meanings, or to the words that it translates,
+3. most languages give to it as the name of a picture,
+4. most languages give to it as a key word of all pictures of one kind that no picture of anything else has.
 
 English texts are searched for these words too. So what WordNet has as an English word without a class, and English does
 not give one either, is left out (a bill is a car in Icelandic), and so is what holds no letter.
@@ -24,6 +26,8 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from wikdict import Dictionaries, most, two_letters, words_of_dictionaries
 
 from plannerforge.engine.vehicles.words import plain_word
 
@@ -61,6 +65,8 @@ SYNSETS = {
 }
 """The synonyms of WordNet that stand for each class, by words that they hold, which have the class whatever else they
 mean. What is under several of them has the class of the nearest."""
+COACH = "coach"
+"""A class that is no synonym of WordNet's and no picture; only its English name stands for it."""
 _NOUN_OF_ARTEFACT, _NOUN_OF_PERSON = 6, 18
 """WordNet's files of nouns (lexnames(5WN)): only their words can be road users."""
 
@@ -162,28 +168,49 @@ def _class_of(picture: str, truck: bool, articulated: bool) -> str:
     return next((class_ for class_, kinds in PICTURES.items() if parts & set("".join(kinds))), "")
 
 
+def words_of_wikdict(folder: Path, annotations: Path, english: Mapping[str, str]) -> dict[str, str]:
+    """Return the class of each word of dictionaries between languages, of which the CLDR has the pictures' words."""
+    dictionaries = Dictionaries.read(folder)
+    languages = {
+        language: two_letters(language) for language, _ in dictionaries.meanings.keys() | dictionaries.translated
+    }
+    told = {
+        language: words_of_cldr(annotations, code)
+        for language, code in languages.items()
+        if code not in ("", "en") and (annotations / code).is_dir()
+    }
+    cldr = {language: keywords | named for language, (named, keywords) in told.items()}
+    names = {language: named for language, (named, _) in told.items()}
+    synonyms = {
+        plain_word(word): name for name, several in SYNSETS.items() for words in several for word in words.split()
+    }
+    votes: dict[str, Counter[str]] = defaultdict(Counter)
+    for words in words_of_dictionaries(
+        dictionaries, {**english, COACH: COACH}, {**synonyms, COACH: COACH}, cldr, names
+    ).values():
+        for word, name in words.items():
+            votes[word][name] += 1
+    return _most_say(votes)
+
+
 def _most_say(votes: Mapping[str, Counter[str]]) -> dict[str, str]:
-    said = {}
-    for word, classes in votes.items():
-        (first, most), *others = classes.most_common(2)
-        if not others or others[0][1] < most:
-            said[word] = first
-    return said
+    return {word: said for word, classes in votes.items() if (said := most(classes)) is not None}
 
 
 def main() -> None:
     """Write the table."""
-    annotations, wordnet = map(Path, sys.argv[1:3])
+    annotations, wordnet, dictionaries = map(Path, sys.argv[1:4])
     named, keywords = words_of_cldr(annotations, "*")
     english = set().union(*words_of_cldr(annotations, "en"), meant := words_of_wordnet(wordnet))
     others = set(english_words(wordnet)) - english
-    meant = {word: class_ for word, class_ in (keywords | named | meant).items() if word not in others}
+    translated = words_of_wikdict(dictionaries, annotations, meant)
+    meant = {word: class_ for word, class_ in (keywords | named | translated | meant).items() if word not in others}
     meant = {word: class_ for word, class_ in meant.items() if not word.isnumeric()}
     words: dict[str, list[str]] = defaultdict(list)
     for word, class_ in sorted(meant.items()):
         words[class_].append(word)
     version = json.loads((annotations.parent / "package.json").read_text(encoding="utf-8"))["version"]
-    table = {"source": f"CLDR {version} (annotations), WordNet 3", "words": dict(sorted(words.items()))}
+    table = {"source": f"CLDR {version} (annotations), WordNet 3, WikDict", "words": dict(sorted(words.items()))}
     text = json.dumps(table, ensure_ascii=False, separators=(",", ":"))
     TARGET.write_bytes(gzip.compress(text.encode(), 9, mtime=0))
 

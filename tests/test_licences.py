@@ -29,6 +29,11 @@ def test_every_table_of_others_data_names_its_source() -> None:
     assert all(source in PAGE for source in sources.values())
 
 
+def test_a_table_under_a_licence_of_its_own_says_so() -> None:
+    assert "`engine/vehicles/vehicle_words.json.gz`) also come from" in PAGE
+    assert "creativecommons.org/licenses/by-sa/3.0" in PAGE
+
+
 def test_the_table_of_tokens_names_its_source() -> None:
     assert {path.name for path in (CHECKOUT / "server").rglob("*.json.gz")} == {"o200k_base.json.gz"}
     assert "OpenAI's encoding o200k_base (`server/o200k_base.json.gz`)" in PAGE

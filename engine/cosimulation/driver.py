@@ -5,6 +5,7 @@ Values of the presets: the paper's published modification code. Meaning and unit
 """
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -164,7 +165,19 @@ def _read(text: str, values: Mapping[str, float]) -> Assignment:
             next_step=f"write '{name}=NUMBER'",
             remedies=[instead(text, f"{name}={values[name]:g}")],
         )
-    return parse_assignment(text)
+    try:
+        return parse_assignment(text)
+    except InvalidRequest as refusal:
+        named = re.split(r"[\s=*+:-]", name, maxsplit=1)[0]
+        if named not in PARAMETERS:
+            raise
+        raise InvalidRequest(
+            refusal.message,
+            valid=[f"{named} in {PARAMETERS[named]}", *refusal.valid],
+            next_step=refusal.next_step,
+            remedies=refusal.remedies,
+            complete=refusal.complete,
+        ) from refusal
 
 
 def _assigned(values: Mapping[str, float], assignment: Assignment, text: str) -> float:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, Remedy, with_values
+from ...schemas.grammar import parse_quantity
 from ...schemas.modification import Achieved
 from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, recorded_plan, usual_behaviour
@@ -206,6 +207,24 @@ def check_speed(speed_mps: float, largest_mps: float, refusal: str, next_step: s
             next_step=next_step,
             remedies=[with_values(speed=f"{nearest_mps:g}m/s")],
         )
+
+
+def asked_speed(text: str, largest_mps: float) -> float:
+    """Return the speed in m/s that a text states; ``check_speed`` tells whether it is within the range.
+
+    Raises:
+        InvalidRequest: the text is no speed; the range is told with the form.
+    """
+    try:
+        return parse_quantity(text, "m/s")
+    except InvalidRequest as refusal:
+        raise InvalidRequest(
+            refusal.message,
+            valid=[f"0 … {largest_mps:g} m/s", *refusal.valid],
+            next_step=refusal.next_step,
+            remedies=refusal.remedies,
+            complete=refusal.complete,
+        ) from refusal
 
 
 _TIMES_TRIED = (0.0, 0.2, 0.5)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, Remedy, UnknownName, with_values
-from ...schemas.grammar import parse_interval, parse_quantity
+from ...schemas.grammar import parse_interval
 from ...schemas.modification import Edit
 from ..commonroad import Track, center_of, size_of
 from ..cosimulation import DrivePlan, first_curve_too_tight
@@ -31,7 +31,7 @@ from ..vehicles import (
     least_time_s,
     vehicle_class_of,
 )
-from .changes import Changes, EditStep, GoalChange, car_plan, check_speed
+from .changes import Changes, EditStep, GoalChange, asked_speed, car_plan, check_speed
 from .entries import PLACE_TAKEN, OccupiedPlaces
 from .placement import Place, first_place
 from .population import check_allowed
@@ -350,7 +350,7 @@ def _goal_at_end_of(track: Track, scene: Scene, ego: Ego) -> GoalChange | None:
 def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Changes, str]:
     name = _class_asked(edit, ego.vehicle_class)
     vehicle = ego_class(name).vehicle.on_road(scene.friction)
-    speed = ego.speed_mps if edit.speed is None else parse_quantity(edit.speed, "m/s")
+    speed = ego.speed_mps if edit.speed is None else asked_speed(edit.speed, vehicle.maximum_speed_mps)
     if edit.speed is not None:
         check_speed(speed, vehicle.maximum_speed_mps, f"the ego does not drive {edit.speed}", "choose another speed")
     if edit.at is None:

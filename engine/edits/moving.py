@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from ...schemas.errors import LANELETS_LISTED, VEHICLES_LISTED, InvalidRequest, NotPossible, with_values
-from ...schemas.grammar import parse_quantity
 from ...schemas.modification import Achieved, Edit
 from ..commonroad import Track
 from ..cosimulation import (
@@ -28,7 +27,7 @@ from ..geometry import Points, arc_length, interpolate, point_at, project
 from ..network import Signal, station_m
 from ..scene import LaneMatch, Scene
 from ..vehicles import VehicleClass
-from .changes import Changes, EditStep, check_speed, named_vehicles, plan_of, within_time
+from .changes import Changes, EditStep, asked_speed, check_speed, named_vehicles, plan_of, within_time
 from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
 from .placement import Place, first_place
@@ -192,7 +191,7 @@ def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         if edit.speed is None:
             speed_mps = _speed_into_red(scene, signal, plan, away_m, now_mps, limit_mps)
         else:
-            speed_mps = parse_quantity(edit.speed, "m/s")
+            speed_mps = asked_speed(edit.speed, plan.vehicle_class.maximum_speed_mps)
             check_speed(speed_mps, plan.vehicle_class.maximum_speed_mps, f"no {plan.start.kind} drives that", "less")
         if speed_mps is None:
             raise NotPossible(

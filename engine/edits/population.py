@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest, with_values
-from ...schemas.grammar import parse_quantity
 from ...schemas.modification import Edit
 from ..commonroad import Track
 from ..cosimulation import (
@@ -31,7 +30,7 @@ from ..geometry import Points, length_m, point_at, project, without_repeats
 from ..network import station_m
 from ..scene import Scene
 from ..vehicles import VehicleClass, vehicle_class_of, vehicle_classes
-from .changes import Changes, EditStep, check_speed, listed, within_time
+from .changes import Changes, EditStep, asked_speed, check_speed, listed, within_time
 from .entries import CLEARANCE_M, PLACE_TAKEN, OccupiedPlaces, entry_speed, gaps_in_words
 from .placement import Place, advance_along_lane, first_place, read_trigger
 from .references import drive_to, nearest_driven, select, target_lanelets
@@ -223,8 +222,9 @@ def _plan(
         speed, reason = entry.speed_mps, entry.reason
     else:
         reason = ""
-        speed, refusal = parse_quantity(edit.speed, "m/s"), f"a {vehicle_class.name} does not drive {edit.speed}"
-        check_speed(speed, vehicle_class.maximum_speed_mps, refusal, "choose another speed or class")
+        largest_mps = vehicle_class.maximum_speed_mps
+        speed, refusal = asked_speed(edit.speed, largest_mps), f"a {vehicle_class.name} does not drive {edit.speed}"
+        check_speed(speed, largest_mps, refusal, "choose another speed or class")
     plan = DrivePlan(
         start=_start(changes.next_id, vehicle_class, scene, place, step, speed),
         cause="added",
@@ -378,7 +378,7 @@ def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             valid=["at", "position", "lane", "offset_m", "speed", "time_s"],
             next_step="leave it out",
         )
-    speed = _WALKING_MPS if edit.speed is None else parse_quantity(edit.speed, "m/s")
+    speed = _WALKING_MPS if edit.speed is None else asked_speed(edit.speed, _RUNNING_MPS)
     check_speed(speed, _RUNNING_MPS, f"a pedestrian does not walk {edit.speed}", "choose a slower speed")
     line, where = _line(edit, scene, changes, stands=speed == 0.0)
     middle = line[[0, -1]].mean(axis=0)

@@ -34,7 +34,7 @@ from ..cosimulation import (
 from ..geometry import Points, Values, arc_length, interpolate, point_at, project, project_all, wrap_angle
 from ..scene import Scene, straightness
 from ..vehicles import TIME_GAP_MPS, comfortable_mps2, hardest_braking_mps2
-from .changes import Changes, EditStep, check_speed, named_vehicles, within_time
+from .changes import Changes, EditStep, asked_speed, check_speed, named_vehicles, within_time
 from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
 from .placement import first_place, read_trigger
@@ -706,10 +706,9 @@ def _added_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     vehicle_class = class_named(edit.vehicle_class or "car")
     place = first_place(edit, scene, changes, vehicle_class.length_m)
     table = scene.layout.table
-    speed = scene.lane_speeds_mps[place.lanelet_id] * 0.8 if edit.speed is None else parse_quantity(edit.speed, "m/s")
-    check_speed(
-        speed, vehicle_class.maximum_speed_mps, f"a {vehicle_class.name} does not drive {edit.speed}", "choose less"
-    )
+    usual_mps, largest_mps = scene.lane_speeds_mps[place.lanelet_id] * 0.8, vehicle_class.maximum_speed_mps
+    speed = usual_mps if edit.speed is None else asked_speed(edit.speed, largest_mps)
+    check_speed(speed, largest_mps, f"a {vehicle_class.name} does not drive {edit.speed}", "choose less")
     chain = [place.lanelet_id]
     while sum(table.lanes[key].length_m for key in chain) < _LOOK_M:
         before = [key for key in table.predecessors[chain[-1]] if key not in chain]

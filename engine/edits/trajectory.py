@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, with_values
-from ...schemas.grammar import parse_quantity, parse_selector
+from ...schemas.grammar import parse_selector
 from ...schemas.modification import Achieved, Edit
 from ..commonroad import Track
 from ..cosimulation import (
@@ -36,6 +36,7 @@ from .changes import (
     MOST_NAMED,
     Changes,
     EditStep,
+    asked_speed,
     check_speed,
     listed,
     moved_in_time,
@@ -174,17 +175,19 @@ def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         return scripted_speed(edit, scene, changes, vehicles)
     if is_relative(edit.speed):
         return _relative_speed(edit, scene, changes, vehicles)
-    wanted = parse_quantity(edit.speed, "m/s")
     speeds: dict[int, tuple[float, int]] = {}
     for vehicle_id in vehicles:
         plan, step = _plan_from(scene, changes, vehicle_id, edit.time_s)
         kind = plan.start.kind
-        refusal = f"a {kind} does not drive {edit.speed}"
-        check_speed(wanted, class_of(kind).maximum_speed_mps, refusal, "choose another speed")
+        largest_mps = class_of(kind).maximum_speed_mps
+        wanted = asked_speed(edit.speed, largest_mps)
+        check_speed(wanted, largest_mps, f"a {kind} does not drive {edit.speed}", "choose another speed")
         changes = changes.with_plan(_with_manoeuvre(plan, Manoeuvre(step, speed_mps=wanted)))
         speeds[vehicle_id] = (wanted, step)
     when = "" if edit.time_s is None else f" from {edit.time_s:g} s on"
-    return EditStep(changes, vehicles, f"{named_vehicles(vehicles)} held to {wanted:.1f} m/s{when}", speeds=speeds)
+    return EditStep(
+        changes, vehicles, f"{named_vehicles(vehicles)} held to {speeds[vehicles[0]][0]:.1f} m/s{when}", speeds=speeds
+    )
 
 
 def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[int, ...]) -> EditStep:

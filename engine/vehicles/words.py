@@ -1,6 +1,6 @@
 """Words for the classes of road users in any language.
 
-Languages' own words come from Unicode's CLDR and from WordNet (``scripts/make_vehicle_words.py``).
+Languages' own words come from Unicode's CLDR, WordNet and WikDict's dictionaries (``scripts/make_vehicle_words.py``).
 """
 
 import gzip
@@ -35,7 +35,7 @@ _DETACHED = (("s", ""), ("ses", "s"), ("xes", "x"), ("ches", "ch"), ("shes", "sh
 
 
 def vehicle_class_of(word: str) -> str | None:
-    """Return the class of road user that a word means in any of the languages of CLDR, or None if it means none."""
+    """Return the class of road user that a word means in any language of the table, or None if it means none."""
     plain = plain_word(word)
     singular = (plain.removesuffix(ending) + other for ending, other in _DETACHED if plain.endswith(ending))
     known = _class_by_word()

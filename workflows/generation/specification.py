@@ -248,7 +248,7 @@ def _weather(value: str) -> tuple[Weather, str]:
     held = (
         ""
         if friction is None
-        else f"the roads have a friction of {friction:g}, and nobody brakes harder than tyres hold"
+        else f"the roads have a friction of {friction:g}, and no driver brakes harder than tyres hold"
     )
     effects = " and ".join(filter(None, (slower, held)))
     effect = (

@@ -19,6 +19,11 @@ GOAL = {"op": "set_goal", "to": ["11"]}
 
 WRONG: list[tuple[dict[str, Any], str, str]] = [
     ({"op": "reroute", "vehicles": ["31"], "to": ["99"]}, "99 is no lanelet", "21"),
+    ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau=nan"]}, "assigns 'nan'", "tau in (0, 10]"),
+    ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau 2"]}, "no assignment", "tau in (0, 10]"),
+    ({"op": "set_speed", "vehicles": ["31"], "speed": "nan"}, "'nan' is no quantity", "0 … "),
+    (CAR | {"at": "11", "speed": "inf"}, "'inf' is no quantity", "0 … "),
+    ({"op": "set_ego", "speed": "slow"}, "'slow' is no quantity", "0 … "),
     ({"op": "reroute", "vehicles": ["31"], "to": ["e99"]}, "'e99' is no lanelet or edge", "e"),
     ({"op": "reroute", "vehicles": ["31"], "to": ["3"]}, "lanelet 3 cannot be reached", "1"),
     ({"op": "reroute", "vehicles": ["31"]}, "either 'to' or 'turn'", "turn="),

@@ -53,7 +53,7 @@ def test_environments_follow_the_schema() -> None:
     assert words == ["time", "timeOfDay", "weather", "underground"]
 
 
-def test_nobody_accelerates_or_brakes_harder_than_tyres_hold() -> None:
+def test_no_driver_accelerates_or_brakes_harder_than_tyres_hold() -> None:
     car, moped = (_vehicle_type(vehicle_classes()[name], DrivingStyle(friction=0.2)) for name in ("car", "moped"))
     assert 'accel="1.962" decel="1.962"' in car
     assert 'emergencyDecel="1.962"' in car

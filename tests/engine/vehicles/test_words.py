@@ -19,6 +19,14 @@ def test_a_class_means_itself_in_any_number_and_case(name: str) -> None:
         *(("Sedan", "car"), ("fire engine", "emergency"), ("articulated lorry", "trailer"), ("dump truck", "truck")),
         *(("LKW", "truck"), ("Krankenwagen", "emergency"), ("vélo", "bicycle"), ("otobüs", "bus"), ("卡车", "truck")),
         *(("грузовик", "truck"), ("自転車", "bicycle"), ("pikipiki", "motorcycle"), ("taksówka", "taxi")),
+        *(
+            ("PKW", "car"),
+            ("Wagen", "car"),
+            ("vrachtwagen", "truck"),
+            ("Feuerwehr", "emergency"),
+            ("piéton", "pedestrian"),
+        ),
+        *(("furgoneta", "delivery"), ("camionnette", "delivery"), ("bromfiets", "moped"), ("машина", "car")),
         *(("hgv", "truck"), ("passenger", "car"), ("priorityVehicle", "emergency"), ("person", "pedestrian")),
     ],
 )

@@ -1,0 +1,177 @@
+"""Words for the classes of road users in the dictionaries that WikDict makes of Wiktionary.
+
+The dictionaries are files of dictd (``freedict-deu-fra.dict.dz`` with its ``.index``). Each says what nouns of one
+language are called in another, meaning by meaning. English words and those that the CLDR has for pictures are known at
+first; what the dictionaries say of their translations spreads from language to language until nothing more is found.
+"""
+
+import gzip
+import re
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from babel.core import get_global
+
+from plannerforge.engine.vehicles.words import plain_word
+
+ENGLISH = "eng"
+LEAST_DICTIONARIES = 2
+"""How many dictionaries, the CLDR among them, have to say what a word means: two sources that agree."""
+SHARE_TO_EXCEED = 1 / 3
+"""Of the dictionaries that have a word, more than a third has to say what it means (chosen: with a quarter, wheels are
+bicycles and insurances are police)."""
+MEANINGS = 2
+"""Only the first two meanings of a word count, since the later ones are rarer."""
+LEAST_KNOWN = 0.2
+"""Of the words that a word translates in one dictionary, at least a fifth has to be known (chosen, as above)."""
+_DIGITS = {
+    digit: value for value, digit in enumerate("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/")
+}
+"""The digits in which an index of dictd states where an entry is."""
+_HEAD = re.compile(r"(?P<word>[^/<]+?)(?: /.*/)? <n\b[^>]*>")
+"""The first line of an entry of a noun: the word, how it is spoken, and its part of speech."""
+
+Word = tuple[str, str]
+"""The code of a language (ISO 639-3) and a plain word of it."""
+Classes = Mapping[str, Mapping[str, str]]
+"""The class of each word by language."""
+
+
+@dataclass(frozen=True)
+class Dictionaries:
+    """All dictionaries: the meanings of each word by target language, and the words that it translates by theirs."""
+
+    meanings: dict[Word, dict[str, list[list[str]]]] = field(default_factory=lambda: defaultdict(dict))
+    translated: dict[Word, dict[str, list[tuple[str, int]]]] = field(
+        default_factory=lambda: defaultdict(lambda: defaultdict(list))
+    )
+    """With the number of the meaning that is translated, from 0."""
+
+    @classmethod
+    def read(cls, folder: Path) -> "Dictionaries":
+        """Return the dictionaries of WikDict in a folder of dictd; those of other makers are left out."""
+        found = cls()
+        for path in sorted(folder.glob("freedict-???-???.dict.dz")):
+            text = gzip.decompress(path.read_bytes())
+            if b"WikDict" in text[:2000]:
+                source, target = path.name.removesuffix(".dict.dz").split("-")[1:]
+                for entry in _entries(text, path.with_name(path.name.replace(".dict.dz", ".index"))):
+                    found._add(source, target, entry)
+        return found
+
+    def _add(self, source: str, target: str, entry: list[str]) -> None:
+        head = _HEAD.fullmatch(entry[0]) if entry else None
+        if head is None:
+            return
+        word = plain_word(head["word"])
+        known = self.meanings[source, word].setdefault(target, [])
+        for number, meaning in enumerate(_meanings(entry[1:])):
+            known.append(meaning)
+            for other in meaning:
+                self.translated[target, other][source].append((word, number))
+
+    def neighbours(self, known: Classes) -> Iterator[Word]:
+        """Yield the translations of known words, and the words that they translate."""
+        for word in ((language, word) for language, words in known.items() for word in words):
+            for target, meanings in self.meanings.get(word, {}).items():
+                yield from ((target, other) for meaning in meanings for other in meaning)
+            for source, heads in self.translated.get(word, {}).items():
+                yield from ((source, other) for other, _ in heads)
+
+    def says(self, word: Word, known: Classes) -> tuple[Counter[str], int]:
+        """Return how many dictionaries give each class to a word, and how many have the word."""
+        votes: Counter[str] = Counter()
+        meanings, translated = self.meanings.get(word, {}), self.translated.get(word, {})
+        for target, several in meanings.items():
+            classes = ({known[target][one] for one in each if one in known[target]} for each in several[:MEANINGS])
+            votes.update(next(([*one] for one in classes if len(one) == 1), []))
+        for source, heads in translated.items():
+            told = Counter(known[source][head] for head, number in heads if number < MEANINGS and head in known[source])
+            first = most(told)
+            if first is not None and told[first] >= LEAST_KNOWN * len(heads):
+                votes[first] += 1
+        return votes, len(meanings) + len(translated)
+
+
+def words_of_dictionaries(
+    dictionaries: Dictionaries,
+    english: Mapping[str, str],
+    international: Mapping[str, str],
+    cldr: Classes,
+    names: Classes,
+) -> dict[str, dict[str, str]]:
+    """Return the class of each word on which dictionaries agree, by language.
+
+    ``english`` has the class of each English word and ``international`` of those that other languages may use too;
+    ``cldr`` has the class of each word of pictures, and ``names`` of those among them that name one, by language. A
+    word of these counts as said by one dictionary more. Names are believed in any case, the others only at first.
+    """
+    first = {
+        language: {word: name for word, name in international.items() if _has(dictionaries, language, word)}
+        | dict(words)
+        for language, words in cldr.items()
+    }
+    known: dict[str, Mapping[str, str]] = defaultdict(dict, first | {ENGLISH: dict(english)})
+    found: dict[str, dict[str, str]] = {language: {} for language in first}
+    while True:
+        told: dict[str, dict[str, str]] = {language: {} for language in first}
+        asked = {(language, word) for language, words in first.items() for word in words}
+        for language, word in sorted(asked.union(dictionaries.neighbours(known))):
+            if language in first:
+                votes, having = dictionaries.says((language, word), known)
+                votes.update([first[language][word]] if word in first[language] else [])
+                said = most(votes)
+                if said is not None and votes[said] >= LEAST_DICTIONARIES and votes[said] > SHARE_TO_EXCEED * having:
+                    told[language][word] = said
+        if sum(map(len, told.values())) <= sum(map(len, found.values())):
+            return found
+        found = told
+        known |= {language: {**names[language], **words} for language, words in found.items()}
+
+
+def most(votes: Counter[str]) -> str | None:
+    """Return what has the most votes; None if two have as many."""
+    (first, count), (_, other) = [*votes.most_common(2), ("", 0), ("", 0)][:2]
+    return first if count > other else None
+
+
+def two_letters(language: str) -> str:
+    """Return the code that the CLDR has for a language by its code of ISO 639-3, or an empty text if it has none."""
+    return str(get_global("language_aliases").get(language, ""))
+
+
+def _has(dictionaries: Dictionaries, language: str, word: str) -> bool:
+    return (language, word) in dictionaries.meanings or (language, word) in dictionaries.translated
+
+
+def _entries(text: bytes, index: Path) -> Iterator[list[str]]:
+    """Yield the lines of each entry once, whatever words lead to it."""
+    places = {tuple(line.split("\t")[1:3]) for line in index.read_text(encoding="utf-8").splitlines()}
+    for start, length in sorted((_number(start), _number(length)) for start, length in places):
+        yield [line for line in text[start : start + length].decode().splitlines() if line.strip()]
+
+
+def _number(digits: str) -> int:
+    value = 0
+    for digit in digits:
+        value = 64 * value + _DIGITS[digit]
+    return value
+
+
+def _meanings(lines: list[str]) -> Iterator[list[str]]:
+    """Yield the translations of each meaning; their explanations, which stand below them, are left out."""
+    if lines and not lines[0].startswith("1. "):
+        yield _translations(lines[0])
+        return
+    number = 1
+    for line in lines:
+        if line.startswith(f"{number}. "):
+            yield _translations(line.removeprefix(f"{number}. "))
+            number += 1
+
+
+def _translations(line: str) -> list[str]:
+    """Return the plain words of a line; the number at its end belongs to the next explanation."""
+    return [word for part in re.sub(r" \d+\.$", "", line).split(",") if (word := plain_word(part))]
