@@ -35,6 +35,7 @@ from ..maps import (
     SitePart,
     fold,
     ground_distance_m,
+    place_parts,
     read_map_file,
     site_finder,
 )
@@ -189,6 +190,8 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
     wish = "site of any type" if wanted == "any" else f"{wanted} site"
     elsewhere = f"place={request.map_id} to look in the whole map" if request.bbox is not None else "another place"
     next_step = f"choose one of these scenario types, or {elsewhere}" if held else f"choose {elsewhere}"
+    if not held and len(request.streets) > 1 and not _meet(osm, request.streets):
+        return _never_meet(finder, request)
     everywhere = site_finder(osm)
     if request.road_classes and (wanted == "any" or _fitting(everywhere, everywhere.find(wanted), request)):
         where += f" that is made of {' or '.join(request.road_classes[:SHOWN_NAMES])} only"
@@ -205,6 +208,38 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
         next_step=next_step,
         reason="no_such_site",
         remedies=remedies,
+    )
+
+
+def _meet(osm: OsmMap, streets: tuple[tuple[str, ...], ...]) -> bool:
+    """Whether roads of all these names share a node of the map."""
+    nodes: list[set[int]] = [set() for _ in streets]
+    for way in osm.ways:
+        if not way.road_class:
+            continue
+        called = tuple(way.tags[key] for key in ("name", "ref") if key in way.tags)
+        for held, names in zip(nodes, streets, strict=True):
+            if _carries(called, names):
+                held.update(way.node_ids)
+    return bool(set.intersection(*nodes))
+
+
+def _never_meet(finder: SiteFinder, request: GenerationRequest) -> NotPossible:
+    """The refusal of streets that do not meet, with those of them that hold the asked type alone."""
+    named = cited_all((names[0] for names in request.streets), " / ")
+    kinds: tuple[SiteType, ...] = ANY_ORDER if request.scenario_type == "any" else (request.scenario_type,)
+    alone = []
+    for names in request.streets:
+        wish = request.model_copy(update={"streets": (names,)})
+        is_plain = len(place_parts(names[0])) == 1
+        if is_plain and any(_fitting(finder, finder.find(kind), wish) for kind in kinds):
+            alone.append(f"{names[0]}, {request.place}")
+    return NotPossible(
+        f"{named} do not meet on the map {cited(request.place)} ({request.map_id})",
+        valid=map(cited, alone),
+        next_step="choose one of the streets alone, or another crossing" if alone else "choose another place",
+        reason="no_such_site",
+        remedies=[with_values(place=place) for place in alone],
     )
 
 

@@ -34,7 +34,7 @@ from .naming.spellings import (
     words_for_crossings,
     words_of_name,
 )
-from .naming.tags import CITY_PEOPLE, ROAD_PLACES
+from .naming.tags import CITY_PEOPLE, PLACE_KINDS, ROAD_PLACES, SETTLEMENTS
 
 LIBRARY = Path(__file__).parent / "library"
 NOT_SHOWN = "not_shown"
@@ -169,6 +169,21 @@ class MapMatch:
     unnamed: tuple[str, ...] = ()
     area: PlaceArea | None = None
     understood: tuple[str, ...] = ()
+
+    @property
+    def widened(self) -> "MapMatch | None":
+        """The whole map for streets that lie outside the circle of the place named with them; None if it is a bound.
+
+        A town's circle is mostly guessed, and where streets cross is one place. A quarter tells which part of a single
+        street is meant.
+        """
+        if self.area is None or not self.streets:
+            return None
+        if self.area.kind not in SETTLEMENTS and len(self.streets) < 2:
+            return None
+        note = f"the streets lie outside {_area_text(self.area)}; the whole map was searched"
+        kept = tuple(text for text in self.understood if not text.endswith(_area_text(self.area)))
+        return replace(self, area=None, understood=(*kept, note))
 
     @property
     def box(self) -> Box | None:
@@ -317,8 +332,11 @@ def _box_text(f: MapFacts) -> str:
 def _showing(found: list[MapMatch], place: str, country: str | None, closeness: Closeness) -> list[MapMatch]:
     """Maps in which every part of the text (``street, city`` or ``street A / street B``) is a place or a road.
 
-    Of those only the closest.
+    Of those only the closest; and if the text names a town behind a comma that is at hand, only maps that show it, so
+    that ``Oxford Street, Sydney`` is no crossing in another town.
     """
+    if (town := _town_named(place[:LONGEST_TEXT], found)) is not None:
+        found = [map_ for map_ in found if map_ in town.maps or _read_place(town.words, map_.entry.facts) is not None]
     for level in range(closeness + 1):
         matches = (_match(map_.entry, place[:LONGEST_TEXT], country, Closeness(level)) for map_ in found)
         if shown := [match for match in matches if match is not None]:
@@ -326,6 +344,45 @@ def _showing(found: list[MapMatch], place: str, country: str | None, closeness: 
             is_half = closeness is Closeness.PART
             return _with_begun(shown, found, place[:LONGEST_TEXT], Closeness(level)) if is_half else shown
     return []
+
+
+@dataclass(frozen=True)
+class _Town:
+    """A town that a text names behind a street: its words, the other parts of the text, and the maps of the town."""
+
+    words: str
+    others: tuple[str, ...]
+    maps: tuple[MapMatch, ...]
+
+    @property
+    def roads(self) -> list[str]:
+        """The roads of the other parts, one by one."""
+        return [part for listed in self.others for part in crossing_parts(listed)]
+
+
+def _is_named_on(facts: MapFacts, part: str) -> bool:
+    return _read_part(part, facts, Closeness.HEARD) is not None
+
+
+def _town_named(place: str, found: Sequence[MapMatch]) -> _Town | None:
+    """The last part between commas that names the town of a map at hand; None if it is no part beside others."""
+    listed = listed_parts(place)
+    for index in reversed(range(len(listed) if len(listed) > 1 else 0)):
+        if maps := tuple(map_ for map_ in found if _is_town_of(listed[index], map_.entry.facts)):
+            return _Town(listed[index], (*listed[:index], *listed[index + 1 :]), maps)
+    return None
+
+
+def _is_town_of(part: str, facts: MapFacts) -> bool:
+    """Whether the words are the map's place, or a settlement that the map names or GeoNames knows there."""
+    keys = _framed_keys(part)
+    towns = (area for area in facts.areas if area.kind in SETTLEMENTS)
+    names = (facts.place, *(name for area in towns for name in (area.name, *area.other_names)))
+    return (
+        any(not keys.isdisjoint(_framed_keys(name)) for name in names)
+        or _read_name_elsewhere(part, facts) is not None
+        or _read_settlement(part, facts, wide=True) is not None
+    )
 
 
 def _with_begun(shown: list[MapMatch], found: list[MapMatch], text: str, level: Closeness) -> list[MapMatch]:
@@ -421,14 +478,24 @@ def _not_shown(
             reason=NOT_SHOWN,
         )
     shown = sorted({match.entry.facts.place for match in matches})
-    near = _near(place[:LONGEST_TEXT], [match.entry.facts for match in matches])
+    town = _town_named(place[:LONGEST_TEXT], matches)
+    why = ""
+    if town is not None:
+        near = _near_in_town(town)
+        own = town.maps[0].entry.facts
+        missing = [part for part in town.roads if not any(_is_named_on(map_.entry.facts, part) for map_ in town.maps)]
+        why = f": {cited(own.place)} ({own.map_id}) is at hand, and names no {cited_all(missing or town.roads, ' or ')}"
+    else:
+        towns = [part for part in listed_parts(place[:LONGEST_TEXT])[1:] if country_code(part) is None]
+        is_elsewhere = any(settlements_called(without_frame(part)) for part in towns)
+        near = [] if is_elsewhere else _near(place[:LONGEST_TEXT], [match.entry.facts for match in matches])
     if near:
         return UnknownName(
-            f"no map shows {place!r}",
+            f"no map shows {place!r}{why}",
             valid=map(cited, near),
             next_step="choose one of these places, or import an .osm extract of the place with import_files",
             reason=NOT_SHOWN,
-            remedies=[with_values(place=near[0])],
+            remedies=[with_values(place=one) for one in near],
         )
     return UnknownName(
         f"no map shows {place!r} or a name like it: there is no map of that city or country",
@@ -436,6 +503,26 @@ def _not_shown(
         next_step="choose one of these places, or import an .osm extract of the place with import_files",
         reason=NOT_SHOWN,
     )
+
+
+def _near_in_town(town: _Town) -> list[str]:
+    """The streets of a town at hand that are like the other parts of a text, then the town itself: all can be found."""
+    scores: dict[str, float] = {}
+    for match in town.maps:
+        facts = match.entry.facts
+        for name in (*facts.streets, *facts.refs):
+            if len(place_parts(name)) != 1:
+                continue
+            spelling = name[:LONGEST_TEXT]
+            likeness = max((_likeness(_telling(part), _telling(spelling)) for part in town.roads), default=0.0)
+            if likeness >= _LEAST_LIKENESS:
+                scores[name] = max(scores.get(name, 0.0), likeness)
+    streets = sorted(scores, key=lambda name: (-scores[name], name))[: _MOST_NEAR - 1]
+    towns = [town.words, *(match.entry.facts.place for match in town.maps)]
+    whole = next((one for one in towns if _showing(list(town.maps), one, None, Closeness.KNOWN)), None)
+    wishes = (f"{name}, {town.words}" for name in streets)
+    near = [wish for wish in wishes if _showing(list(town.maps), wish, None, Closeness.KNOWN)]
+    return [*near, *([] if whole is None else [whole])]
 
 
 def _near(place: str, shown: Sequence[MapFacts]) -> list[str]:
@@ -506,6 +593,7 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
         for part in listed:
             found = (
                 _read_whole(part, facts)
+                or _read_roads_of_crossing(part, facts)
                 or _read_together(part, facts, Closeness.SAME)
                 or _read_part(part, facts, closeness, settled=settled)
                 or _read_crossing(part, facts, closeness)
@@ -517,10 +605,18 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
     reading = _with_words_of_the_file(reading, facts)
     if reading.named:
         reading = _with_quarters_of_roads(reading, facts)
+    if reading.streets and reading.area is not None and _is_called(reading.area, facts.place):
+        reading = _without_area(reading, reading.area)
     known = reading.named or (not facts.places and country in _countries(facts))
     if reading.unnamed and not (reading.streets and known):
         return None
     return MapMatch(entry, reading.streets, reading.unnamed, reading.area, reading.understood)
+
+
+def _without_area(reading: "_Reading", area: PlaceArea) -> "_Reading":
+    """The reading without the circle of the map's own town, which is only the context of a road beside it."""
+    told = (text.replace(_area_text(area), cited(area.name)) for text in reading.understood)
+    return replace(reading, area=None, understood=tuple(text for text in told if text != cited(area.name)))
 
 
 def _with_words_of_the_file(reading: "_Reading", facts: MapFacts) -> "_Reading":
@@ -554,11 +650,11 @@ class _Reading:
     named: bool = False
 
     def __add__(self, other: "_Reading") -> "_Reading":
-        areas = [area for area in (self.area, other.area) if area is not None]
+        areas = [area for area in (self.area, other.area) if area is not None]  # the district rather than its city
         return _Reading(
             self.streets + other.streets,
             self.unnamed + other.unnamed,
-            min(areas, key=lambda area: area.radius_m, default=None),
+            min(areas, key=lambda area: (-PLACE_KINDS.index(area.kind), area.radius_m), default=None),
             self.understood + other.understood,
             self.named or other.named,
         )
@@ -660,6 +756,10 @@ def _lies_elsewhere(part: str, facts: MapFacts) -> bool:
     )
 
 
+def _middle_of(area: PlaceArea) -> Box:
+    return area.latitude, area.longitude, area.latitude, area.longitude
+
+
 def _as_box(settlement: Settlement) -> Box:
     return settlement.latitude, settlement.longitude, settlement.latitude, settlement.longitude
 
@@ -708,19 +808,48 @@ def _read_place(part: str, facts: MapFacts) -> _Reading | None:
 
 
 def _read_named_place(part: str, facts: MapFacts, keys_of: Callable[[str], frozenset[str]]) -> _Reading | None:
-    """The words as a place inside the map, or as its own place, by the given keys of names."""
+    """The words as a place inside the map, or as its own place, by the given keys of names.
+
+    The map's own name means its town and never a quarter that is called alike (``竹北``: ``竹北市``, not ``竹北里``).
+    """
     keys = keys_of(part)
+    is_own = not keys.isdisjoint(keys_of(facts.place))
     for area in facts.areas:
+        if is_own and area.kind not in SETTLEMENTS and not _is_called(area, facts.place):
+            continue
         if any(not keys.isdisjoint(keys_of(name)) for name in (area.name, *area.other_names)):
-            taken = "" if fold(part) == fold(area.name) else f"{part!r} is taken as "
-            if _is_whole(area, facts):
-                return _Reading(named=True, understood=(f"{taken}{cited(area.name)}",) if taken else ())
-            return _Reading(named=True, area=area, understood=(f"{taken}{_area_text(area)}",))
+            widest = max(_same_place(area, facts), key=lambda one: one.radius_m)
+            taken = "" if fold(part) in (fold(area.name), fold(widest.name)) else f"{part!r} is taken as "
+            if _is_whole(widest, facts):
+                return _Reading(named=True, understood=(f"{taken}{cited(widest.name)}",) if taken else ())
+            return _Reading(named=True, area=widest, understood=(f"{taken}{_area_text(widest)}",))
     for name in (facts.place, *facts.places):
         if not keys.isdisjoint(keys_of(name)):
             alike = fold(part) == fold(name)
             return _Reading(named=True, understood=() if alike else (f"{part!r} is taken as {cited(name)}",))
     return None
+
+
+def _is_called(area: PlaceArea, name: str) -> bool:
+    return fold(name) in map(fold, (area.name, *area.other_names))
+
+
+def _same_place(area: PlaceArea, facts: MapFacts) -> list[PlaceArea]:
+    """The place and those of its kind that are it as well: one is drawn in another language beside it.
+
+    They share a name, and the centre of one lies within the other.
+    """
+    names = {fold(name) for name in (area.name, *area.other_names)}
+    return [
+        other
+        for other in facts.areas
+        if other == area
+        or (
+            other.kind == area.kind
+            and not names.isdisjoint(fold(name) for name in (other.name, *other.other_names))
+            and 1000.0 * _km_between(_middle_of(area), _middle_of(other)) <= max(area.radius_m, other.radius_m)
+        )
+    ]
 
 
 def file_stem(name: str) -> str:
@@ -748,8 +877,9 @@ def _area_text(area: PlaceArea) -> str:
 
 def _is_whole(area: PlaceArea, facts: MapFacts) -> bool:
     """Whether a place is what the map shows and not a part of it: its largest, or one that covers the map."""
-    alone = sum(other.kind == facts.areas[0].kind for other in facts.areas) == 1
-    if alone and area == facts.areas[0] and area.kind in ("city", "town", "village"):
+    largest = _same_place(facts.areas[0], facts)
+    alone = sum(other.kind == facts.areas[0].kind for other in facts.areas) == len(largest)
+    if alone and area in largest and area.kind in SETTLEMENTS:
         return True
     south, west, north, east = _box_around(area)
     return south <= facts.south and west <= facts.west and facts.north <= north and facts.east <= east
@@ -816,6 +946,25 @@ def _read_crossing(text: str, facts: MapFacts, closeness: Closeness) -> _Reading
             return None
         reading += found
     return None if of_other_kind and len(of_other_kind) == len(reading.streets) else reading
+
+
+def _read_roads_of_crossing(text: str, facts: MapFacts) -> _Reading | None:
+    """The words as roads that meet, if every part is one: a quarter that is called like a road is not meant then.
+
+    The town of the map is a place even so: ``Main Street at Springfield`` has a road and a town.
+    """
+    parts = crossing_parts(text)
+    if len(parts) < 2 or any(not place_keys(part).isdisjoint(place_keys(facts.place)) for part in parts):
+        return None
+    reading = _Reading()
+    for part in parts:
+        found = _read_road(part, facts)
+        if found is None and not kinds_of_road(part):
+            found = _read_road(part, facts, core=True)
+        if found is None:
+            return None
+        reading += found
+    return reading
 
 
 def _read_other_kind(part: str, facts: MapFacts) -> _Reading | None:

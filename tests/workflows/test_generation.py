@@ -69,6 +69,15 @@ async def test_what_cannot_be_made_is_refused_with_what_can(
         assert valid in str(answer.content)
 
 
+async def test_no_place_is_proposed_that_holds_no_site_of_the_asked_type(connect: Connect) -> None:
+    async with connect() as client:
+        for kind, is_proposed in (("ramp", False), ("rural", True)):
+            wish = {"place": "Nirgendwo Allee, Landmoor", "scenario_type": kind}
+            answer = await client.call_tool("generate_scenarios", wish)
+            assert answer.is_error
+            assert ('call again with {"place": "Landmoor"' in answer.content[0].text) is is_proposed  # type: ignore[union-attr]
+
+
 async def test_a_trial_run_tells_what_the_default_planner_makes_of_a_scenario(connect: Connect) -> None:
     async with connect() as client:
         wish = {"place": "Landmoor", "scenario_type": "rural", "duration_s": 8, "trial_run": True}

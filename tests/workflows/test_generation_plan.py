@@ -1,14 +1,17 @@
 """From arguments to maps, where what several cannot meet is told of all; and how rows of a plan take their sites."""
 
+from typing import Any, cast
+
 import pytest
 
 from plannerforge.engine.generation import Hopeless
 from plannerforge.engine.maps import MapMatch
 from plannerforge.engine.maps.index import built_in_maps
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.generation import GenerateScenariosArguments
+from plannerforge.schemas.generation import GenerateScenariosArguments, GenerationRequest, PlaceArea, SiteCount
+from plannerforge.workflows.context import WorkflowContext
 from plannerforge.workflows.generation.coverage import Spot
-from plannerforge.workflows.generation.map_choice import plan_maps
+from plannerforge.workflows.generation.map_choice import GenerationPlan, plan_maps, widen_empty
 from plannerforge.workflows.generation.specification import read_specification
 
 MATCHES = [MapMatch(entry) for entry in built_in_maps()[:3]]
@@ -59,3 +62,31 @@ def test_a_row_takes_what_comes_where_no_map_suits_it_or_those_that_do_are_far()
     first: Hopeless = frozenset({("ramp", IDS[0], 1, 1)})
     far = Spot("ramp", ((MATCHES[0], 9), (MATCHES[1], 1)))
     assert taken(far, {"ramp": 2}, first) == ["-0.1", "-0.2", "-0.3", "-0.4", "0.5"]
+
+
+class SitesAt:
+    """A context in which a map holds sites on the latitudes from ``south``, and nowhere if that is None."""
+
+    def __init__(self, south: float | None) -> None:
+        self._south = south
+
+    async def run(self, _operation: object, request: GenerationRequest, **_: Any) -> SiteCount:
+        if self._south is None or (request.bbox is not None and request.bbox[2] < self._south):
+            raise NotPossible("there is no such site", reason="no_such_site")
+        return SiteCount(count=1)
+
+
+@pytest.mark.anyio
+@pytest.mark.parametrize(("south", "is_whole"), [(60.0, True), (50.0, False), (None, False)])
+async def test_streets_outside_the_circle_of_their_town_are_looked_for_on_the_whole_map(
+    south: float | None, is_whole: bool
+) -> None:
+    town = PlaceArea(name="Renton", kind="town", latitude=54.6, longitude=5.25, radius_m=300)
+    taken = "town “Renton”, 0.3 km around its centre (54.6000, 5.2500)"
+    match = MapMatch(built_in_maps()[0], (("Main Street",),), area=town, understood=(taken,))
+    spec = read_specification(GenerateScenariosArguments(place="Main Street, Renton"))
+    context = cast("WorkflowContext", SitesAt(south))
+    plan = await widen_empty(spec, context, GenerationPlan((match,), (taken,)))
+    assert (plan.matches[0].box is None) is is_whole
+    assert (taken in plan.notes) is not is_whole
+    assert any("whole map was searched" in note for note in plan.notes) is is_whole

@@ -136,3 +136,18 @@ def test_a_request_passes_few_modules_and_seldom_returns(counting: ModuleType, t
     assert {"engine/generation/generator.py", "workflows/generation/specification.py"} <= way["entered"].keys()
     assert way["modules"] <= MOST_MODULES
     assert way["returns"] <= MOST_RETURNS
+
+
+@pytest.mark.parametrize(
+    ("vehicles", "instead"),
+    [
+        (["truck=900"], {"truck=900": "truck=300"}),
+        (["bus=40", "truck=900"], {"truck=900": "truck=260"}),
+        (["motorcycle=140%"], {"motorcycle=140%": "motorcycle=100%"}),
+        (["car=50%"], {"car=50%": "car"}),
+    ],
+)
+def test_too_many_vehicles_are_refused_with_as_many_as_may_be(vehicles: list[str], instead: dict[str, str]) -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        read(vehicles=vehicles)
+    assert [dict(remedy.changes[0].words) for remedy in caught.value.remedies] == [instead]

@@ -9,7 +9,16 @@ from ..maps import map_of_scenario, maps_at_hand
 from .coverage import cover_combinations
 from .flow_tables import with_tables_read
 from .making import make_scenario, with_trial_run
-from .map_choice import AssignedSite, SiteAssignment, assign_sites, maps_for, request_for, with_cuts
+from .map_choice import (
+    AssignedSite,
+    SiteAssignment,
+    assign_sites,
+    maps_for,
+    request_for,
+    widen_empty,
+    with_cuts,
+    without_refused,
+)
 from .specification import read_specification
 
 MOST_SINGLY = 50
@@ -48,9 +57,9 @@ async def generate_scenarios(
         )
     spec.check_turn()
     try:
-        plan = await maps_for(spec, context, choice.entries)
+        plan = await widen_empty(spec, context, await maps_for(spec, context, choice.entries))
     except (UnknownName, NotPossible, ServiceFailure) as refusal:
-        raise choice.with_failures(refusal) from refusal
+        raise choice.with_failures(await without_refused(spec, context, choice.entries, refusal)) from refusal
     sites = await assign_sites(spec, context, plan.matches)
     made, failures = await _make_all(spec, context, sites)
     context.made("scenario", *(summary.scenario_id for summary in made))

@@ -31,6 +31,7 @@ from ...schemas.errors import (
     InvalidRequest,
     NotPossible,
     PlannerForgeError,
+    Remedy,
     ResourceFailure,
     ServiceFailure,
     UnknownName,
@@ -46,7 +47,7 @@ from ...schemas.generation import (
     ScenarioType,
 )
 from ...schemas.maps import Box, NamedPlace
-from ...schemas.text import cited, cited_all, shown_name
+from ...schemas.text import cited, cited_all, shown_name, uncited
 from ..context import WorkflowContext
 from ..extracts import extract_index
 from ..maps import map_entry
@@ -55,6 +56,8 @@ from .online import fetch_maps, find_place
 
 _SHOWN_PLACES = 4
 """Places that a note or refusal names; chosen to keep it short."""
+_MOST_TRIED = 4
+"""Proposed places that are tried, each on its map (chosen): as many as the search by names proposes."""
 _MOST_SPARE_MAPS = 3
 """Four extracts meet at a corner; trying more would only make the caller wait for the refusal."""
 
@@ -152,6 +155,67 @@ def _beyond_the_maps(box: Box, matches: Sequence[MapMatch]) -> list[str]:
         f" and {len(places) - _SHOWN_PLACES} more" * (len(places) > _SHOWN_PLACES)
     )
     return [f"no map shows the whole bbox; sites were looked for where the maps lie in it: {named}"]
+
+
+async def widen_empty(spec: GenerationSpec, context: WorkflowContext, plan: GenerationPlan) -> GenerationPlan:
+    """The plan with the whole map for streets that do not lie in the circle of the town named with them.
+
+    Only a map with such a circle is looked at. What the whole map lacks too is left to be refused as it was asked.
+    """
+    matches: list[MapMatch] = []
+    notes = list(plan.notes)
+    for match in plan.matches:
+        wide = match.widened
+        if wide is None or await _holds_site(spec, context, match) or not await _holds_site(spec, context, wide):
+            matches.append(match)
+            continue
+        matches.append(wide)
+        notes = [text for text in notes if text not in match.understood or text in wide.understood]
+        notes += [text for text in wide.understood if text not in notes]
+    return GenerationPlan(tuple(matches), tuple(notes))
+
+
+async def without_refused(
+    spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry], refusal: PlannerForgeError
+) -> PlannerForgeError:
+    """The refusal of a place without those of the proposed places that would be refused too: they hold no such site.
+
+    If all would be, the towns at hand that hold such a site are named.
+    """
+    places = [place for remedy in refusal.remedies if (place := _other_place(remedy)) is not None]
+    if not places or spec.scenario_type == "any":
+        return refusal
+    refused = {place for place in places[:_MOST_TRIED] if not await _could_be(spec, context, entries, place)}
+    refused.update(places[_MOST_TRIED:])
+    refusal.remedies = tuple(remedy for remedy in refusal.remedies if _other_place(remedy) not in refused)
+    kept = tuple(value for value in refusal.valid if uncited(value) not in refused)
+    holding = sorted({one.facts.place for one in entries if spec.scenario_type in one.facts.sites})
+    refusal.valid = kept or tuple(map(cited, holding))
+    return refusal
+
+
+def _other_place(remedy: Remedy) -> str | None:
+    """The place that a remedy proposes, if it changes nothing else."""
+    values = remedy.changes[0].values if len(remedy.changes) == 1 else None
+    return str(values["place"]) if values is not None and values.keys() == {"place"} and values["place"] else None
+
+
+async def _could_be(spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry], place: str) -> bool:
+    """Whether a map at hand shows a place and holds the asked type of site there."""
+    other = spec.model_copy(update={"place": place})
+    try:
+        match = plan_maps(other, entries).matches[0]
+    except (UnknownName, NotPossible):
+        return False
+    return await _holds_site(other, context, match)
+
+
+async def _holds_site(spec: GenerationSpec, context: WorkflowContext, match: MapMatch) -> bool:
+    try:
+        await context.run(COUNT_SITES, request_for(spec, AssignedSite(match), 0), share=(0.0, 0.0))
+    except NotPossible as refusal:
+        return refusal.reason != "no_such_site"
+    return True
 
 
 async def assign_sites(spec: GenerationSpec, context: WorkflowContext, matches: tuple[MapMatch, ...]) -> SiteAssignment:

@@ -404,6 +404,7 @@ def _vehicle_demands(texts: list[str], in_our_words: Iterable[str]) -> tuple[Veh
         raise InvalidRequest(
             f"vehicles ask for {asked:,} vehicles on one site",
             valid=[f"at most {MOST_VEHICLES} in all classes together"],
+            remedies=_with_fewer(texts, demands),
         )
     shared = sum(demand.share or 0.0 for demand in demands)
     if shared > 1:
@@ -420,6 +421,13 @@ def _vehicle_demands(texts: list[str], in_our_words: Iterable[str]) -> tuple[Veh
             next_step="name every class once, with the number of all its vehicles",
         )
     return demands
+
+
+def _with_fewer(texts: Sequence[str], demands: Sequence[VehicleDemand]) -> list[Remedy]:
+    """Return the call with as many vehicles of the most frequent class as the other classes leave room for, if any."""
+    most = max(range(len(demands)), key=lambda index: demands[index].needed)
+    room = MOST_VEHICLES - sum(demand.needed for index, demand in enumerate(demands) if index != most)
+    return [instead(texts[most], f"{demands[most].vehicle_class}={room}")] if room > 0 else []
 
 
 def _vehicle_demand(text: str) -> VehicleDemand:
@@ -456,6 +464,7 @@ def _shared_demand(text: str, name: str, share: float) -> VehicleDemand:
         raise InvalidRequest(
             f"vehicles {text!r} cannot be meant",
             valid=["taxi=30%: at most 100%, of any class but car; cars are the rest"],
+            remedies=[instead(text, name if name == "car" else f"{name}=100%")],
         )
     return VehicleDemand(vehicle_class=name, share=share)
 

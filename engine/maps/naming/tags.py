@@ -20,6 +20,8 @@ PLACE_KINDS = (
     "locality",
 )
 """OSM's values of ``place`` for settlements, their parts and spots in them, the larger first."""
+SETTLEMENTS = frozenset(PLACE_KINDS[:3])
+"""Kinds that are a settlement of its own and not a part of one."""
 ROAD_PLACES = frozenset(["square", "locality"])
 """Kinds that are no more than the roads of their name where there are any."""
 CITY_PEOPLE, TOWN_PEOPLE = 100_000, 10_000

@@ -98,6 +98,18 @@ def test_a_site_outside_the_part_that_is_asked_for_is_offered(tmp_path: Path) ->
     assert [site.position for site in fitting_sites(osm, there)] == [first.position]
 
 
+def test_streets_that_never_meet_are_told_so_with_those_that_hold_the_type_alone(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-300, 0), (0, 0), (300, 0)], "residential", "North Road")
+    sketch.road([(0, 0), (0, 300)], "residential", "Short Road")
+    sketch.road([(-300, -900), (300, -900)], "residential", "South Road")
+    osm = drawn(tmp_path, sketch)
+    request = request_in(tmp_path, scenario_type="intersection", streets=[["North Road"], ["South Road"]])
+    with pytest.raises(NotPossible, match="do not meet") as caught:
+        fitting_sites(osm, request)
+    assert [remedy.changes[0].values for remedy in caught.value.remedies] == [{"place": "North Road, Town"}]
+
+
 def test_a_ring_whose_turns_are_too_tight_is_drawn_with_tighter_corners(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     right = [(2.7, -0.0), (2.6, 0.9), (2.2, 1.7), (1.5, 2.3), (0.7, 2.7), (-0.2, 2.7), (-1.1, 2.5), (-1.8, 2.0)]

@@ -121,6 +121,62 @@ def test_the_largest_place_of_a_map_is_the_map() -> None:
     assert find_maps([a_map(areas=(town,))], place="Seattle")[0].box is None
 
 
+def an_area(name: str, kind: str, radius_m: float, *, north: float = 0.0, **more: object) -> PlaceArea:
+    """A place that lies ``north`` degrees off the middle of the map."""
+    wish = {"name": name, "kind": kind, "latitude": 54.6 + north, "longitude": 5.25, "radius_m": radius_m, **more}
+    return PlaceArea.model_validate(wish)
+
+
+TWO_TOWNS = (
+    an_area("Sietl", "city", 30, other_names=("Seattle",)),
+    an_area("Seattle", "city", 400),
+    an_area("Renton", "city", 200, north=0.02),
+    an_area("Ballard", "suburb", 300, north=0.01),
+)
+
+
+@pytest.mark.parametrize("words", ["Pine Street, Seattle", "Pine Street / Oak Street, Sietl"])
+def test_the_town_of_the_map_is_only_the_context_of_a_street(words: str) -> None:
+    match = find_maps([a_map("Pine Street", "Oak Street", areas=TWO_TOWNS)], place=words)[0]
+    assert match.streets
+    assert match.area is None
+    assert not any("around its centre" in text for text in match.understood)
+
+
+def test_a_town_that_is_drawn_twice_is_one_and_a_district_of_it_is_the_district() -> None:
+    entry = a_map(areas=TWO_TOWNS)
+    assert find_maps([entry], place="Sietl")[0].area == TWO_TOWNS[1]
+    assert find_maps([entry], place="Ballard, Seattle")[0].area == TWO_TOWNS[3]
+    alone = a_map(areas=TWO_TOWNS[:2])
+    assert find_maps([alone], place="Sietl")[0].area is None
+
+
+def test_a_quarter_with_a_name_like_the_town_s_is_not_the_town() -> None:
+    quarter = an_area("竹北里", "neighbourhood", 400)
+    entry = a_map("文興路", country="TWN", place="竹北市", places=("竹北市", "竹北里"), areas=(quarter,))
+    assert find_maps([entry], place="竹北")[0].area is None
+    assert find_maps([entry], place="竹北里")[0].area == quarter
+
+
+def test_in_a_crossing_a_street_comes_before_the_quarter_of_its_name() -> None:
+    quarter = an_area("Cát Linh", "quarter", 400)
+    streets = ("Phố Cát Linh", "Phố Tôn Đức Thắng")
+    entry = a_map(*streets, country="VNM", place="Hà Nội", places=("Hà Nội", "Cát Linh"), areas=(quarter,))
+    match = find_maps([entry], place="Cat Linh / Ton Duc Thang, Ha Noi")[0]
+    assert match.streets == tuple((street,) for street in streets)
+    assert match.area is None
+    assert find_maps([entry], place="Cat Linh, Ha Noi")[0].area == quarter
+
+
+def test_a_town_s_circle_may_be_left_and_a_quarter_bounds_a_single_street() -> None:
+    entry = a_map("Pine Street", "Oak Street", areas=TWO_TOWNS)
+    for words, is_wide in [("Pine Street, Renton", True), ("Pine Street, Ballard", False), ("Renton", False)]:
+        assert (find_maps([entry], place=words)[0].widened is not None) is is_wide
+    wide = find_maps([entry], place="Pine Street / Oak Street, Ballard")[0].widened
+    assert wide is not None
+    assert (wide.box, len(wide.streets)) == (None, 2)
+
+
 def test_a_state_is_checked_by_where_the_map_lies() -> None:
     assert region_of("WA", "USA", 47.6, -122.3)
     assert not region_of("WA", "USA", 30.0, -90.0)
@@ -152,6 +208,43 @@ def test_only_what_is_near_is_suggested(words: str, near: str | None) -> None:
         assert "no map of that city or country" in refusal.value.message
     else:
         assert refusal.value.valid[0] == f"“{near}”"
+
+
+BROSSARD = a_map(
+    "Rue Oxford", "Rue Sydney", "Rue Zagreb", country="CAN", map_id="map_b", place="Brossard", places=("Brossard",)
+)
+ZAGREB = a_map("Jarunska ulica", "Selska cesta", country="HRV", map_id="map_z", place="Zagreb", places=("Zagreb",))
+SYDNEY = a_map("Park Street", country="AUS", map_id="map_s", place="Sydney", places=("Sydney",))
+
+
+@pytest.mark.parametrize(
+    ("words", "near"),
+    [
+        ("Oxford Street, Sydney", ("“Sydney”",)),
+        ("Ilica, Zagreb", ("“Zagreb”",)),
+        ("Jarunka, Zagreb", ("“Jarunska ulica, Zagreb”", "“Zagreb”")),
+        ("Selska / Ilica, Zagreb", ("“Selska cesta, Zagreb”", "“Zagreb”")),
+    ],
+)
+def test_if_the_town_is_at_hand_what_is_proposed_is_in_it_and_can_be_found(words: str, near: tuple[str, ...]) -> None:
+    maps = [BROSSARD, ZAGREB, SYDNEY]
+    with pytest.raises(UnknownName) as refusal:
+        find_maps(maps, place=words)
+    assert refusal.value.valid == near
+    for remedy in refusal.value.remedies:
+        places = remedy.changes[0].values
+        assert find_maps(maps, place=str(places["place"]))[0].entry is not BROSSARD
+
+
+def test_streets_of_another_town_are_not_proposed_for_a_town_that_is_not_at_hand() -> None:
+    with pytest.raises(UnknownName, match="there is no map of that city") as refusal:
+        find_maps([BROSSARD, SYDNEY], place="Ilica, Zagreb")
+    assert refusal.value.valid == ("“Brossard”", "“Sydney”")
+
+
+def test_a_comma_between_streets_is_a_crossing_if_no_town_at_hand_is_called_so() -> None:
+    assert find_maps([BROSSARD], place="Rue Oxford, Rue Sydney")[0].streets == (("Rue Oxford",), ("Rue Sydney",))
+    assert find_maps([BROSSARD, SYDNEY], place="Rue Oxford / Rue Sydney")[0].entry is BROSSARD
 
 
 def test_a_place_far_from_all_is_answered_with_what_there_is() -> None:
