@@ -37,8 +37,8 @@ class Measure:
     ``words``: its name as people say it; ``abbreviation``: that of the field, empty where there is none. ``better``:
     the direction that is better, None where neither is. ``meaning``: for readers who did not make the runs; ``method``:
     how it is computed, with its parameters; ``source``: where the definition is from. ``span``: what values it can
-    take; ``cap``: the bound beyond which a run has none, or a value is clipped; empty if there is no bound. ``none``: why
-    a run does not have it.
+    take; ``cap``: the bound beyond which a run has none, or a value is clipped; empty if there is no bound. ``none``:
+    why a run does not have it.
 
     For comparisons, of stored ones: ``basis``: a run that ends in a collision is short and never brakes for its goal,
     so progress and comfort are compared only where both runs reached the goal; nearness to others counts in every
