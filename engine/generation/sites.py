@@ -103,6 +103,8 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     wanted = any_type if request.scenario_type == "any" else (request.scenario_type,)
     choice = random.Random(request.seed)  # noqa: S311 - reproducible, not secret
     kinds = [fitting for kind in wanted if (fitting := _fitting(finder, finder.find(kind), request))]
+    if not kinds and len(request.streets) > 1:
+        kinds = [fitting for kind in wanted if (fitting := _fitting(finder, finder.find_by_links(kind), request))]
     if not kinds and request.scenario_type == "any" and (longest := finder.longest_road()) is not None:
         kinds = [fitting] if (fitting := _fitting(finder, [longest], request)) else []
     if not kinds:
@@ -168,7 +170,10 @@ def other_types(osm: OsmMap, request: GenerationRequest) -> list[SiteType]:
 
 
 def _held_types(finder: SiteFinder, request: GenerationRequest) -> list[SiteType]:
-    return [kind for kind in ANY_ORDER if _fitting(finder, finder.find(kind), request)]
+    held = [kind for kind in ANY_ORDER if _fitting(finder, finder.find(kind), request)]
+    if held or len(request.streets) < 2:
+        return held
+    return [kind for kind in ANY_ORDER if _fitting(finder, finder.find_by_links(kind), request)]
 
 
 def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -> PlannerForgeError:
@@ -259,7 +264,7 @@ def radius_for(site: Site, request: GenerationRequest) -> float:
 
 def classes_for(site: Site, request: GenerationRequest) -> tuple[str, ...]:
     """OSM classes to keep around a site: as asked, otherwise all roads, with links where the site is about them."""
-    return request.road_classes or (ROADS + LINKS if site.kind in ("ramp", "highway") else ROADS)
+    return request.road_classes or (ROADS + LINKS if site.kind in ("ramp", "highway") or site.by_links else ROADS)
 
 
 AT_M, JUNCTION_M = 40.0, 60.0
@@ -277,8 +282,8 @@ def why_not_realised(site: Site, net: SumoNet) -> str | None:
     middle = middle_of(site, net)
     judges: dict[SiteType, Callable[[], bool]] = {
         "roundabout": lambda: bool(_ring_edges_at(net, middle)),
-        "signalised_intersection": lambda: any(_is_lit(net, key) for key in _junctions_near(net, middle)),
-        "intersection": lambda: bool(_junctions_near(net, middle)),
+        "signalised_intersection": lambda: any(_is_lit(net, key) for key in _junctions_near(net, middle, site.by_links)),
+        "intersection": lambda: bool(_junctions_near(net, middle, site.by_links)),
         "ramp": lambda: _ramp_near(net, middle),
         "highway": lambda: _passes(net, middle, AT_M, lambda classes: bool(classes & FAST_ROADS)),
         "rural": lambda: _passes(net, middle, AT_M, lambda classes: bool(classes - (ALL_ROADS - RURAL_CLASSES))),
@@ -343,11 +348,11 @@ def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...], before: Map
     return float(np.linalg.norm(middle - center)) < reach
 
 
-def _junctions_near(net: SumoNet, middle: Points) -> list[str]:
-    """Junctions near the middle at which three roads or more meet, not only motorways; links left out."""
+def _junctions_near(net: SumoNet, middle: Points, with_links: bool = False) -> list[str]:
+    """Junctions near the middle at which three roads or more meet, not only motorways; links are left out, or count."""
     open_to_many = net.drivable_edges("passenger") | net.drivable_edges("delivery")
     roads = [net.edges[key] for key in net.edges if key in open_to_many]
-    roads = [edge for edge in roads if road_classes(edge) - frozenset(LINKS)]
+    roads = [edge for edge in roads if with_links or road_classes(edge) - frozenset(LINKS)]
     around: dict[str, list[NetEdge]] = {}
     near: dict[str, None] = {}
     for edge in roads:
@@ -448,7 +453,7 @@ def _parts(site: Site, net: SumoNet, middle: Points) -> list[Callable[[RoadLanel
         return [lambda lanelet: lanelet.edge_id in edges]
     if site.kind in ("signalised_intersection", "intersection", "urban"):
         lit = site.kind == "signalised_intersection"
-        junctions = {key for key in _junctions_near(net, middle) if _is_lit(net, key) or not lit}
+        junctions = {key for key in _junctions_near(net, middle, site.by_links) if _is_lit(net, key) or not lit}
         return [lambda lanelet: lanelet.internal and _junction(lanelet) in junctions] if junctions else []
     if site.kind == "ramp":
         return [_road(net, RAMP_LINKS), _road(net, FAST_ROADS)]
