@@ -241,9 +241,7 @@ class SiteFinder:
     def _with_named_links(self) -> _Crossings:
         """Where the roads that lead somewhere meet, links that bear the name of one of them included."""
         names = {way.tags["name"] for way in self._roads if way.road_class not in LINKS and "name" in way.tags}
-        return _Crossings(
-            [way for way in self._roads if way.road_class not in LINKS or way.tags.get("name") in names]
-        )
+        return _Crossings([way for way in self._roads if way.road_class not in LINKS or way.tags.get("name") in names])
 
     @cached_property
     def _with_links(self) -> _Crossings:
