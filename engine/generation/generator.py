@@ -73,7 +73,7 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
             best = attempts.best(osm)
             shutil.move(best.path, Path(request.folder) / "scenario.xml")
             shutil.move(best.site.net_path, Path(request.folder) / "scenario.net.xml")
-        notes = (*ego_notes, *best.scenario.notes, *best.faults, *attempts.notes_besides(best))
+        notes = (*ego_notes, *best.faults, *best.scenario.notes, *attempts.notes_besides(best))
         return best.scenario.model_copy(update={"notes": notes})
 
 
@@ -330,6 +330,8 @@ def _write(
     report(0.85, "reading back and checking")
     checks = check_scenario(path, task.ego.body, site.findings)
     missed = [] if task.focus_passed else [site.focus.missed(only_car=request.ego.index is not None)]
+    if not task.on_spot:
+        missed.append(site.focus.beside(only_car=request.ego.index is not None))
     if task.focus_passed and not task.focus_left:
         missed.append("the goal lies on the site, not behind it: no car that can be the ego leaves it in time")
     if not task.takes_most:

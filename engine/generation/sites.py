@@ -282,7 +282,9 @@ def why_not_realised(site: Site, net: SumoNet) -> str | None:
     middle = middle_of(site, net)
     judges: dict[SiteType, Callable[[], bool]] = {
         "roundabout": lambda: bool(_ring_edges_at(net, middle)),
-        "signalised_intersection": lambda: any(_is_lit(net, key) for key in _junctions_near(net, middle, site.by_links)),
+        "signalised_intersection": lambda: any(
+            _is_lit(net, key) for key in _junctions_near(net, middle, site.by_links)
+        ),
         "intersection": lambda: bool(_junctions_near(net, middle, site.by_links)),
         "ramp": lambda: _ramp_near(net, middle),
         "highway": lambda: _passes(net, middle, AT_M, lambda classes: bool(classes & FAST_ROADS)),
@@ -298,11 +300,16 @@ def why_not_realised(site: Site, net: SumoNet) -> str | None:
 
 def middle_of(site: Site, net: SumoNet) -> Points:
     """The middle of the site in the net's coordinates, shape (2,)."""
+    return _place_of(site.position, net)
+
+
+def _place_of(position: tuple[float, float], net: SumoNet) -> Points:
+    """A latitude and longitude in the net's coordinates, shape (2,)."""
     from pyproj import Proj
 
     if not net.projection:
         return np.zeros(2)
-    x, y = Proj(net.projection)(site.longitude, site.latitude)
+    x, y = Proj(net.projection)(position[1], position[0])
     return np.array([x + net.offset_m[0], y + net.offset_m[1]])
 
 
@@ -407,6 +414,7 @@ class SiteFocus:
         self.kind, self.net = site.kind, net
         self._name = FOCUS_NAMES.get(site.kind, "")
         self._areas = [_area(network, belongs, middle) for belongs in _parts(site, net, middle)]
+        self._spot = _spot(site, net, network, middle)
 
     @property
     def parts(self) -> int:
@@ -422,6 +430,15 @@ class SiteFocus:
         x, y = car.motion.positions[: last_step + 1].T
         passed = [bool(contains_xy(area, x, y).any()) for area in self._areas]
         return sum(passed) if passed[0] else 0
+
+    def is_on_spot(self, car: GeneratedVehicle, last_step: int) -> bool:
+        """Whether the car's centre comes by the step to a junction that the site was made of; True at other sites."""
+        from shapely import contains_xy
+
+        if self._spot is None:
+            return True
+        x, y = car.motion.positions[: last_step + 1].T
+        return bool(contains_xy(self._spot, x, y).any())
 
     def inside(self, car: GeneratedVehicle) -> NDArray[np.bool_]:
         """At which steps the car's centre is on any of the areas; nowhere where a road is the site."""
@@ -445,6 +462,11 @@ class SiteFocus:
         who = "the ego's way to its goal does not pass" if only_car else "no car's way to such a goal passes"
         return f"{who} {self._name} that the site is about; a goal farther ahead or another seed may change it"
 
+    def beside(self, *, only_car: bool) -> str:
+        """The note on an ego that passes another junction close by; ``only_car``: no other could be chosen."""
+        who = "the ego's way to its goal" if only_car else "the way of every car that has such a goal"
+        return f"{who} passes a junction close by, not the one that the site is about; another seed may change it"
+
 
 def _parts(site: Site, net: SumoNet, middle: Points) -> list[Callable[[RoadLanelet], bool]]:
     """For each area, the most important first, whether a lanelet belongs to it."""
@@ -458,6 +480,28 @@ def _parts(site: Site, net: SumoNet, middle: Points) -> list[Callable[[RoadLanel
     if site.kind == "ramp":
         return [_road(net, RAMP_LINKS), _road(net, FAST_ROADS)]
     return []
+
+
+def _spot(site: Site, net: SumoNet, network: RoadNetwork, middle: Points) -> "BaseGeometry | None":
+    """Around the nodes that a site at junctions was made of, their junctions included; None if no others are near."""
+    from shapely import Point, union_all
+
+    if site.kind not in ("signalised_intersection", "intersection", "urban"):
+        return None
+    lit = site.kind == "signalised_intersection"
+    near = [key for key in _junctions_near(net, middle, site.by_links) if _is_lit(net, key) or not lit]
+    areas = {key: _area(network, partial(_is_in, key), middle) for key in near} if len(near) > 1 else {}
+    areas = {key: area for key, area in areas.items() if not area.is_empty}
+    places = [_place_of(part.position, net) for part in site.parts] or [middle]
+    spot = {min(areas, key=lambda key: areas[key].distance(Point(*place))) for place in places} if areas else set()
+    if len(spot) == len(areas):
+        return None
+    around = [Point(*place).buffer(AT_M) for place in places]  # the other carriageway of a wide street
+    return union_all([*around, *(areas[key] for key in sorted(spot))])
+
+
+def _is_in(junction: str, lanelet: RoadLanelet) -> bool:
+    return lanelet.internal and _junction(lanelet) == junction
 
 
 def _junction(lanelet: RoadLanelet) -> str:

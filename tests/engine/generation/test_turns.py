@@ -3,12 +3,16 @@
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from lxml import etree
+from shapely.geometry import box
 from support.generation import make, request_for
+from support.roads import network_of_streets, street
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation.generator import generate_scenario
+from plannerforge.engine.generation.turns import leads_without_change
 from plannerforge.engine.scenarios.facts import read_facts
 from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.schemas.generation import TURNS_AT
@@ -72,3 +76,17 @@ def test_an_ego_turns_back_round_a_ring(tmp_path: Path) -> None:
         seed=1,
     )
     assert abs(turned_deg(tmp_path)) > 150.0
+
+
+def test_a_goal_ahead_in_the_lane_of_the_start_needs_no_change_of_lane_one_beside_does() -> None:
+    ends = [(0.0, 0.0, 50.0), (0.0, 50.0, 100.0), (3.5, 0.0, 50.0), (3.5, 50.0, 100.0)]
+    lines = [np.array([(start, y), ((start + end) / 2, y), (end, y)]) for y, start, end in ends]
+    network = network_of_streets(
+        *(street(key, line, (key + 1,) if key % 2 else ()) for key, line in enumerate(lines, start=1))
+    )
+    ahead, beside = box(70.0, -1.7, 80.0, 1.7), box(70.0, 1.8, 80.0, 5.2)
+    reached = [
+        leads_without_change(network.lanelets[1], region, network, farthest_m)
+        for region, farthest_m in ((ahead, 100.0), (beside, 100.0), (ahead, 40.0))
+    ]
+    assert reached == [True, False, False]
