@@ -58,6 +58,8 @@ TIME_MARGIN_S = 1.5
 """The goal may be reached this much before and after the recorded car is there (chosen)."""
 THROUGH_MARGIN = 0.25
 """The same for a goal behind the site, as a share of the time to it where that is more (chosen)."""
+NO_TURN = "no_turn"
+"""Reason of the refusal of traffic in which no vehicle that can be the ego makes the turn that was asked for."""
 MOST_DETOUR = 1.5
 """A way to the goal without a change of lane that is longer than the driven one by this factor is no way (chosen)."""
 HEADING_MARGIN_RAD = 0.25
@@ -107,8 +109,9 @@ def choose_task(
     it stands in.
 
     Cars whose recorded path can be driven come before others, of those the ones that pass on it what the site is about,
-    of those the ones that pass its very spot, of those, where the goal is to lie behind the site, the ones that leave it and take most of the duration, of those
-    the ones whose lanes can be followed, and of equal ones the first. A task that ``accepts`` refuses counts for none.
+    of those the ones that pass its very spot, of those, where the goal is to lie behind the site, the ones that leave
+    it and take most of the duration, of those the ones whose lanes can be followed, and of equal ones the first. A task
+    that ``accepts`` refuses counts for none.
 
     Raises:
         NotPossible: no car, fewer cars than the asked index, or none that reaches such a goal.
@@ -139,6 +142,7 @@ def choose_task(
         f"(at least {spec.shortest_path_m:g} m within the recording, and not around its start)",
         valid=_driven_lanelets([*choice, *others], lookup) if goal.lanelet else [],
         next_step="choose another goal, a longer duration_s, another ego or another seed",
+        reason=NO_TURN if goal.turn is not None else "",
         remedies=[with_values(goal=None, ego=None)],
     )
 

@@ -407,14 +407,20 @@ REACH_M = 200.0
 
 
 class SiteFocus:
-    """The areas of a site that its ego's path should pass: the ring, the junction, or link and main road."""
+    """The areas of a site that its ego's path should pass: the ring, the junction, or link and main road.
+
+    ``ring``: the edges of a roundabout; ``junctions``: those that are near the middle of a site at junctions, and
+    ``spot_junctions``: those among them that the site was made of.
+    """
 
     def __init__(self, site: Site, net: SumoNet, network: RoadNetwork) -> None:
         middle = middle_of(site, net)
         self.kind, self.net = site.kind, net
         self._name = FOCUS_NAMES.get(site.kind, "")
         self._areas = [_area(network, belongs, middle) for belongs in _parts(site, net, middle)]
-        self._spot = _spot(site, net, network, middle)
+        self.ring = _ring_edges_at(net, middle) if site.kind == "roundabout" else frozenset[str]()
+        self.junctions = _junctions_of(site, net, middle)
+        self.spot_junctions, self._spot = _spot(site, self.junctions, net, network, middle)
 
     @property
     def parts(self) -> int:
@@ -474,30 +480,35 @@ def _parts(site: Site, net: SumoNet, middle: Points) -> list[Callable[[RoadLanel
         edges = _ring_edges_at(net, middle)
         return [lambda lanelet: lanelet.edge_id in edges]
     if site.kind in ("signalised_intersection", "intersection", "urban"):
-        lit = site.kind == "signalised_intersection"
-        junctions = {key for key in _junctions_near(net, middle, site.by_links) if _is_lit(net, key) or not lit}
+        junctions = _junctions_of(site, net, middle)
         return [lambda lanelet: lanelet.internal and _junction(lanelet) in junctions] if junctions else []
     if site.kind == "ramp":
         return [_road(net, RAMP_LINKS), _road(net, FAST_ROADS)]
     return []
 
 
-def _spot(site: Site, net: SumoNet, network: RoadNetwork, middle: Points) -> "BaseGeometry | None":
-    """Around the nodes that a site at junctions was made of, their junctions included; None if no others are near."""
+def _junctions_of(site: Site, net: SumoNet, middle: Points) -> frozenset[str]:
+    if site.kind not in ("signalised_intersection", "intersection", "urban"):
+        return frozenset()
+    lit = site.kind == "signalised_intersection"
+    return frozenset(key for key in _junctions_near(net, middle, site.by_links) if _is_lit(net, key) or not lit)
+
+
+def _spot(
+    site: Site, junctions: frozenset[str], net: SumoNet, network: RoadNetwork, middle: Points
+) -> "tuple[frozenset[str], BaseGeometry | None]":
+    """The junctions that a site was made of, and the area around its nodes with them; None if no others are near."""
     from shapely import Point, union_all
 
-    if site.kind not in ("signalised_intersection", "intersection", "urban"):
-        return None
-    lit = site.kind == "signalised_intersection"
-    near = [key for key in _junctions_near(net, middle, site.by_links) if _is_lit(net, key) or not lit]
-    areas = {key: _area(network, partial(_is_in, key), middle) for key in near} if len(near) > 1 else {}
+    near = sorted(junctions) if len(junctions) > 1 else []
+    areas = {key: _area(network, partial(_is_in, key), middle) for key in near}
     areas = {key: area for key, area in areas.items() if not area.is_empty}
     places = [_place_of(part.position, net) for part in site.parts] or [middle]
     spot = {min(areas, key=lambda key: areas[key].distance(Point(*place))) for place in places} if areas else set()
     if len(spot) == len(areas):
-        return None
+        return junctions, None
     around = [Point(*place).buffer(AT_M) for place in places]  # the other carriageway of a wide street
-    return union_all([*around, *(areas[key] for key in sorted(spot))])
+    return frozenset(spot), union_all([*around, *(areas[key] for key in sorted(spot))])
 
 
 def _is_in(junction: str, lanelet: RoadLanelet) -> bool:

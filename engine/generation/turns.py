@@ -88,12 +88,16 @@ def _turned(car: GeneratedVehicle, last_step: int, focus: SiteFocus) -> Turn | N
     before = int(np.searchsorted(driven, driven[steps[0]] - BESIDE_M))
     behind = min(int(np.searchsorted(driven, driven[steps[-1]] + BESIDE_M)), last_step)
     headings = car.motion.headings_rad
-    turned = wrap_angle(float(headings[behind]) - float(headings[before]))
-    if abs(turned) > BACK_RAD:
+    return turn_of(wrap_angle(float(headings[behind]) - float(headings[before])))
+
+
+def turn_of(turned_rad: float) -> Turn:
+    """The turn of a car at a junction or ring, by the change of its heading there, left positive."""
+    if abs(turned_rad) > BACK_RAD:
         return "u_turn"
-    if abs(turned) < TURN_RAD:
+    if abs(turned_rad) < TURN_RAD:
         return "straight"
-    return "left" if turned > 0 else "right"
+    return "left" if turned_rad > 0 else "right"
 
 
 def _keeps_road(car: GeneratedVehicle, last_step: int) -> bool:

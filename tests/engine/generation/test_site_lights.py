@@ -1,12 +1,15 @@
-"""Sites that the map promises are built: lights at a junction with signals on some roads only, beside broken roads too."""
+"""Sites that the map promises are built: lights where some roads have a signal, and beside a road that is broken."""
 
 from pathlib import Path
 from typing import Any
 
 from plannerforge.engine.execution import silent
-from plannerforge.engine.generation.site_network import prepare_site
+from plannerforge.engine.generation.site_network import prepare_site, with_later_lights
+from plannerforge.engine.generation.writer import STEP_S
 from plannerforge.engine.maps.osm import OsmMap, OsmNode, OsmWay
 from plannerforge.engine.maps.site_search.finder import Site, SiteFinder
+from plannerforge.engine.network import build_road_network, read_net
+from plannerforge.engine.traffic import WARM_UP_S
 from plannerforge.schemas.generation import GenerationRequest
 
 ARM_DEG = 0.0012
@@ -43,6 +46,19 @@ def test_a_junction_with_a_signal_on_one_arm_gets_lights_and_the_answer_says_so(
     built = prepare_site(request_at(site), osm, site, tmp_path, silent)
     assert "traffic_light" in set(built.net.junction_types.values())
     assert any("lights were made" in note for note in built.notes)
+
+
+def test_lights_that_begin_earlier_in_their_cycles_do_so_in_the_net_and_in_the_lanelets(tmp_path: Path) -> None:
+    osm = crossing_with_a_signal_on_one_arm()
+    (site,) = SiteFinder(osm).find("signalised_intersection")
+    built = prepare_site(request_at(site), osm, site, tmp_path, silent)
+    (tmp_path / "later").mkdir()
+    later = with_later_lights(built, 30.0, tmp_path / "later")
+    anew = build_road_network(read_net(later.net_path), step_s=STEP_S, elapsed_s=WARM_UP_S)
+    offsets = [[light.offset_steps for light in network.lights] for network in (built.network, later.network, anew)]
+    assert offsets[0] != offsets[1] == offsets[2]
+    assert later.network.lanelets == built.network.lanelets
+    assert len(later.notes) == len(built.notes) + 1
 
 
 YARD_M = (
