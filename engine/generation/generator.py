@@ -8,28 +8,39 @@ import gc
 import logging
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 
-from ...schemas.errors import InvalidRequest, NotPossible
-from ...schemas.generation import AskedManoeuvre, GeneratedScenario, GenerationRequest, VehicleDemand
+from ...schemas.errors import InvalidRequest, NotPossible, with_values
+from ...schemas.generation import (
+    THROUGH,
+    USUAL_DURATION_S,
+    AskedManoeuvre,
+    Density,
+    GeneratedScenario,
+    GenerationRequest,
+    VehicleDemand,
+)
 from ...schemas.text import cited, counted
 from ...schemas.vocabulary import EGO_CLASSES
 from ..execution import ProgressReporter
-from ..maps import OsmMap, Site, read_map_file
+from ..maps import LaneletMap, NetMap, OsmMap, Site, read_map_file
 from ..traffic import GeneratedVehicle, lane_km_of, plan_counts
+from ..vehicles import vehicle_classes
 from .checks import check_scenario, faults_of
 from .flows import flow_notes
 from .others import LIKELY_AT, MOST_TRIES, EgoChoice, can_be_scripted, found_in, scripted
 from .people import people_notes, people_wanted
-from .planning_problem import PlanningTask, TaskSpec, choose_task
+from .planning_problem import NO_TURN, PlanningTask, TaskSpec, choose_task
 from .record import absences_of, record_of, with_scripted
-from .site_network import SITE_LOST, SiteNetwork, prepare_site
+from .site_network import SITE_LOST, SiteNetwork, prepare_site, with_later_lights
 from .sites import fitting_sites, lacking_turn, other_types
 from .traffic import NO_ROOM, TrafficAim, along_the_site, generate_traffic, without_spares
+from .turning_trips import turns_there
 from .writer import STEP_S, write_scenario
 
 logger = logging.getLogger(__name__)
@@ -37,6 +48,11 @@ OWN_ROUNDS, MOST_ROUNDS, MOST_SITES = 2, 5, 10
 """Rounds of traffic at the site's own place, rounds of traffic in all, sites looked at in all (chosen)."""
 ROUNDS_TO_SCRIPT = 3
 """Rounds of traffic that are searched for a manoeuvre of another road user before it is scripted (chosen)."""
+LIGHTS_LATER_S, TURNING_SITES = (0.0, 30.0, 60.0, 15.0, 45.0), 2
+"""For each round of traffic with vehicles that make the turn asked of the ego, how far the lights are shifted: all over
+netconvert's usual cycle of 90 s; and the sites at which each is tried (chosen)."""
+DENSER: Mapping[Density, Density] = MappingProxyType({"low": "medium", "medium": "high"})
+"""The next density, in which more vehicles may make a turn."""
 MOST_LOST = 40
 """Sites that are passed over beside those, because their nets do not show them (chosen): each takes half a second."""
 SHOWN_LOST = 3
@@ -69,11 +85,12 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
         with tempfile.TemporaryDirectory(dir=request.folder) as scratch:
             attempts = _Attempts(request, Path(scratch), report)
             attempts.run(osm, own_and_others)
+            attempts.turn(is_drawn=not isinstance(osm, (LaneletMap, NetMap)))
             attempts.script()
             best = attempts.best(osm)
             shutil.move(best.path, Path(request.folder) / "scenario.xml")
             shutil.move(best.site.net_path, Path(request.folder) / "scenario.net.xml")
-        notes = (*ego_notes, *best.scenario.notes, *best.faults, *attempts.notes_besides(best))
+        notes = (*ego_notes, *best.faults, *best.scenario.notes, *attempts.notes_besides(best))
         return best.scenario.model_copy(update={"notes": notes})
 
 
@@ -148,6 +165,7 @@ class _Attempts:
         self.made: list[_Attempt] = []
         self.refusals: list[NotPossible] = []
         self.lost: list[Site] = []
+        self._fit: list[tuple[SiteNetwork, Path]] = []
 
     def run(self, osm: OsmMap, sites: Iterable[Site]) -> None:
         """Try the first site that is fit twice and the others once; the only one as often as all together are tried.
@@ -156,7 +174,7 @@ class _Attempts:
         none of these tries: the next one is taken in its place. Where the request is to be given up after fewer sites,
         it is as long as none of them gave a scenario.
         """
-        fit: list[tuple[SiteNetwork, Path]] = []
+        fit = self._fit
         few = self._request.most_sites
         for number, site in enumerate(sites):
             most = MOST_SITES if few is None or self.made else few
@@ -186,6 +204,23 @@ class _Attempts:
         if (len(fit) == 1 or is_sought) and few is None and not is_full:
             self._is_done(*fit[0], range(OWN_ROUNDS, MOST_ROUNDS))
 
+    def turn(self, *, is_drawn: bool) -> None:
+        """Put vehicles on their way by the asked turn if none of the traffic so far makes it, until one can be the ego.
+
+        Where they wait at red lights, the lights are shifted in their cycles, unless the map itself has their programs
+        (``is_drawn``: it has none). A request that is to be given up soon is none of these.
+        """
+        lacks = any(refusal.reason == NO_TURN for refusal in self.refusals)
+        if not lacks or self._request.most_sites is not None or any(not attempt.unusable for attempt in self.made):
+            return
+        for number, later_s in enumerate(LIGHTS_LATER_S, start=MOST_ROUNDS):
+            for site, folder in self._fit[:TURNING_SITES]:
+                shifted = folder / f"lights_{number}"
+                shifted.mkdir()
+                tried = with_later_lights(site, later_s, shifted) if is_drawn and not site.footways else site
+                if self._is_faultless(tried, number, shifted, turning=True):
+                    return
+
     def best(self, osm: OsmMap) -> _Attempt:
         """The usable attempt with the fewest faults, the first of equal ones.
 
@@ -201,6 +236,8 @@ class _Attempts:
             raise lacking
         if self._wanted is not None and any(attempt.lacks for attempt in self.made):
             raise self._without_manoeuvre(self._wanted)
+        if self.refusals and self.refusals[0].reason == NO_TURN and self._fit:
+            raise self._without_turn(self.refusals[0])
         if self.refusals:
             raise self.refusals[0]
         if self.made:
@@ -241,11 +278,11 @@ class _Attempts:
                 return False
         return False
 
-    def _is_faultless(self, site: SiteNetwork, round_number: int, folder: Path) -> bool:
+    def _is_faultless(self, site: SiteNetwork, round_number: int, folder: Path, *, turning: bool = False) -> bool:
         self._rounds += 1
         path = folder / f"scenario_{round_number}.xml"
         try:
-            scenario, missed = _write(self._request, site, round_number, path, self._report)
+            scenario, missed = _write(self._request, site, round_number, path, self._report, turning=turning)
         except NotPossible as refusal:
             logger.debug("round_refused round=%d reason=%r", round_number, refusal.message)
             self.refusals.append(refusal)
@@ -269,6 +306,34 @@ class _Attempts:
                 self.made.append(made)
                 return
 
+    def _without_turn(self, refusal: NotPossible) -> NotPossible:
+        """The refusal with calls that keep the turn before the one that drops it, or with the turns that there are."""
+        site, request = self._fit[0][0], self._request
+        ego = vehicle_classes()[request.ego.vehicle_class]
+        there = turns_there(site.net, site.focus, ego.sumo_class)
+        if there is not None and request.goal.turn not in there and len(self._fit) == 1:
+            goals = [f"{THROUGH}:{turn}" for turn in sorted(there)]
+            return NotPossible(
+                f"no way through the site makes the turn {request.goal.turn!r}",
+                valid=goals,
+                next_step="choose one of these goals, or another place",
+                reason=refusal.reason,
+                remedies=[with_values(goal=goal) for goal in (*goals, None)],
+            )
+        denser = DENSER.get(request.density)
+        return NotPossible(
+            refusal.message,
+            valid=refusal.valid,
+            next_step=refusal.next_step,
+            reason=refusal.reason,
+            remedies=[
+                *([with_values(duration_s=USUAL_DURATION_S)] if request.duration_s < USUAL_DURATION_S else []),
+                with_values(seed=request.seed + 1),
+                *([] if denser is None else [with_values(density=denser)]),
+                with_values(goal=None, ego=None),
+            ],
+        )
+
     def _without_manoeuvre(self, wanted: AskedManoeuvre) -> NotPossible:
         draws = counted(sum(attempt.lacks for attempt in self.made), "draw")
         scripted_too = ", and no scripted actor finds room for it" if can_be_scripted(wanted) else ""
@@ -282,9 +347,17 @@ class _Attempts:
 
 
 def _write(
-    request: GenerationRequest, site: SiteNetwork, round_number: int, path: Path, report: ProgressReporter
+    request: GenerationRequest,
+    site: SiteNetwork,
+    round_number: int,
+    path: Path,
+    report: ProgressReporter,
+    *,
+    turning: bool = False,
 ) -> tuple[GeneratedScenario, list[str]]:
     """Make one scenario at one site, write it and check the file; and how its ego misses the site, in words.
+
+    ``turning``: vehicles are put on their way by the turn that the ego is asked to make.
 
     Raises:
         NotPossible: the site does not hold what was asked for.
@@ -294,7 +367,7 @@ def _write(
     lane_km = lane_km_of(site.net)
     demand = plan_counts(request.density, request.on_wheels, lane_km, aim.per_lane_km, fewest=aim.fewest)
     asked_for = demand.with_ego(request.ego.vehicle_class)
-    traffic = generate_traffic(request, asked_for, aim, site, round_number, path.parent, report)
+    traffic = generate_traffic(request, asked_for, aim, site, round_number, path.parent, report, turning=turning)
     demand = traffic.demand
     ranked = along_the_site(traffic.vehicles, site)
     report(0.75, "choosing ego and goal")
@@ -330,6 +403,8 @@ def _write(
     report(0.85, "reading back and checking")
     checks = check_scenario(path, task.ego.body, site.findings)
     missed = [] if task.focus_passed else [site.focus.missed(only_car=request.ego.index is not None)]
+    if not task.on_spot:
+        missed.append(site.focus.beside(only_car=request.ego.index is not None))
     if task.focus_passed and not task.focus_left:
         missed.append("the goal lies on the site, not behind it: no car that can be the ego leaves it in time")
     if not task.takes_most:

@@ -32,7 +32,7 @@ from ..network import WIDEST_TURN_RAD, LaneletLookup, RoadLanelet, RoadNetwork, 
 from ..traffic import GeneratedVehicle
 from ..vehicles import ego_class
 from .sites import SiteFocus
-from .turns import makes
+from .turns import leads_without_change, makes
 
 SHORTEST_PATH_M = 10.0
 """To a goal after a number of steps, a car has to drive this far at least (chosen): one that waits has no task."""
@@ -58,6 +58,10 @@ TIME_MARGIN_S = 1.5
 """The goal may be reached this much before and after the recorded car is there (chosen)."""
 THROUGH_MARGIN = 0.25
 """The same for a goal behind the site, as a share of the time to it where that is more (chosen)."""
+NO_TURN = "no_turn"
+"""Reason of the refusal of traffic in which no vehicle that can be the ego makes the turn that was asked for."""
+MOST_DETOUR = 1.5
+"""A way to the goal without a change of lane that is longer than the driven one by this factor is no way (chosen)."""
 HEADING_MARGIN_RAD = 0.25
 """Deviation from the recorded heading at the goal, to either side (chosen)."""
 
@@ -70,8 +74,9 @@ class PlanningTask:
     the steps of ``time_steps``. ``focus_passed``: how many areas of the site's focus the recorded path to it passes;
     ``focus_left``: whether the goal lies behind them; ``takes_most``: whether a goal that should lie behind the site
     takes half of the duration at least; ``followable``: whether a planner that drives there evenly can follow the
-    lanes, and whether a body other than a car's has room there, looked at for such goals. ``stands_in``: the ego is not
-    the car that was asked for by its number, because that one has no such goal.
+    lanes, and whether a body other than a car's has room there, looked at for such goals. ``on_spot``: the path passes
+    the very spot of the site, not only another junction close by. ``stands_in``: the ego is not the car that was asked
+    for by its number, because that one has no such goal.
     """
 
     ego: GeneratedVehicle
@@ -83,6 +88,7 @@ class PlanningTask:
     size_m: tuple[float, float]
     time_steps: tuple[int, int]
     focus_passed: int = 1
+    on_spot: bool = True
     focus_left: bool = True
     takes_most: bool = True
     followable: bool = True
@@ -103,8 +109,9 @@ def choose_task(
     it stands in.
 
     Cars whose recorded path can be driven come before others, of those the ones that pass on it what the site is about,
-    of those, where the goal is to lie behind the site, the ones that leave it and take most of the duration, of those
-    the ones whose lanes can be followed, and of equal ones the first. A task that ``accepts`` refuses counts for none.
+    of those the ones that pass its very spot, of those, where the goal is to lie behind the site, the ones that leave
+    it and take most of the duration, of those the ones whose lanes can be followed, and of equal ones the first. A task
+    that ``accepts`` refuses counts for none.
 
     Raises:
         NotPossible: no car, fewer cars than the asked index, or none that reaches such a goal.
@@ -135,6 +142,7 @@ def choose_task(
         f"(at least {spec.shortest_path_m:g} m within the recording, and not around its start)",
         valid=_driven_lanelets([*choice, *others], lookup) if goal.lanelet else [],
         next_step="choose another goal, a longer duration_s, another ego or another seed",
+        reason=NO_TURN if goal.turn is not None else "",
         remedies=[with_values(goal=None, ego=None)],
     )
 
@@ -155,7 +163,7 @@ def _best_task(
         if task is None or not _turns_as_asked(task, spec.goal.turn, network, lookup, focus):
             continue
         task = _seen_from_the_site(task, spec, focus, step_s)
-        merit = (car.feasible, task.focus_passed, task.focus_left, task.takes_most)
+        merit = (car.feasible, task.focus_passed, task.on_spot, task.focus_left, task.takes_most)
         if (best is not None and (*merit, True) <= best[0]) or (accepts is not None and not accepts(task)):
             continue
         # Where a planner has most of the duration, it does not drive as the car did: slowly where that was held up.
@@ -164,7 +172,7 @@ def _best_task(
         smooth = smooth and _has_room(car, task.goal_step, network)
         if best is None or (*merit, smooth) > best[0]:
             best = (*merit, smooth), replace(task, followable=smooth or not spec.goal.is_through)
-        if best[0] == (True, focus.parts, True, True, True):
+        if best[0] == (True, focus.parts, True, True, True, True):
             break
     return None if best is None else best[1]
 
@@ -172,17 +180,35 @@ def _best_task(
 def _turns_as_asked(
     task: PlanningTask, turn: Turn | None, network: RoadNetwork, lookup: LaneletLookup, focus: SiteFocus
 ) -> bool:
-    return turn is None or makes(turn, task.ego, task.goal_step, focus, network, lookup)
+    if turn is None:
+        return True
+    if not makes(turn, task.ego, task.goal_step, focus, network, lookup):
+        return False
+    return turn != "lane_change" or not _is_ahead_in_lane(task, network, lookup)
+
+
+def _is_ahead_in_lane(task: PlanningTask, network: RoadNetwork, lookup: LaneletLookup) -> bool:
+    """Whether the goal can be reached in the lane of the start, so that the ego need not change it."""
+    from shapely import Polygon
+
+    start = _under(lookup, task.ego, 0)
+    region = Polygon(oriented_rectangle(task.center, task.heading_rad, task.size_m))
+    return start is not None and leads_without_change(start, region, network, MOST_DETOUR * task.goal_distance_m)
 
 
 def _seen_from_the_site(task: PlanningTask, spec: TaskSpec, focus: SiteFocus, step_s: float) -> PlanningTask:
     """The task with what of the site it passes and, where the goal is to lie behind it, whether it does."""
     passed = focus.parts_passed(task.ego, task.goal_step)
+    on_spot = not passed or focus.is_on_spot(task.ego, task.goal_step)
     if not spec.goal.is_through:
-        return replace(task, focus_passed=passed)
+        return replace(task, focus_passed=passed, on_spot=on_spot)
     left = passed > 0 and focus.is_left_by(task.ego, task.goal_step)
     return replace(
-        task, focus_passed=passed, focus_left=left, takes_most=task.goal_step * step_s >= spec.duration_s / 2
+        task,
+        focus_passed=passed,
+        on_spot=on_spot,
+        focus_left=left,
+        takes_most=task.goal_step * step_s >= spec.duration_s / 2,
     )
 
 

@@ -39,12 +39,14 @@ from ..maps import (
 from ..network import (
     RoadNetwork,
     SumoNet,
+    TrafficLight,
     build_road_network,
     cap_speeds,
     check_network,
     convert_osm,
     lights_begin_at,
     read_net,
+    remove_edges,
     remove_hairpins,
     stated_frictions,
     summarise_findings,
@@ -213,8 +215,12 @@ class _KnownSite:
         """A site that is built in the folder."""
         try:
             built = build_network(request, osm, site, radius_m, folder, report)
-            if _lacks_lights(built, osm):
-                built = _with_lights(build_network(request, _lit(osm, site), site, radius_m, folder, report))
+            if is_lit := _lacks_lights(built, osm):
+                osm = _lit(osm, site)
+                built = build_network(request, osm, site, radius_m, folder, report)
+            if built.network.folded_edges and summarise_findings(_network_findings(built), "error"):
+                built = build_network(request, osm, site, radius_m, folder, report, folded=built.network.folded_edges)
+            built = _with_lights(built) if is_lit else built
         except NotPossible as refusal:
             return cls(_anew(refusal), b"")
         return cls(built, built.net_path.read_bytes())
@@ -272,6 +278,30 @@ def _with_lights(built: SiteNetwork) -> SiteNetwork:
     return replace(built, notes=(*built.notes, note))
 
 
+def with_later_lights(site: SiteNetwork, later_s: float, folder: Path) -> SiteNetwork:
+    """The site with all lights by so many seconds earlier in their cycles, its net in a folder.
+
+    A site without lights stays as it is.
+
+    For nets of OpenStreetMap, which holds no programs of lights: netconvert makes them up, and where in it they begin.
+    """
+    if not site.network.lights or not later_s:
+        return site
+    net_path = folder / "scenario.net.xml"
+    root = etree.fromstring(site.net_path.read_bytes())
+    for program in root.iterfind("tlLogic"):
+        program.set("offset", f"{float(program.get('offset', '0')) + later_s:g}")
+    net_path.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True))
+    lights = tuple(_later(light, round(later_s / STEP_S)) for light in site.network.lights)
+    note = f"the lights begin {later_s:g} s earlier in their cycles, so that they let the ego pass in time"
+    network = replace(site.network, lights=lights)
+    return replace(site, net_path=net_path, net=read_net(net_path), network=network, notes=(*site.notes, note))
+
+
+def _later(light: TrafficLight, steps: int) -> TrafficLight:
+    return replace(light, offset_steps=(light.offset_steps + steps) % sum(count for count, _ in light.cycle))
+
+
 def _beside(site: Site, request: GenerationRequest) -> str:
     """Return the note on a site that the streets that were asked for only pass: none of its junctions lies on them."""
     kind = site.kind.replace("_", " ")
@@ -321,9 +351,17 @@ def _as_the_file_has_it(built: SiteNetwork, findings: tuple[RuleFinding, ...]) -
 
 
 def build_network(
-    request: GenerationRequest, osm: OsmMap, site: Site, radius_m: float, folder: Path, report: ProgressReporter
+    request: GenerationRequest,
+    osm: OsmMap,
+    site: Site,
+    radius_m: float,
+    folder: Path,
+    report: ProgressReporter,
+    folded: tuple[str, ...] = (),
 ) -> SiteNetwork:
     """Cut a site out of the map and build its net and its lanelets, not judged yet.
+
+    ``folded``: edges of the net of an OpenStreetMap extract that are left out, because no lanelet can follow them.
 
     Raises:
         NotPossible: no road there is open to cars.
@@ -357,7 +395,7 @@ def build_network(
         )
         cut_map(osm, site.position, radius_m, classes, cut, pavements, reader)
         warnings, notes, hairpins, network = _convert_site(
-            site, cut, net_path, lefthand=lefthand, on_foot=on_foot, report=report
+            site, cut, net_path, lefthand=lefthand, on_foot=on_foot, folded=folded, report=report
         )
         notes += [*reader.notes(), *hairpins]
     if site.beside:
@@ -464,7 +502,14 @@ def _fill_lanelets(
 
 
 def _convert_site(
-    site: Site, cut: Path, net_path: Path, *, lefthand: bool, on_foot: bool, report: ProgressReporter
+    site: Site,
+    cut: Path,
+    net_path: Path,
+    *,
+    lefthand: bool,
+    on_foot: bool,
+    folded: tuple[str, ...],
+    report: ProgressReporter,
 ) -> tuple[tuple[str, ...], list[str], list[str], RoadNetwork]:
     """Convert what was cut out; junctions close together stay apart where the joined one swallows the site.
 
@@ -509,7 +554,23 @@ def _convert_site(
             "corners of junctions were drawn tighter, because the site was lost with turns that were too tight"
         )
         later, hairpins, network = _without_hairpins(_lanelets(read_net(net_path)), net_path, cut.parent)
+    if folded:
+        later += remove_edges(net_path, folded, cut.parent)
+        again, more, network = _without_hairpins(_lanelets(read_net(net_path)), net_path, cut.parent)
+        later, hairpins = (*later, *again), [*hairpins, *more]
+        notes.append(f"{counted(len(folded), 'road')} that no lanelet can follow left out: {_ways_of(folded)}")
     return (*warnings, *later), notes, hairpins, network
+
+
+_SHOWN_WAYS = 3
+"""Ways that a note names, at most (chosen)."""
+
+
+def _ways_of(edges: tuple[str, ...]) -> str:
+    """Return the OSM ways of which edges were made, the first of them by their ids."""
+    ways = list(dict.fromkeys(edge.lstrip("-").partition("#")[0] for edge in edges))
+    more = [f"{len(ways) - _SHOWN_WAYS} more"] if len(ways) > _SHOWN_WAYS else []
+    return ", ".join([*(f"way {way}" for way in ways[:_SHOWN_WAYS]), *more])
 
 
 def _without_hairpins(

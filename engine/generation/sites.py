@@ -104,6 +104,8 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     wanted = any_type if request.scenario_type == "any" else (request.scenario_type,)
     choice = random.Random(request.seed)  # noqa: S311 - reproducible, not secret
     kinds = [fitting for kind in wanted if (fitting := _fitting(finder, finder.find(kind), request))]
+    if not kinds and len(request.streets) > 1:
+        kinds = [fitting for kind in wanted if (fitting := _fitting(finder, finder.find_by_links(kind), request))]
     if not kinds and request.scenario_type == "any" and (longest := finder.longest_road()) is not None:
         kinds = [fitting] if (fitting := _fitting(finder, [longest], request)) else []
     if not kinds:
@@ -169,7 +171,10 @@ def other_types(osm: OsmMap, request: GenerationRequest) -> list[SiteType]:
 
 
 def _held_types(finder: SiteFinder, request: GenerationRequest) -> list[SiteType]:
-    return [kind for kind in ANY_ORDER if _fitting(finder, finder.find(kind), request)]
+    held = [kind for kind in ANY_ORDER if _fitting(finder, finder.find(kind), request)]
+    if held or len(request.streets) < 2:
+        return held
+    return [kind for kind in ANY_ORDER if _fitting(finder, finder.find_by_links(kind), request)]
 
 
 def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -> PlannerForgeError:
@@ -294,7 +299,7 @@ def radius_for(site: Site, request: GenerationRequest) -> float:
 
 def classes_for(site: Site, request: GenerationRequest) -> tuple[str, ...]:
     """OSM classes to keep around a site: as asked, otherwise all roads, with links where the site is about them."""
-    return request.road_classes or (ROADS + LINKS if site.kind in ("ramp", "highway") else ROADS)
+    return request.road_classes or (ROADS + LINKS if site.kind in ("ramp", "highway") or site.by_links else ROADS)
 
 
 AT_M, JUNCTION_M = 40.0, 60.0
@@ -312,8 +317,10 @@ def why_not_realised(site: Site, net: SumoNet) -> str | None:
     middle = middle_of(site, net)
     judges: dict[SiteType, Callable[[], bool]] = {
         "roundabout": lambda: bool(_ring_edges_at(net, middle)),
-        "signalised_intersection": lambda: any(_is_lit(net, key) for key in _junctions_near(net, middle)),
-        "intersection": lambda: bool(_junctions_near(net, middle)),
+        "signalised_intersection": lambda: any(
+            _is_lit(net, key) for key in _junctions_near(net, middle, site.by_links)
+        ),
+        "intersection": lambda: bool(_junctions_near(net, middle, site.by_links)),
         "ramp": lambda: _ramp_near(net, middle),
         "highway": lambda: _passes(net, middle, AT_M, lambda classes: bool(classes & FAST_ROADS)),
         "rural": lambda: _passes(net, middle, AT_M, lambda classes: bool(classes - (ALL_ROADS - RURAL_CLASSES))),
@@ -328,11 +335,16 @@ def why_not_realised(site: Site, net: SumoNet) -> str | None:
 
 def middle_of(site: Site, net: SumoNet) -> Points:
     """The middle of the site in the net's coordinates, shape (2,)."""
+    return _place_of(site.position, net)
+
+
+def _place_of(position: tuple[float, float], net: SumoNet) -> Points:
+    """A latitude and longitude in the net's coordinates, shape (2,)."""
     from pyproj import Proj
 
     if not net.projection:
         return np.zeros(2)
-    x, y = Proj(net.projection)(site.longitude, site.latitude)
+    x, y = Proj(net.projection)(position[1], position[0])
     return np.array([x + net.offset_m[0], y + net.offset_m[1]])
 
 
@@ -378,11 +390,11 @@ def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...], before: Map
     return float(np.linalg.norm(middle - center)) < reach
 
 
-def _junctions_near(net: SumoNet, middle: Points) -> list[str]:
-    """Junctions near the middle at which three roads or more meet, not only motorways; links left out."""
+def _junctions_near(net: SumoNet, middle: Points, with_links: bool = False) -> list[str]:
+    """Junctions near the middle at which three roads or more meet, not only motorways; links are left out, or count."""
     open_to_many = net.drivable_edges("passenger") | net.drivable_edges("delivery")
     roads = [net.edges[key] for key in net.edges if key in open_to_many]
-    roads = [edge for edge in roads if road_classes(edge) - frozenset(LINKS)]
+    roads = [edge for edge in roads if with_links or road_classes(edge) - frozenset(LINKS)]
     around: dict[str, list[NetEdge]] = {}
     near: dict[str, None] = {}
     for edge in roads:
@@ -430,13 +442,20 @@ REACH_M = 200.0
 
 
 class SiteFocus:
-    """The areas of a site that its ego's path should pass: the ring, the junction, or link and main road."""
+    """The areas of a site that its ego's path should pass: the ring, the junction, or link and main road.
+
+    ``ring``: the edges of a roundabout; ``junctions``: those that are near the middle of a site at junctions, and
+    ``spot_junctions``: those among them that the site was made of.
+    """
 
     def __init__(self, site: Site, net: SumoNet, network: RoadNetwork) -> None:
         middle = middle_of(site, net)
         self.kind, self.net = site.kind, net
         self._name = FOCUS_NAMES.get(site.kind, "")
         self._areas = [_area(network, belongs, middle) for belongs in _parts(site, net, middle)]
+        self.ring = _ring_edges_at(net, middle) if site.kind == "roundabout" else frozenset[str]()
+        self.junctions = _junctions_of(site, net, middle)
+        self.spot_junctions, self._spot = _spot(site, self.junctions, net, network, middle)
 
     @property
     def parts(self) -> int:
@@ -452,6 +471,15 @@ class SiteFocus:
         x, y = car.motion.positions[: last_step + 1].T
         passed = [bool(contains_xy(area, x, y).any()) for area in self._areas]
         return sum(passed) if passed[0] else 0
+
+    def is_on_spot(self, car: GeneratedVehicle, last_step: int) -> bool:
+        """Whether the car's centre comes by the step to a junction that the site was made of; True at other sites."""
+        from shapely import contains_xy
+
+        if self._spot is None:
+            return True
+        x, y = car.motion.positions[: last_step + 1].T
+        return bool(contains_xy(self._spot, x, y).any())
 
     def inside(self, car: GeneratedVehicle) -> NDArray[np.bool_]:
         """At which steps the car's centre is on any of the areas; nowhere where a road is the site."""
@@ -475,6 +503,11 @@ class SiteFocus:
         who = "the ego's way to its goal does not pass" if only_car else "no car's way to such a goal passes"
         return f"{who} {self._name} that the site is about; a goal farther ahead or another seed may change it"
 
+    def beside(self, *, only_car: bool) -> str:
+        """The note on an ego that passes another junction close by; ``only_car``: no other could be chosen."""
+        who = "the ego's way to its goal" if only_car else "the way of every car that has such a goal"
+        return f"{who} passes a junction close by, not the one that the site is about; another seed may change it"
+
 
 def _parts(site: Site, net: SumoNet, middle: Points) -> list[Callable[[RoadLanelet], bool]]:
     """For each area, the most important first, whether a lanelet belongs to it."""
@@ -482,12 +515,39 @@ def _parts(site: Site, net: SumoNet, middle: Points) -> list[Callable[[RoadLanel
         edges = _ring_edges_at(net, middle)
         return [lambda lanelet: lanelet.edge_id in edges]
     if site.kind in ("signalised_intersection", "intersection", "urban"):
-        lit = site.kind == "signalised_intersection"
-        junctions = {key for key in _junctions_near(net, middle) if _is_lit(net, key) or not lit}
+        junctions = _junctions_of(site, net, middle)
         return [lambda lanelet: lanelet.internal and _junction(lanelet) in junctions] if junctions else []
     if site.kind == "ramp":
         return [_road(net, RAMP_LINKS), _road(net, FAST_ROADS)]
     return []
+
+
+def _junctions_of(site: Site, net: SumoNet, middle: Points) -> frozenset[str]:
+    if site.kind not in ("signalised_intersection", "intersection", "urban"):
+        return frozenset()
+    lit = site.kind == "signalised_intersection"
+    return frozenset(key for key in _junctions_near(net, middle, site.by_links) if _is_lit(net, key) or not lit)
+
+
+def _spot(
+    site: Site, junctions: frozenset[str], net: SumoNet, network: RoadNetwork, middle: Points
+) -> "tuple[frozenset[str], BaseGeometry | None]":
+    """The junctions that a site was made of, and the area around its nodes with them; None if no others are near."""
+    from shapely import Point, union_all
+
+    near = sorted(junctions) if len(junctions) > 1 else []
+    areas = {key: _area(network, partial(_is_in, key), middle) for key in near}
+    areas = {key: area for key, area in areas.items() if not area.is_empty}
+    places = [_place_of(part.position, net) for part in site.parts] or [middle]
+    spot = {min(areas, key=lambda key: areas[key].distance(Point(*place))) for place in places} if areas else set()
+    if len(spot) == len(areas):
+        return junctions, None
+    around = [Point(*place).buffer(AT_M) for place in places]  # the other carriageway of a wide street
+    return frozenset(spot), union_all([*around, *(areas[key] for key in sorted(spot))])
+
+
+def _is_in(junction: str, lanelet: RoadLanelet) -> bool:
+    return lanelet.internal and _junction(lanelet) == junction
 
 
 def _junction(lanelet: RoadLanelet) -> str:

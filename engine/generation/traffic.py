@@ -43,6 +43,7 @@ from .flows import FlowPlan, FlowTrips, plan_flows
 from .people import pedestrians_for, people_among, people_wanted
 from .site_network import SiteNetwork
 from .sites import middle_of, road_classes
+from .turning_trips import TurningTrips
 from .writer import STEP_S
 
 logger = logging.getLogger(__name__)
@@ -57,7 +58,8 @@ MORE_FOR_EACH_ABSENT = 2
 FEW_ABSENT, ABSENT_SHARE = 10, 0.05
 """Where more vehicles than both are absent, the site is full: further attempts never found room for all (measured)."""
 EGO_CANDIDATES = 4
-"""How many more vehicles of the ego's class are simulated unless it is a car (chosen): some of them have no goal."""
+"""How many more vehicles of the ego's class are simulated unless it is a car, or has a turn to make (chosen): some of
+them have no goal."""
 NO_ROOM = "no_room"
 """Reason of the refusal of a site that is full."""
 LASTING_S = 30.0
@@ -115,10 +117,13 @@ def generate_traffic(
     round_number: int,
     scratch: Path,
     report: ProgressReporter,
+    *,
+    turning: bool = False,
 ) -> GeneratedTraffic:
     """Traffic without overlaps that holds all vehicles that were asked for: the first of several attempts.
 
-    ``round_number`` draws other traffic with the same seed.
+    ``round_number`` draws other traffic with the same seed. ``turning``: vehicles of the ego's class are put on their
+    way through the site by the turn that the ego is asked to make.
 
     Raises:
         NotPossible: no road at the site is open to a class that was asked for, or too few of a class find room.
@@ -130,12 +135,17 @@ def generate_traffic(
     people = 0 if asked is None else people_wanted(asked, request.density, demand.total)
     most_people = 0
     more: Counter[str] = Counter()
-    if demand.ego_class != "car":
+    if demand.ego_class != "car" or turning:
         more[demand.ego_class] = EGO_CANDIDATES
     for attempt in range(ATTEMPTS):
         seed = _mixed_seed(request.seed, request.index, attempt + ATTEMPTS * round_number)
         choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
         trips = _trips(request, aim, site.net, lasting_s, choice)
+        turn = request.goal.turn if turning and aim.plan is None else None
+        if turn is not None and (site.focus.junctions or site.focus.ring):  # not where a road or a ramp is the site
+            before_s = WARM_UP_S + request.duration_s / 2
+            ego_class = vehicle_classes()[demand.ego_class]
+            trips = TurningTrips(site.net, lasting_s, choice, site.focus, turn, ego_class, before_s)
         for name in sorted(demand.counts):
             trips.check_open(vehicle_classes()[name])
         pedestrians = None

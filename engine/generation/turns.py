@@ -7,16 +7,21 @@ turn is unprotected where it crosses a lane of the other direction and no light 
 
 import math
 from collections.abc import Callable, Mapping
+from heapq import heappop, heappush
 from itertools import groupby, pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...schemas.generation import Turn
-from ..geometry import arc_length, wrap_angle
+from ..geometry import arc_length, length_m, wrap_angle
 from ..maps import FAST_ROADS, RAMP_LINKS
 from ..network import LaneletLookup, RoadLanelet, RoadNetwork
 from ..traffic import GeneratedVehicle
 from .sites import SiteFocus, road_classes
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
 
 TURN_RAD, BACK_RAD = math.radians(30.0), math.radians(150.0)
 """A heading that changes by less is that of a car that goes straight on; by more, of one that turns back (chosen)."""
@@ -83,12 +88,16 @@ def _turned(car: GeneratedVehicle, last_step: int, focus: SiteFocus) -> Turn | N
     before = int(np.searchsorted(driven, driven[steps[0]] - BESIDE_M))
     behind = min(int(np.searchsorted(driven, driven[steps[-1]] + BESIDE_M)), last_step)
     headings = car.motion.headings_rad
-    turned = wrap_angle(float(headings[behind]) - float(headings[before]))
-    if abs(turned) > BACK_RAD:
+    return turn_of(wrap_angle(float(headings[behind]) - float(headings[before])))
+
+
+def turn_of(turned_rad: float) -> Turn:
+    """The turn of a car at a junction or ring, by the change of its heading there, left positive."""
+    if abs(turned_rad) > BACK_RAD:
         return "u_turn"
-    if abs(turned) < TURN_RAD:
+    if abs(turned_rad) < TURN_RAD:
         return "straight"
-    return "left" if turned > 0 else "right"
+    return "left" if turned_rad > 0 else "right"
 
 
 def _keeps_road(car: GeneratedVehicle, last_step: int) -> bool:
@@ -123,6 +132,29 @@ def _leads_to(one: RoadLanelet, other: RoadLanelet, network: RoadNetwork) -> boo
         reached = {key for before in reached for key in network.lanelets[before].successors}
         if other.lanelet_id in reached:
             return True
+    return False
+
+
+def leads_without_change(start: RoadLanelet, region: "BaseGeometry", network: RoadNetwork, farthest_m: float) -> bool:
+    """Whether lanelets that follow one on another lead from a lanelet to a region, no farther than a distance.
+
+    Those that the region only touches do not count: their centre lines pass it.
+    """
+    from shapely import LineString
+
+    waiting, reached = [(0.0, start.lanelet_id)], set[int]()
+    while waiting:
+        begun_m, key = heappop(waiting)
+        if key in reached:
+            continue
+        reached.add(key)
+        lanelet = network.lanelets[key]
+        if LineString(lanelet.center).intersects(region):
+            return True
+        ended_m = begun_m + length_m(lanelet.center)
+        if ended_m <= farthest_m:
+            for following in lanelet.successors:
+                heappush(waiting, (ended_m, following))
     return False
 
 

@@ -13,6 +13,7 @@
 ``read_net``: Read a SUMO net from a file that is not trusted.
 ``cap_speeds``: Lower the speed limits of a net, in place, to what the curves of its lanes allow; how many changed.
 ``convert_osm``: Turn an OSM extract into a SUMO net; netconvert's warnings.
+``remove_edges``: Take edges out of a net, in place; netconvert's warnings.
 ``Crossing``: A crossing of a SUMO net from one corner to another.
 ``Pavement``: A pavement of a SUMO net, in the direction of its road.
 ``WalkNet``: Where people walk in a SUMO net: pavements, crossings, corners.
@@ -56,7 +57,7 @@ if TYPE_CHECKING:
     from .lanelet_graph import Digraph, LaneletGraph
     from .lanelet_net import GeoReference, lights_begin_at, net_over_lanelets
     from .net_parser import MOTOR_CLASSES, NetEdge, SumoNet, read_net
-    from .netconvert import cap_speeds, convert_osm, run_netconvert, stated_frictions
+    from .netconvert import cap_speeds, convert_osm, remove_edges, run_netconvert, stated_frictions
     from .positions import station_m
     from .road_network import (
         ROAD_DECIMALS,

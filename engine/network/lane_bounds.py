@@ -33,7 +33,7 @@ class LaneBounds:
     """A lane while its bounds are drawn, which changes them.
 
     ``on_left`` and ``on_right`` are neighbours of the same direction that share a bound, ``oncoming`` is one of the
-    other direction that does.
+    other direction that does. ``is_folded``: however it is drawn, it crosses itself or leads backwards.
     """
 
     lane: NetLane
@@ -43,6 +43,7 @@ class LaneBounds:
     on_left: "LaneBounds | None" = None
     on_right: "LaneBounds | None" = None
     oncoming: "LaneBounds | None" = None
+    is_folded: bool = False
 
     def part(self) -> None:
         """Forget the neighbours: they no longer share a bound."""
@@ -82,9 +83,9 @@ def draw_lane_bounds(net: SumoNet, graph: LaneGraph) -> tuple[dict[str, LaneBoun
         _share_again(bounds)
     for key, bounds in drawn.items():
         _close_joint(key, bounds, drawn, graph)
-    dropped = tuple(
-        key for key, bounds in drawn.items() if not (_repair(bounds) and _leads_on(bounds)) and bounds.lane.internal
-    )
+    for bounds in drawn.values():
+        bounds.is_folded = not (_repair(bounds) and _leads_on(bounds))
+    dropped = tuple(key for key, bounds in drawn.items() if bounds.is_folded and bounds.lane.internal)
     for key in dropped:
         drawn.pop(key).part()
     _find_oncoming(net, drawn)

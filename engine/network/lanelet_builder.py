@@ -54,7 +54,8 @@ def build_road_network(net: SumoNet, *, step_s: float, elapsed_s: float) -> Road
     next_id += len(lights)
     lost = tuple((link.from_lane, link.to_lane) for link in lost_connections(net, graph))
     intersections = _find_intersections(net, ids, graph, next_id)
-    return RoadNetwork(lanelets, signs, lights, intersections, dropped, lost_connections=lost)
+    folded = tuple(dict.fromkeys(bounds.lane.edge_id for bounds in drawn.values() if bounds.is_folded))
+    return RoadNetwork(lanelets, signs, lights, intersections, dropped, lost_connections=lost, folded_edges=folded)
 
 
 def _lanelet(key: str, bounds: LaneBounds, ids: dict[str, int], graph: LaneGraph, net: SumoNet) -> RoadLanelet:

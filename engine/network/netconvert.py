@@ -11,7 +11,7 @@ followed by ``smooth_junction_lanes``, in the net.
 import math
 import os
 import subprocess
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from itertools import pairwise, product
 from pathlib import Path
@@ -135,11 +135,19 @@ def remove_connections(net: Path, connections: Sequence[tuple[str, str, int, int
     return _patched(net, root, scratch)
 
 
-def _patched(net: Path, connections: etree._Element, scratch: Path) -> tuple[str, ...]:
-    """Change a net, in place, by a document of connections; netconvert's warnings."""
-    patch = scratch / "removed.con.xml"
-    patch.write_bytes(etree.tostring(connections))
-    options = ["--sumo-net-file", str(net), "--connection-files", str(patch), "--offset.disable-normalization", "true"]
+def remove_edges(net: Path, edges: Iterable[str], scratch: Path) -> tuple[str, ...]:
+    """Take edges out of a net, in place; netconvert's warnings."""
+    root = etree.Element("edges")
+    for edge in edges:
+        etree.SubElement(root, "delete", {"id": edge})
+    return _patched(net, root, scratch, "edge")
+
+
+def _patched(net: Path, document: etree._Element, scratch: Path, kind: str = "connection") -> tuple[str, ...]:
+    """Change a net, in place, by a document of connections or edges; netconvert's warnings."""
+    patch = scratch / f"removed.{kind[:3]}.xml"
+    patch.write_bytes(etree.tostring(document))
+    options = ["--sumo-net-file", str(net), f"--{kind}-files", str(patch), "--offset.disable-normalization", "true"]
     warnings = run_netconvert(options, scratch / "without.net.xml")
     (scratch / "without.net.xml").replace(net)
     return warnings

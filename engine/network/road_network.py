@@ -123,6 +123,7 @@ class RoadNetwork:
     """All lanelets by id, with signs, lights and intersections; ``dropped_lanes``: those without valid bounds.
 
     ``lost_connections``: from lane to lane, those of the net that no way over the lanelets stands for.
+    ``folded_edges``: roads, between junctions, with lanelets that no drawing keeps from crossing themselves.
     ``largest_id``: of all elements of the file that the network was read of; 0 where it was read of none. ``walkways``
     are beside the lanelets, which are those of vehicles.
     """
@@ -135,6 +136,7 @@ class RoadNetwork:
     largest_id: int = 0
     walkways: tuple[Walkway, ...] = ()
     lost_connections: tuple[tuple[str, str], ...] = ()
+    folded_edges: tuple[str, ...] = ()
 
     @property
     def next_id(self) -> int:

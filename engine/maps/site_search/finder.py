@@ -67,7 +67,8 @@ class Site:
     """A spot of a map: its type, its middle in degrees, the streets there, and the node or way that marks it.
 
     ``parts``: the spots that it was merged of, ``MOST_NAMED`` at most; the streets are those of all of them.
-    ``beside``: the streets that were asked for pass it, but none of its parts lies on all of them.
+    ``beside``: the streets that were asked for pass it, but none of its parts lies on all of them. ``by_links``: a
+    street meets another one there by a link road only, which bears its name.
     """
 
     kind: SiteType
@@ -77,6 +78,7 @@ class Site:
     mark: int
     parts: tuple[SitePart, ...] = ()
     beside: bool = False
+    by_links: bool = False
 
     @property
     def position(self) -> tuple[float, float]:
@@ -171,15 +173,33 @@ class SiteFinder:
             )
         return list(self._found[kind])
 
+    def find_by_links(self, kind: SiteType) -> list[Site]:
+        """Junctions of a kind that ``find`` leaves out: a street meets another one by a link road that bears its name.
+
+        Whether a signalised one gets lights is judged on its network.
+        """
+        if kind not in ("intersection", "signalised_intersection", "urban") or self._road_m <= LEAST_ROAD_M:
+            return []
+        crossings = self._with_named_links
+        keys = [key for key in crossings.of_streets() if any(w.road_class in LINKS for w in crossings.ways_at(key))]
+        if kind == "urban":
+            keys = [key for key in keys if not self._far_from_houses(self.osm.nodes[key])]
+        elif kind == "signalised_intersection":
+            signals = self._signals(crossings)
+            keys = [key for key in keys if signals.any_within(self._metres(self.osm.nodes[key]), SIGNAL_REACH_M)]
+        sites = _merged([self._spot(kind, self.osm.nodes[key], crossings.ways_at(key), key) for key in keys])
+        return [replace(site, by_links=True) for site in sites]
+
     def narrowed(self, site: Site, is_meant: Callable[[SitePart], bool]) -> Site:
         """Return a site with those of its parts alone that are meant; if there are none, the site, as one beside."""
         parts = tuple(part for part in site.parts if is_meant(part))
         if len(parts) == len(site.parts):
             return site
         narrow = _site_of(site.kind, parts, [part.position for part in parts]) if parts else None
-        if narrow is None or (site.kind == "signalised_intersection" and not self._has_lights(narrow)):
+        is_lit = site.kind != "signalised_intersection" or site.by_links
+        if narrow is None or not (is_lit or self._has_lights(narrow)):
             return replace(site, beside=True)
-        return narrow
+        return replace(narrow, by_links=site.by_links)
 
     def kinds(self) -> dict[SiteType, int]:
         """How many sites of each kind the map holds; kinds that it lacks are left out."""
@@ -216,6 +236,12 @@ class SiteFinder:
     def _streets(self) -> _Crossings:
         """Where the roads that lead somewhere meet; a slip road parts from its road there, and crosses nothing."""
         return _Crossings([way for way in self._roads if way.road_class not in LINKS])
+
+    @cached_property
+    def _with_named_links(self) -> _Crossings:
+        """Where the roads that lead somewhere meet, links that bear the name of one of them included."""
+        names = {way.tags["name"] for way in self._roads if way.road_class not in LINKS and "name" in way.tags}
+        return _Crossings([way for way in self._roads if way.road_class not in LINKS or way.tags.get("name") in names])
 
     @cached_property
     def _with_links(self) -> _Crossings:
@@ -256,18 +282,23 @@ class SiteFinder:
         return self._lit(self._streets) or self._lit(self._everywhere)
 
     def _lit(self, crossings: _Crossings) -> list[_Spot]:
-        signals = [
-            [self._metres(node)]
-            for key, node in self.osm.nodes.items()
-            if node.tags.get("highway") == "traffic_signals" and key in crossings
-        ]
-        near = Surroundings(signals)
+        near = self._signals(crossings)
         spots = []
-        for key in crossings.of_streets() if signals else ():
+        for key in () if near.is_empty else crossings.of_streets():
             node = self.osm.nodes[key]
             if near.any_within(self._metres(node), SIGNAL_REACH_M):
                 spots.append(self._spot("signalised_intersection", node, crossings.ways_at(key), key))
         return spots
+
+    def _signals(self, crossings: _Crossings) -> Surroundings:
+        """The traffic signals on the roads that meet at the crossings."""
+        return Surroundings(
+            [
+                [self._metres(node)]
+                for key, node in self.osm.nodes.items()
+                if node.tags.get("highway") == "traffic_signals" and key in crossings
+            ]
+        )
 
     def _has_lights(self, site: Site) -> bool:
         """Whether drivers come to a junction near the middle of a site at a signal, or soon after one."""

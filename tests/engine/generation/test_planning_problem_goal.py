@@ -62,6 +62,10 @@ class WholeRoad:
         return int(last_step < len(car.motion.positions))
 
     @staticmethod
+    def is_on_spot(car: GeneratedVehicle, step: int) -> bool:
+        return "beside" not in car.vehicle_id
+
+    @staticmethod
     def is_left_by(car: GeneratedVehicle, step: int) -> bool:
         return float(car.motion.positions[step][0]) > 60.0
 
@@ -116,3 +120,11 @@ def test_the_ego_of_a_goal_behind_the_site_leaves_it_and_drives_long() -> None:
     assert task.time_steps[0] < task.goal_step <= task.time_steps[1] <= 180
     second = choose_task(spec, cars[:2], road(), cast("SiteFocus", WholeRoad()), 0.1)
     assert (second.ego.vehicle_id, second.focus_left, second.takes_most) == ("short", True, False)
+
+
+def test_an_ego_that_passes_the_very_spot_comes_before_one_that_passes_another_junction() -> None:
+    cars = [replace(car(), vehicle_id="beside"), shortened("on the spot", 100)]
+    spec, focus = asked("through", 18.0), cast("SiteFocus", WholeRoad())
+    chosen = choose_task(spec, cars, road(), focus, 0.1)
+    assert (chosen.ego.vehicle_id, chosen.on_spot) == ("on the spot", True)
+    assert not choose_task(spec, cars[:1], road(), focus, 0.1).on_spot

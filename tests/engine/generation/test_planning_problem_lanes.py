@@ -74,6 +74,10 @@ class WholeRoad:
         return 1
 
     @staticmethod
+    def is_on_spot(car: GeneratedVehicle, step: int) -> bool:
+        return "beside" not in car.vehicle_id
+
+    @staticmethod
     def is_left_by(car: GeneratedVehicle, step: int) -> bool:
         return True
 

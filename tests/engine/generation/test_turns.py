@@ -1,16 +1,25 @@
 """What an ego is asked to do at its site, and what its path to the goal then does."""
 
 import math
+from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 from lxml import etree
+from shapely.geometry import box
 from support.generation import make, request_for
+from support.roads import network_of_streets, street
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation.generator import generate_scenario
+from plannerforge.engine.generation.turning_trips import SiteEdges, ways_through
+from plannerforge.engine.generation.turns import leads_without_change
+from plannerforge.engine.network.net_parser import read_net
+from plannerforge.engine.network.netconvert import convert_osm
 from plannerforge.engine.scenarios.facts import read_facts
-from plannerforge.schemas.errors import InvalidRequest
+from plannerforge.engine.traffic import OpenEdges
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, with_values
 from plannerforge.schemas.generation import TURNS_AT
 from plannerforge.schemas.scenarios import ReadFactsRequest
 
@@ -31,6 +40,45 @@ def test_the_ego_goes_where_it_is_asked_to_on_streets_at_right_angles(
     made = make("Quadratstadt", tmp_path, scenario_type="intersection", goal=f"through:{turn}", duration_s=15.0, seed=1)
     assert turned_deg(tmp_path) == pytest.approx(degrees, abs=20.0)
     assert made.site.scenario_type == "intersection"
+
+
+ONE_CAR = ({"vehicle_class": "car", "least": 1, "most": 1},)
+
+
+def test_a_turn_that_no_drawn_car_makes_is_made_all_the_same_and_again_alike(tmp_path: Path) -> None:
+    folders = [tmp_path / name for name in ("one", "two")]
+    for folder in folders:
+        folder.mkdir()
+        wish = {"scenario_type": "intersection", "goal": "through:left", "duration_s": 8.0, "vehicles": ONE_CAR}
+        made = make("Quadratstadt", folder, **wish, seed=0)
+    assert turned_deg(folders[0]) == pytest.approx(90.0, abs=20.0)
+    assert any("the turn 'left'" in note for note in made.notes)  # lacking in the usual traffic
+    assert len({(folder / "scenario.xml").read_bytes() for folder in folders}) == 1
+
+
+def test_a_refused_turn_comes_with_calls_that_keep_it_first(tmp_path: Path) -> None:
+    request = request_for(
+        "Kreiselheim", tmp_path, scenario_type="roundabout", goal="through:u_turn", duration_s=3.0, vehicles=ONE_CAR
+    )
+    with pytest.raises(NotPossible) as refusal:
+        generate_scenario(request, silent)
+    remedies = refusal.value.remedies
+    assert (remedies[0], remedies[-1]) == (with_values(duration_s=20), with_values(goal=None, ego=None))
+
+
+def test_every_way_over_a_crossing_is_known_with_its_turn(tmp_path: Path) -> None:
+    nodes = {"1": (0, 0), "2": (150, 0), "3": (0, 150), "4": (-150, 0), "5": (0, -150)}
+    places = [f'<node id="{k}" lat="{y / 111195:.7f}" lon="{x / 111195:.7f}"/>' for k, (x, y) in nodes.items()]
+    roads = [
+        f'<way id="{end}0"><nd ref="{end}"/><nd ref="1"/><tag k="highway" v="residential"/></way>' for end in "2345"
+    ]
+    (tmp_path / "site.osm").write_text(f'<osm version="0.6">{"".join([*places, *roads])}</osm>')
+    convert_osm(tmp_path / "site.osm", tmp_path / "site.net.xml", lefthand=False)
+    net = read_net(tmp_path / "site.net.xml")
+    here = SiteEdges(frozenset({"1"}), frozenset({"1"}))
+    ways = list(ways_through(net, OpenEdges.of(net, "passenger"), here))
+    assert Counter(turn for turn, _ in ways) == {"left": 4, "right": 4, "straight": 4}
+    assert ("left", ("20", "-50")) in ways
 
 
 def test_a_turn_alone_chooses_a_type_of_site_that_has_it(tmp_path: Path) -> None:
@@ -72,3 +120,17 @@ def test_an_ego_turns_back_round_a_ring(tmp_path: Path) -> None:
         seed=1,
     )
     assert abs(turned_deg(tmp_path)) > 150.0
+
+
+def test_a_goal_ahead_in_the_lane_of_the_start_needs_no_change_of_lane_one_beside_does() -> None:
+    ends = [(0.0, 0.0, 50.0), (0.0, 50.0, 100.0), (3.5, 0.0, 50.0), (3.5, 50.0, 100.0)]
+    lines = [np.array([(start, y), ((start + end) / 2, y), (end, y)]) for y, start, end in ends]
+    network = network_of_streets(
+        *(street(key, line, (key + 1,) if key % 2 else ()) for key, line in enumerate(lines, start=1))
+    )
+    ahead, beside = box(70.0, -1.7, 80.0, 1.7), box(70.0, 1.8, 80.0, 5.2)
+    reached = [
+        leads_without_change(network.lanelets[1], region, network, farthest_m)
+        for region, farthest_m in ((ahead, 100.0), (beside, 100.0), (ahead, 40.0))
+    ]
+    assert reached == [True, False, False]

@@ -73,6 +73,17 @@ def test_a_link_makes_no_crossing(tmp_path: Path) -> None:
     assert "intersection" not in finder(tmp_path, crossing("primary_link")).kinds()
 
 
+def test_a_link_with_a_street_s_name_makes_a_crossing_of_it_and_another(tmp_path: Path) -> None:
+    sketch = crossing("primary_link")
+    sketch.road([(0, 150), (0, 400)], "residential", "Side Road")
+    found = finder(tmp_path, sketch)
+    assert not any("Main Road" in site.streets for site in found.find("intersection"))
+    (site,) = found.find_by_links("intersection")
+    assert (site.streets, site.by_links) == (("Main Road", "Side Road"), True)
+    assert found.narrowed(site, lambda part: "Main Road" in part.streets).by_links
+    assert not finder(tmp_path, crossing("primary_link")).find_by_links("intersection")
+
+
 def test_a_trunk_road_makes_a_highway_and_a_ramp_only_where_no_motorway_lies(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     sketch.road([(-500, 0), (0, 0), (500, 0)], "trunk", "", oneway="yes", maxspeed="100")
