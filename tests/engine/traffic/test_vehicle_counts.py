@@ -59,8 +59,8 @@ def test_none_of_a_class_means_none() -> None:
 
 
 def test_an_unknown_class_is_refused_with_the_closest() -> None:
-    with pytest.raises(UnknownName, match="truk") as caught:
-        plan_counts("low", [wish("truk")], 3.0)
+    with pytest.raises(UnknownName, match="trukc") as caught:
+        plan_counts("low", [wish("trukc")], 3.0)
     assert caught.value.valid[0] == "truck"
 
 
