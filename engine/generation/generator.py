@@ -10,7 +10,7 @@ import shutil
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -363,11 +363,11 @@ def _write(
         NotPossible: the site does not hold what was asked for.
     """
     spec = TaskSpec(request.goal, request.ego, request.duration_s)
-    aim = TrafficAim.of(request, site.net)
+    aim = replace(TrafficAim.of(request, site.net), turning=turning)
     lane_km = lane_km_of(site.net)
     demand = plan_counts(request.density, request.on_wheels, lane_km, aim.per_lane_km, fewest=aim.fewest)
     asked_for = demand.with_ego(request.ego.vehicle_class)
-    traffic = generate_traffic(request, asked_for, aim, site, round_number, path.parent, report, turning=turning)
+    traffic = generate_traffic(request, asked_for, aim, site, round_number, path.parent, report)
     demand = traffic.demand
     ranked = along_the_site(traffic.vehicles, site)
     report(0.75, "choosing ego and goal")

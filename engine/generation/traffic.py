@@ -71,13 +71,15 @@ class TrafficAim:
     """How much traffic a site is to have: vehicles per kilometre of lane, what asked for it, and routes of counts.
 
     ``per_lane_km``: None where the request's density counts; ``asked_by``: a time or ``counts``, then; ``fewest``
-    vehicles are put on the site.
+    vehicles are put on the site. ``turning``: vehicles of the ego's class are put on their way through the site by the
+    turn that the ego is asked to make.
     """
 
     per_lane_km: float | None = None
     asked_by: str = ""
     plan: FlowPlan | None = None
     fewest: int = FEWEST
+    turning: bool = False
 
     @classmethod
     def of(cls, request: GenerationRequest, net: SumoNet) -> "TrafficAim":
@@ -117,13 +119,10 @@ def generate_traffic(
     round_number: int,
     scratch: Path,
     report: ProgressReporter,
-    *,
-    turning: bool = False,
 ) -> GeneratedTraffic:
     """Traffic without overlaps that holds all vehicles that were asked for: the first of several attempts.
 
-    ``round_number`` draws other traffic with the same seed. ``turning``: vehicles of the ego's class are put on their
-    way through the site by the turn that the ego is asked to make.
+    ``round_number`` draws other traffic with the same seed.
 
     Raises:
         NotPossible: no road at the site is open to a class that was asked for, or too few of a class find room.
@@ -135,13 +134,13 @@ def generate_traffic(
     people = 0 if asked is None else people_wanted(asked, request.density, demand.total)
     most_people = 0
     more: Counter[str] = Counter()
-    if demand.ego_class != "car" or turning:
+    if demand.ego_class != "car" or aim.turning:
         more[demand.ego_class] = EGO_CANDIDATES
     for attempt in range(ATTEMPTS):
         seed = _mixed_seed(request.seed, request.index, attempt + ATTEMPTS * round_number)
         choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
         trips = _trips(request, aim, site.net, lasting_s, choice)
-        turn = request.goal.turn if turning and aim.plan is None else None
+        turn = request.goal.turn if aim.turning and aim.plan is None else None
         if turn is not None and (site.focus.junctions or site.focus.ring):  # not where a road or a ramp is the site
             before_s = WARM_UP_S + request.duration_s / 2
             ego_class = vehicle_classes()[demand.ego_class]
