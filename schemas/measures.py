@@ -16,7 +16,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from .base import Model
 
@@ -111,6 +111,9 @@ class MeasureSpread(Model):
     why: str = ""
 
 
+_LARGEST_FIGURE = 1e150
+
+
 class RunMetrics(Model):
     """The figures of a run that are stored; None if one is not defined (no obstacle met, standing all the time)."""
 
@@ -141,6 +144,14 @@ class RunMetrics(Model):
     maximum_steering_rate_radps: float | None = Field(None, description="that the driven path asks of the front wheels")
     mean_total_cost: float | None
     """Mean weighted cost of the chosen candidates; None for planners without costs."""
+
+    @field_validator("*")
+    @classmethod
+    def _has_a_square(cls, value: float | None) -> float | None:
+        """Refuse a figure without a finite square: an archive's run may state any, and deviations are taken of it."""
+        if value is not None and abs(value) > _LARGEST_FIGURE:
+            raise ValueError(f"larger than {_LARGEST_FIGURE:g}, no figure of a run")
+        return value
 
 
 MEASURES: tuple[Measure, ...] = (

@@ -24,7 +24,7 @@ from ..engine.maps import (
 )
 from ..engine.workspace import Artifact, Recipe
 from ..schemas.artifacts import ImportedItem
-from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnsafeInput, WorkerFailure, with_values
+from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnknownName, UnsafeInput, WorkerFailure, with_values
 from ..schemas.generation import MAP_FACTS_VERSION, ConvertMapRequest, MapFacts, ReadMapRequest
 from ..schemas.text import cited, counted, is_utf8, one_line, shown_name
 from .context import WorkflowContext
@@ -53,18 +53,26 @@ async def maps_at_hand(context: WorkflowContext) -> MapInventory:
     """
     seen = SeenFiles(context.workspace.database)
     notes = [note for folder in context.services.map_folders for note in await _taken_in(context, seen, folder)]
-    await _amend_old(context)
+    notes += await _amend_old(context)
     return _together(context, notes)
 
 
-async def _amend_old(context: WorkflowContext) -> None:
-    """Read anew what an older program kept of maps: it knew fewer names, and counted sites that cannot be built."""
+async def _amend_old(context: WorkflowContext) -> list[str]:
+    """Read anew what an older program kept of maps: it knew fewer names, and counted sites that cannot be built.
+
+    Returns notes on maps that cannot be read any more.
+    """
+    notes = []
     for artifact in context.workspace.newest(kind="map", limit=_MOST_MAPS):
         facts = artifact.read(MapFacts)
         if facts.facts_version >= MAP_FACTS_VERSION or facts.extract is not None:
             continue
-        request = ReadMapRequest(path=str(map_entry(context, artifact).path), map_id=facts.map_id)
-        read = await context.run(READ_MAP, request)
+        try:
+            request = ReadMapRequest(path=str(map_entry(context, artifact).path), map_id=facts.map_id)
+            read = await context.run(READ_MAP, request)
+        except (UnknownName, UnsafeInput, WorkerFailure, UnexpectedFailure) as error:
+            notes.append(f"what an older version knew of a stored map is used: {error.message}")
+            continue
         names = {
             "places": tuple(dict.fromkeys((*facts.places[:1], *read.places))),
             "road_names": read.road_names,
@@ -73,6 +81,7 @@ async def _amend_old(context: WorkflowContext) -> None:
             "facts_version": read.facts_version,
         }
         context.workspace.amend("map", artifact.artifact_id, facts.model_copy(update=names))
+    return notes
 
 
 def maps_seen(context: WorkflowContext) -> MapInventory:
@@ -91,8 +100,15 @@ def maps_seen(context: WorkflowContext) -> MapInventory:
 
 
 def _together(context: WorkflowContext, notes: list[str]) -> MapInventory:
-    imported = [map_entry(context, artifact) for artifact in context.workspace.newest(kind="map", limit=_MOST_MAPS)]
-    imported = [entry for entry in imported if not entry.facts.cut_of]
+    imported = []
+    for artifact in context.workspace.newest(kind="map", limit=_MOST_MAPS):
+        try:
+            entry = map_entry(context, artifact)
+        except UnknownName as missing:
+            notes = [*notes, f"a stored map was left out: {missing.message}"]
+            continue
+        if not entry.facts.cut_of:
+            imported.append(entry)
     more = len(notes) - _SHOWN_NOTES
     shown = notes if more <= 0 else [*notes[:_SHOWN_NOTES], f"{more} more map files were left out"]
     return MapInventory((*imported, *built_in_maps()), tuple(shown))

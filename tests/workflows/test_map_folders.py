@@ -103,3 +103,21 @@ async def test_what_an_older_program_kept_of_a_map_is_read_anew(connect: Connect
     assert read.sites["urban"] > 0
     assert (read.place, [area.name for area in read.areas]) == ("Oldtown", ["Fahrhausen"])
     workspace.close()
+
+
+@pytest.mark.parametrize("version", [1, MAP_FACTS_VERSION])
+async def test_a_stored_map_without_its_file_is_left_out_and_told_of(
+    connect: Connect, settings: Settings, version: int
+) -> None:
+    async with connect() as client:
+        await client.call_tool("generate_scenarios", WISH)
+    workspace = Workspace(settings.workspace)
+    (kept,) = workspace.newest(kind="map", limit=5)
+    workspace.amend("map", kept.artifact_id, kept.read(MapFacts).model_copy(update={"facts_version": version}))
+    workspace.file("map", kept.artifact_id, "map.osm").unlink()
+    async with connect() as client:
+        listed = await client.call_tool("describe_catalog", {"facet": "maps"})
+        assert "has no file map.osm" in str(listed.content), listed.content
+        made = await client.call_tool("generate_scenarios", WISH | {"place": "Fahrhausen"})
+        assert not made.is_error, made.content
+    workspace.close()
