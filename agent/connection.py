@@ -36,7 +36,7 @@ OnProgress = Callable[[float | None, str], None]
 _CLOSED = -32000
 """The code of a closed connection; ``mcp_types.CONNECTION_CLOSED``."""
 _MOST_PAGES = 50
-"""Of a list of tools (chosen), so that a server whose pages never end does not hold up the agent."""
+"""Pages of a list of tools that are read (chosen): a server with endless pages must not hold up the agent."""
 
 
 @dataclass(frozen=True)

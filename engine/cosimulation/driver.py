@@ -171,13 +171,7 @@ def _read(text: str, values: Mapping[str, float]) -> Assignment:
         named = re.split(r"[\s=*+:-]", name, maxsplit=1)[0]
         if named not in PARAMETERS:
             raise
-        raise InvalidRequest(
-            refusal.message,
-            valid=[f"{named} in {PARAMETERS[named]}", *refusal.valid],
-            next_step=refusal.next_step,
-            remedies=refusal.remedies,
-            complete=refusal.complete,
-        ) from refusal
+        raise refusal.with_valid(f"{named} in {PARAMETERS[named]}") from refusal
 
 
 def _assigned(values: Mapping[str, float], assignment: Assignment, text: str) -> float:

@@ -218,13 +218,7 @@ def asked_speed(text: str, largest_mps: float) -> float:
     try:
         return parse_quantity(text, "m/s")
     except InvalidRequest as refusal:
-        raise InvalidRequest(
-            refusal.message,
-            valid=[f"0 … {largest_mps:g} m/s", *refusal.valid],
-            next_step=refusal.next_step,
-            remedies=refusal.remedies,
-            complete=refusal.complete,
-        ) from refusal
+        raise refusal.with_valid(f"0 … {largest_mps:g} m/s") from refusal
 
 
 _TIMES_TRIED = (0.0, 0.2, 0.5)

@@ -404,7 +404,7 @@ def _write(
     checks = check_scenario(path, task.ego.body, site.findings)
     missed = [] if task.focus_passed else [site.focus.missed(only_car=request.ego.index is not None)]
     if not task.on_spot:
-        missed.append(site.focus.beside(only_car=request.ego.index is not None))
+        missed.append(site.focus.passed_close_by(only_car=request.ego.index is not None))
     if task.focus_passed and not task.focus_left:
         missed.append("the goal lies on the site, not behind it: no car that can be the ego leaves it in time")
     if not task.takes_most:

@@ -108,10 +108,10 @@ def choose_task(
     Where the car of the asked index has no such goal, because it waits in a queue for instance, the best of those after
     it stands in.
 
-    Cars whose recorded path can be driven come before others, of those the ones that pass on it what the site is about,
-    of those the ones that pass its very spot, of those, where the goal is to lie behind the site, the ones that leave
-    it and take most of the duration, of those the ones whose lanes can be followed, and of equal ones the first. A task
-    that ``accepts`` refuses counts for none.
+    The cars are ordered by these criteria, and the first that differs decides: their recorded path can be driven; it
+    passes what the site is about; it passes the very spot; it leaves the site and takes most of the duration, if the
+    goal is to lie behind the site; its lanes can be followed. Of equal cars the first is taken. A
+    task that ``accepts`` refuses does not count.
 
     Raises:
         NotPossible: no car, fewer cars than the asked index, or none that reaches such a goal.

@@ -302,7 +302,7 @@ def _later(light: TrafficLight, steps: int) -> TrafficLight:
     return replace(light, offset_steps=(light.offset_steps + steps) % sum(count for count, _ in light.cycle))
 
 
-def _beside(site: Site, request: GenerationRequest) -> str:
+def _streets_only_pass(site: Site, request: GenerationRequest) -> str:
     """Return the note on a site that the streets that were asked for only pass: none of its junctions lies on them."""
     kind = site.kind.replace("_", " ")
     if len(request.streets) > 1:
@@ -398,8 +398,8 @@ def build_network(
             site, cut, net_path, lefthand=lefthand, on_foot=on_foot, folded=folded, report=report
         )
         notes += [*reader.notes(), *hairpins]
-    if site.beside:
-        notes.insert(0, _beside(site, request))
+    if site.only_passed:
+        notes.insert(0, _streets_only_pass(site, request))
     if request.country is None and not isinstance(osm, NetMap):  # a network itself says on which side it drives
         notes.append(UNKNOWN_SIDE)
     if on_foot:
@@ -567,7 +567,7 @@ _SHOWN_WAYS = 3
 
 
 def _ways_of(edges: tuple[str, ...]) -> str:
-    """Return the OSM ways of which edges were made, the first of them by their ids."""
+    """Return the ids of the OSM ways that edges were made of; the first few are named, the others counted."""
     ways = list(dict.fromkeys(edge.lstrip("-").partition("#")[0] for edge in edges))
     more = [f"{len(ways) - _SHOWN_WAYS} more"] if len(ways) > _SHOWN_WAYS else []
     return ", ".join([*(f"way {way}" for way in ways[:_SHOWN_WAYS]), *more])

@@ -117,7 +117,7 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     taken = Gathering(SAME_PLACE_M)
     in_turn = [site for sites in zip_longest(*kinds) for site in sites if site is not None]
     at_ramp = _asked_at_ramp(request)
-    for site in sorted(in_turn, key=lambda site: (site.beside, at_ramp is not None and at_ramp not in site.turns)):
+    for site in sorted(in_turn, key=lambda site: (site.only_passed, at_ramp is not None and at_ramp not in site.turns)):
         if taken.near(site.position) is None:
             taken.add(site.position)
             different.append(site)
@@ -503,7 +503,7 @@ class SiteFocus:
         who = "the ego's way to its goal does not pass" if only_car else "no car's way to such a goal passes"
         return f"{who} {self._name} that the site is about; a goal farther ahead or another seed may change it"
 
-    def beside(self, *, only_car: bool) -> str:
+    def passed_close_by(self, *, only_car: bool) -> str:
         """The note on an ego that passes another junction close by; ``only_car``: no other could be chosen."""
         who = "the ego's way to its goal" if only_car else "the way of every car that has such a goal"
         return f"{who} passes a junction close by, not the one that the site is about; another seed may change it"

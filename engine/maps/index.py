@@ -365,7 +365,7 @@ def _is_named_on(facts: MapFacts, part: str) -> bool:
 
 
 def _town_named(place: str, found: Sequence[MapMatch]) -> _Town | None:
-    """The last part between commas that names the town of a map at hand; None if it is no part beside others."""
+    """The last part between commas that names the town of a map at hand; None if the place has no other part."""
     listed = listed_parts(place)
     for index in reversed(range(len(listed) if len(listed) > 1 else 0)):
         if maps := tuple(map_ for map_ in found if _is_town_of(listed[index], map_.entry.facts)):
@@ -614,7 +614,7 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
 
 
 def _without_area(reading: "_Reading", area: PlaceArea) -> "_Reading":
-    """The reading without the circle of the map's own town, which is only the context of a road beside it."""
+    """The reading without the circle of the map's own town, which is only the context of the road that is asked for."""
     told = (text.replace(_area_text(area), cited(area.name)) for text in reading.understood)
     return replace(reading, area=None, understood=tuple(text for text in told if text != cited(area.name)))
 
@@ -835,7 +835,7 @@ def _is_called(area: PlaceArea, name: str) -> bool:
 
 
 def _same_place(area: PlaceArea, facts: MapFacts) -> list[PlaceArea]:
-    """The place and those of its kind that are it as well: one is drawn in another language beside it.
+    """The place and those of its kind that are it as well: a map may draw one twice, in two languages.
 
     They share a name, and the centre of one lies within the other.
     """

@@ -84,6 +84,17 @@ class PlannerForgeError(Exception):
         self.remedies = (*self.remedies, *remedies)
         return self
 
+    def with_valid(self, *values: str) -> Self:
+        """Return the same refusal with further valid values, which come first; its remedies stay."""
+        return type(self)(
+            self.message,
+            valid=[*values, *self.valid],
+            next_step=self.next_step,
+            reason=self.reason,
+            remedies=self.remedies,
+            complete=self.complete,
+        )
+
     @property
     def text(self) -> str:
         """The whole error in one line: ``[code] what. Valid: …. Next: ….``"""

@@ -67,7 +67,7 @@ class Site:
     """A spot of a map: its type, its middle in degrees, the streets there, and the node or way that marks it.
 
     ``parts``: the spots that it was merged of, ``MOST_NAMED`` at most; the streets are those of all of them.
-    ``beside``: the streets that were asked for pass it, but none of its parts lies on all of them. ``by_links``: a
+    ``only_passed``: the streets that were asked for pass it, but none of its parts lies on all of them. ``by_links``: a
     street meets another one there by a link road only, which bears its name.
     """
 
@@ -77,7 +77,7 @@ class Site:
     streets: tuple[str, ...]
     mark: int
     parts: tuple[SitePart, ...] = ()
-    beside: bool = False
+    only_passed: bool = False
     by_links: bool = False
 
     @property
@@ -191,14 +191,14 @@ class SiteFinder:
         return [replace(site, by_links=True) for site in sites]
 
     def narrowed(self, site: Site, is_meant: Callable[[SitePart], bool]) -> Site:
-        """Return a site with those of its parts alone that are meant; if there are none, the site, as one beside."""
+        """Return a site with the parts that are meant; if no part is, the whole site, marked ``only_passed``."""
         parts = tuple(part for part in site.parts if is_meant(part))
         if len(parts) == len(site.parts):
             return site
         narrow = _site_of(site.kind, parts, [part.position for part in parts]) if parts else None
         is_lit = site.kind != "signalised_intersection" or site.by_links
         if narrow is None or not (is_lit or self._has_lights(narrow)):
-            return replace(site, beside=True)
+            return replace(site, only_passed=True)
         return replace(narrow, by_links=site.by_links)
 
     def kinds(self) -> dict[SiteType, int]:

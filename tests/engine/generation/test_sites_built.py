@@ -80,7 +80,7 @@ def test_a_site_on_the_streets_that_are_asked_for_comes_before_one_that_they_pas
     for seed in range(4):
         streets = [["First Road"], ["Second Road"]]
         on, beside = fitting_sites(osm, request_in(tmp_path, scenario_type="intersection", streets=streets, seed=seed))
-        assert (on.beside, beside.beside) == (False, True)
+        assert (on.only_passed, beside.only_passed) == (False, True)
         assert beside.longitude < on.longitude
     built = prepare_site(request_in(tmp_path, streets=streets), osm, beside, tmp_path, silent)
     assert "do not meet at one point" in built.notes[0]

@@ -216,7 +216,7 @@ def test_a_site_is_narrowed_to_its_junctions_on_a_street(tmp_path: Path) -> None
     narrow = found.narrowed(site, lambda part: "Second Road" in part.streets)
     assert narrow.streets == ("Main Road", "Second Road")
     assert narrow.longitude > site.longitude
-    assert not narrow.beside
+    assert not narrow.only_passed
     assert found.narrowed(site, lambda part: "Main Road" in part.streets) == site
 
 
@@ -224,7 +224,7 @@ def test_a_site_none_of_whose_junctions_is_meant_lies_beside(tmp_path: Path) -> 
     found = finder(tmp_path, staggered())
     (site,) = found.find("intersection")
     narrow = found.narrowed(site, lambda part: {"First Road", "Second Road"} <= set(part.streets))
-    assert narrow.beside
+    assert narrow.only_passed
     assert narrow.position == site.position
 
 
