@@ -30,7 +30,7 @@ class _WholeTask:
     text: str
 
     def description_for_clients(self) -> Prompt:
-        """The prompt as a client lists it."""
+        """Return the prompt as a client lists it."""
         return Prompt(
             name=self.name,
             title=self.title,
@@ -95,7 +95,7 @@ _TASK_ARGUMENTS: Final[dict[str, str]] = {
 
 
 def listed_prompts() -> list[Prompt]:
-    """All prompts as a client lists them: the tasks, then the whole tasks."""
+    """Return all prompts as a client lists them: the tasks, then the whole tasks."""
     arguments = [PromptArgument(name=name, description=told) for name, told in _TASK_ARGUMENTS.items()]
     tasks = [
         Prompt(name=task, title=_TITLES[task][0], description=_TITLES[task][1], arguments=arguments) for task in TASKS
@@ -104,7 +104,7 @@ def listed_prompts() -> list[Prompt]:
 
 
 def prompt_text(name: str, given: dict[str, str], facts: WorkspaceFacts) -> GetPromptResult:
-    """A prompt with its arguments filled in.
+    """Return a prompt with its arguments filled in.
 
     Args:
         facts: what is in the workspace; prompts of tasks name it.
@@ -134,7 +134,7 @@ def prompt_text(name: str, given: dict[str, str], facts: WorkspaceFacts) -> GetP
 
 
 def completions(name: str, argument: str, typed: str, workspace: Workspace) -> list[str]:
-    """The values of a prompt's argument that begin with what was typed, in any case; none for free words.
+    """Return the values of a prompt's argument that begin with what was typed, in any case; none for free words.
 
     Raises:
         UnknownName: no such prompt or argument.
@@ -147,7 +147,7 @@ def completions(name: str, argument: str, typed: str, workspace: Workspace) -> l
 
 
 def workspace_facts(workspace: Workspace, map_places: tuple[str, ...]) -> WorkspaceFacts:
-    """What prompts say of a workspace, with the places of the maps at hand."""
+    """Return what prompts say of a workspace, with the places of the maps at hand."""
     from ..engine.catalog import is_ready, known_places  # not needed before the first answers
 
     connection = workspace.database.connection()
@@ -156,7 +156,7 @@ def workspace_facts(workspace: Workspace, map_places: tuple[str, ...]) -> Worksp
 
 
 def _arguments_of(name: str) -> tuple[str, ...]:
-    """The names of a prompt's arguments."""
+    """Return the names of a prompt's arguments."""
     by_name = {task: tuple(_TASK_ARGUMENTS) for task in TASKS} | {
         prompt.name: tuple(prompt.arguments) for prompt in _WHOLE_TASKS
     }

@@ -49,7 +49,7 @@ class WorkspaceFacts:
 
 
 def system_prompt(task: str, condition: str, facts: WorkspaceFacts | None = None) -> str:
-    """What a model is told before a request of this task, under this condition.
+    """Return what a model is told before a request of this task, under this condition.
 
     Args:
         facts: what is in the workspace; without it the prompt says where to look it up.
@@ -75,7 +75,7 @@ def task_parts(task: str) -> dict[str, str]:
 
 
 def _words(facts: WorkspaceFacts) -> dict[str, str]:
-    """What stands for each ``$name`` in a part."""
+    """Return what stands for each ``$name`` in a part."""
     tuning = tuning_of(_PLANNER)
     return {
         "map_places": _places(facts.map_places),

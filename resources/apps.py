@@ -38,24 +38,24 @@ VIEW_TEMPLATE = ResourceTemplate(
 
 
 def page_uri(kind: PageKind) -> str:
-    """The URI of a page."""
+    """Return the URI of a page."""
     return f"{PAGES}{kind}.html"
 
 
 def view_uri(ids: Sequence[str]) -> str | None:
-    """The URI of the data of a view; None where there is nothing to show, or too much."""
+    """Return the URI of the data of a view; None if there is nothing to show, or too much."""
     return f"{SCHEME}view/{'+'.join(ids)}" if 1 <= len(ids) <= _MOST_NAMED else None
 
 
 def viewed_ids(uri: str) -> list[str]:
-    """What the data behind a URI show; empty where it is not that of a view."""
+    """Return what the data behind a URI show; empty if it is not that of a view."""
     plain = uri.replace("%2B", "+")  # as clients fill a template in
     match = re.fullmatch(rf"{re.escape(SCHEME)}view/([\w.\-]+(?:\+[\w.\-]+){{0,{_MOST_NAMED - 1}}})", plain)
     return match[1].split("+") if match else []
 
 
 def completed_views(typed: str, workspace: Workspace) -> list[str]:
-    """What a view can show whose last id begins as the last one typed, in any case; newest first."""
+    """Return what a view can show whose last id begins as the last one typed, in any case; newest first."""
     before, plus, last = typed.rpartition("+")
     stored = [artifact for kind in VIEWED_KINDS for artifact in workspace.newest(kind=kind, limit=_MOST_COMPLETED)]
     newest = sorted(stored, key=lambda artifact: -artifact.sequence)
@@ -64,7 +64,7 @@ def completed_views(typed: str, workspace: Workspace) -> list[str]:
 
 
 def pages() -> Apps:
-    """The extension with both pages, which are put together when a host reads them."""
+    """Return the extension with both pages, which are put together when a host reads them."""
     apps = Apps()
     for kind, title in _TITLES.items():
         apps.add_resource(

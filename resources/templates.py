@@ -101,7 +101,7 @@ def read_resource(uri: str, workspace: Workspace) -> tuple[str | bytes, str]:
 
 
 def listed_resources(workspace: Workspace) -> list[Resource]:
-    """What a client is shown without asking for anything: vocabularies, the newest artifacts, presets."""
+    """Return what a client is shown without asking for anything: vocabularies, the newest artifacts, presets."""
     words = [
         Resource(
             uri=f"{SCHEME}vocabulary/{name}",
@@ -172,7 +172,7 @@ def picture_link(path: Path, mime_type: str) -> Resource:
 def resource_completions(
     template: str, argument: str, typed: str, given: dict[str, str], workspace: Workspace
 ) -> list[str]:
-    """The values of a template's argument that begin with what was typed, in any case, newest first.
+    """Return the values of a template's argument that begin with what was typed, in any case, newest first.
 
     Args:
         given: the template's other arguments, as far as they are known.
@@ -190,7 +190,7 @@ def resource_completions(
 
 
 def _values(kind: str, argument: str, template: str, given: dict[str, str], workspace: Workspace) -> Iterable[str]:
-    """All values of an argument."""
+    """Return all values of an argument."""
     if argument == "kind":
         return ARTIFACT_KINDS
     if argument == "planner":
@@ -216,7 +216,7 @@ def _planners(given: dict[str, str]) -> Iterable[str]:
 
 
 def _presets(planners: Iterable[str]) -> Iterable[str]:
-    """The names of the presets of some planners, each once."""
+    """Return the names of the presets of some planners, each once."""
     return dict.fromkeys(preset for name in planners for preset in tuning_of(name).presets)
 
 
@@ -258,5 +258,5 @@ def _content(path: Path) -> bytes:
 
 
 def unknown_resource(uri: str) -> UnknownName:
-    """The refusal of a URI behind which nothing is."""
+    """Return the refusal of a URI behind which nothing is."""
     return UnknownName(f"there is no resource {quoted(uri)}", valid=[template.uri_template for template in TEMPLATES])

@@ -70,7 +70,7 @@ class BatchSummary(Model):
     lost: int = 0
 
     def in_words(self) -> str:
-        """``lane prediction, recorded traffic, 25 scenarios: Default 18/25 = 72 % (95 %: 52–86 %)``."""
+        """Return ``lane prediction, recorded traffic, 25 scenarios: Default 18/25 = 72 % (95 %: 52–86 %)``."""
         told = [f"{one.config_name} {one.success.in_words()}" for one in self.configs[:_MOST_CONFIGS]]
         left_out = len(self.configs) - len(told)
         more = [f"{counted(left_out, 'configuration')} more"] if left_out else []
@@ -94,7 +94,7 @@ class ListedArtifact(Model):
     batch: BatchSummary | None = Field(None, exclude_if=lambda batch: batch is None)
 
     def in_words(self) -> str:
-        """The line of an answer: kind, id, what it is, when it was made."""
+        """Return the line of an answer: kind, id, what it is, when it was made."""
         if self.batch is not None:
             return f"{self.kind} {self.artifact_id}, {self.made_at}: {self.batch.in_words()}"
         name = f" ({shown_name(self.name)})" if self.name and self.name != self.artifact_id else ""
@@ -109,7 +109,7 @@ class ListArtifactsResult(Result):
     more: bool = Field(description="whether the list goes on")
 
     def answer(self) -> Answer:
-        """One line each."""
+        """Return one line each."""
         if not self.artifacts:
             following = "generate_scenarios, find_scenarios or import_files"
             return Answer("Nothing was made yet that fits.", next_step=following)
@@ -182,12 +182,12 @@ class ExportedFile(Model):
     size_bytes: int = Field(description="its size")
     lost: tuple[str, ...] = ()
     geometry: RoadGeometry | None = Field(
-        None, description="how well its roads fit the scenario's; null where it holds none"
+        None, description="how well its roads fit the scenario's; null if it holds none"
     )
     warning: str = ""
 
     def told(self) -> str:
-        """The line of an answer."""
+        """Return the line of an answer."""
         line = f"{self.path} ({self.size_bytes:,} bytes, {self.format} of {self.artifact_id})"
         more = ([self.geometry.told()] if self.geometry else []) + (
             [f"lost: {', '.join(self.lost)}"] if self.lost else []
@@ -202,7 +202,7 @@ class ExportArtifactsResult(Result):
     files: tuple[ExportedFile, ...] = Field(description="each file that was written")
 
     def answer(self) -> Answer:
-        """The folder, then one line a file."""
+        """Return the folder, then one line a file."""
         rest = "the structured answer names all"
         return Answer(
             f"{len(self.files)} files in {self.folder}:",

@@ -57,14 +57,14 @@ class Answer:
     next_step: str = ""
 
     def to_text(self) -> str:
-        """The parts in their order."""
+        """Return the parts in their order."""
         warnings = (f"Warning: {warning}" for warning in self.warnings)
         following = [f"Next: {self.next_step}"] if self.next_step else []
         return "\n".join([self.headline, *self.decided, *self.figures, *self.listed, *warnings, *following])
 
 
 def first_of(lines: Sequence[str], most: int, rest: str) -> list[str]:
-    """The first ``most`` lines; where there are more, how many, and ``rest``: the call that shows them."""
+    """Return the first ``most`` lines; where there are more, how many, and ``rest``: the call that shows them."""
     more = len(lines) - most
     return [*lines[:most], *([f"… {more} more: {rest}"] if more > 0 else [])]
 
@@ -104,10 +104,10 @@ class Result(Model):
 
     @abstractmethod
     def answer(self) -> Answer:
-        """What the text says."""
+        """Return what the text says."""
 
     def to_text(self) -> str:
-        """The answer as compact text."""
+        """Return the answer as compact text."""
         return self.answer().to_text()
 
     def _repr_html_(self) -> str:
@@ -115,12 +115,12 @@ class Result(Model):
 
 
 def problems_of(model: type[BaseModel], error: ValidationError, noun: str = "field") -> list[tuple[str, list[str]]]:
-    """Each problem in words, with what would be valid, the nearest first; ``noun``: what a field is called."""
+    """Return each problem in words, with what would be valid, the nearest first; ``noun``: what a field is called."""
     return [problem_of(model, detail, noun) for detail in error.errors(include_url=False)]
 
 
 def problem_of(model: type[BaseModel], detail: ErrorDetails, noun: str = "field") -> tuple[str, list[str]]:
-    """A problem in words, with what would be valid, the nearest first.
+    """Return a problem in words, with what would be valid, the nearest first.
 
     The words are never pydantic's, which speak of Python's types: of a kind of error that is not named here it is said
     what the field takes. What a check of our own says is said as it is.
@@ -144,7 +144,7 @@ def problem_of(model: type[BaseModel], detail: ErrorDetails, noun: str = "field"
 
 
 def choices_of(detail: ErrorDetails) -> list[str]:
-    """The values of which a field takes one, as the error names them; empty where it names none."""
+    """Return the values of which a field takes one, as the error names them; empty if it names none."""
     context = detail.get("ctx", {})
     return re.findall(r"'([^']*)'", str(context.get("expected", context.get("expected_tags", ""))))
 
@@ -177,7 +177,7 @@ def _path(location: tuple[int | str, ...]) -> str:
 
 
 def _wanted(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[str, str]:
-    """What an argument takes, in words, and its description in brackets, from its schema."""
+    """Return what an argument takes, in words, and its description in brackets, from its schema."""
     named = [place for place, part in enumerate(location) if isinstance(part, str)]
     name = location[named[-1]] if named else ""
     holder = model_at(model, location[: named[-1] + 1] if named else ())
@@ -213,7 +213,7 @@ def _size_in_words(least: int | None, most: int | None, part: str) -> str:
 
 
 def _given(kind: str, value: Any) -> str:
-    """What was given: of a list or text that is too short or too long its size says more than its beginning."""
+    """Return what was given: of a list or text that is too short or too long its size says more than its beginning."""
     if kind in ("too_short", "too_long") and hasattr(value, "__len__"):
         return f"{len(value):,}"
     if kind in ("string_too_short", "string_too_long") and isinstance(value, str):

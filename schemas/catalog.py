@@ -59,7 +59,7 @@ class DescribeCatalogResult(Result):
     maps_rest: str = Field("", description="what is not on this page, and the call that shows it")
 
     def answer(self) -> Answer:
-        """One line a facet, the most frequent names first; maps country by country, one line a map."""
+        """Return one line a facet, the most frequent names first; maps country by country, one line a map."""
         lines = []
         for facet in self.facets:
             note = f" ({facet.note})" if facet.note else ""
@@ -111,7 +111,7 @@ class FindScenariosArguments(Arguments):
     """Matches to pass over."""
 
     def in_words(self) -> str:
-        """The conditions as they were given, with the text; for a list of searches."""
+        """Return the conditions as they were given, with the text; for a list of searches."""
         where = [f"{name} {value}" for name in ("country", "city") if (value := getattr(self, name))]
         lists = [f"{name} {', '.join(value)}" for name in _LISTS if (value := getattr(self, name))]
         others = [
@@ -171,7 +171,7 @@ class Emptied(Model):
 class SearchRecord(Model):
     """A stored search: what was asked, the ids that satisfy it in order, and the counts on the way.
 
-    ``total``: how many satisfy it, where those are more than are kept; None where all are.
+    ``total``: how many satisfy it, where those are more than are kept; None if all are.
     """
 
     arguments: FindScenariosArguments
@@ -190,7 +190,7 @@ class FindScenariosResult(Result):
     stages: tuple[StageCount, ...] = Field(description="how many were left after each stage")
     matches: tuple[FoundScenario, ...] = Field(description="the scenarios on this page, the best first")
     coverage: tuple[Coverage, ...] = Field((), description="with diverse: what the chosen ones cover")
-    emptied_by: Emptied | None = Field(None, description="the stage that left none; null where some are left")
+    emptied_by: Emptied | None = Field(None, description="the stage that left none; null if some are left")
     relaxations: tuple[Relaxation, ...] = Field((), description="what to drop for matches")
     fallback: tuple[FoundScenario, ...] = Field((), description="not matches: each leaves conditions unmet")
     notes: tuple[str, ...] = ()
@@ -222,7 +222,7 @@ class FindScenariosResult(Result):
         return Answer(headline, decided, listed=lines)
 
     def _step(self, stage: StageCount) -> str:
-        """How many a stage left; its conditions too where they are why nothing is left."""
+        """Return how many a stage left; its conditions too where they are why nothing is left."""
         conditions = f" [{', '.join(stage.conditions)}]" if not self.total else ""
         return f"{stage.stage}{conditions} {stage.left}"
 

@@ -44,14 +44,14 @@ A knot is 1852 m an hour (SI brochure, 9th edition, table 8).
 
 @dataclass(frozen=True)
 class Interval:
-    """A closed interval; None on a side means unbounded. ``exact`` is True where one value was written."""
+    """A closed interval; None on a side means unbounded. ``exact`` is True if one value was written."""
 
     low: float | None
     high: float | None
     exact: bool = False
 
     def contains(self, value: float) -> bool:
-        """Whether the value lies in the interval, ends included."""
+        """Return whether the value lies in the interval, ends included."""
         return (self.low is None or value >= self.low) and (self.high is None or value <= self.high)
 
 
@@ -89,13 +89,13 @@ class Selector:
     negated: bool = False
 
     def __str__(self) -> str:
-        """The selector as it is written in a call."""
+        """Return the selector as it is written in a call."""
         body = self.argument if self.kind == "id" else f"{self.kind}:{self.argument}" if self.argument else self.kind
         return f"!{body}" if self.negated else body
 
 
 def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = None) -> float:
-    """A number in the base unit; a bare number is in the base unit already.
+    """Return a number in the base unit; a bare number is in the base unit already.
 
     ``step_s`` allows ``steps`` where the base unit is seconds.
 
@@ -175,13 +175,13 @@ def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
 
 
 def _with_unit(quantity: str, other: str) -> str:
-    """The quantity as written, with the unit of the other one where it has none."""
+    """Return the quantity as written, with the unit of the other one where it has none."""
     unit = re.search(rf"(?<![A-Za-z]){_UNIT}$", other.strip())
     return quantity if unit is None or re.search(r"[A-Za-z]$", quantity.strip()) else quantity + unit[0]
 
 
 def scope_first(text: str) -> str:
-    """A condition with its scope behind its name, if it stands behind its value: ``speed_limit=50km/h@map``."""
+    """Return a condition with its scope behind its name, if it stands behind its value: ``speed_limit=50km/h@map``."""
     found = re.fullmatch(rf"(\s*!?\s*{_NAME})\s*((?:>=|<=|==|=|>|<)[^@]+?)(@[a-z]+)\s*", text)
     return text if found is None else f"{found[1]}{found[3]}{found[2]}"
 
@@ -222,7 +222,7 @@ def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False, word
 
 
 def parse_assignment(text: str) -> Assignment:
-    """A change such as ``jerk=0.5``, ``jerk*2``, ``jerk+0.1`` or ``jerk=lateral_jerk``.
+    """Return a change such as ``jerk=0.5``, ``jerk*2``, ``jerk+0.1`` or ``jerk=lateral_jerk``.
 
     Raises:
         InvalidRequest: malformed, or not a finite number.
@@ -256,7 +256,7 @@ SELECTORS = ("an id", *_PLAIN, "nearest:3", "one:truck", "class:truck", "only:bu
 
 
 def parse_selector(text: str) -> Selector:
-    """A selector of vehicles.
+    """Return a selector of vehicles.
 
     Raises:
         UnknownName: a word that is no selector.
@@ -306,7 +306,7 @@ def _compared(text: str, operator: str, right: str, unit: BaseUnit, whole: bool)
 
 
 def _whole(text: str) -> str:
-    """The text with its numbers rounded to whole ones."""
+    """Return the text with its numbers rounded to whole ones."""
     return re.sub(_NUMBER, lambda found: f"{round(float(found[0]))}", text)
 
 

@@ -38,13 +38,13 @@ class JobResult(Result):
     state: JobState
     share: float = Field(description="how much of it is done, from 0 to 1")
     message: str = Field(description="what it does now, in words")
-    remaining_s: float | None = Field(description="estimated time to its end; null where it is not known")
+    remaining_s: float | None = Field(description="estimated time to its end; null if it is not known")
     results: tuple[str, ...] = Field(description="ids of what is finished")
-    error: str = Field(description="why it failed; empty where it did not")
+    error: str = Field(description="why it failed; empty if it did not")
     next_step: str
 
     def answer(self) -> Answer:
-        """The state, what is finished, why it failed and what to do next."""
+        """Return the state, what is finished, why it failed and what to do next."""
         left = f", about {self.remaining_s:.0f} s left" if self.remaining_s is not None else ""
         share = "" if self.state == "done" else f", {self.share:.0%} done{left}"
         return Answer(

@@ -75,7 +75,7 @@ class NamedPlace(Model):
 
     @property
     def is_settlement(self) -> bool:
-        """Whether it is a settlement, a part of one or a region."""
+        """Return whether it is a settlement, a part of one or a region."""
         return self.kind in SETTLEMENTS
 
 

@@ -34,8 +34,8 @@ _TOO_SHORT = "the run has too few steps"
 class Measure:
     """One measure of a run.
 
-    ``words``: its name as people say it; ``abbreviation``: that of the field, empty where there is none. ``better``:
-    the direction that is better, None where neither is. ``meaning``: for readers who did not make the runs; ``method``:
+    ``words``: its name as people say it; ``abbreviation``: that of the field, empty if absent. ``better``:
+    the direction that is better, None if neither is. ``meaning``: for readers who did not make the runs; ``method``:
     how it is computed, with its parameters; ``source``: where the definition is from. ``span``: what values it can
     take; ``cap``: the bound beyond which a run has none, or a value is clipped; empty if there is no bound. ``none``:
     why a run does not have it.
@@ -63,7 +63,7 @@ class Measure:
 
     @property
     def stored(self) -> bool:
-        """Whether every run is stored with it."""
+        """Return whether every run is stored with it."""
         return self.name in RunMetrics.model_fields
 
 
@@ -71,12 +71,12 @@ class MeasuredValue(Model):
     """A measure of one run: a value, or none and why.
 
     ``time_s``: the moment of the run that decides it; ``obstacle_id``, ``obstacle_class``, ``relation``: the other that
-    does; None where none does, as for the ego's own motion. ``note``: what is to be known beside it.
+    does; None if none does, as for the ego's own motion. ``note``: what is to be known beside it.
     """
 
     name: str = Field(description="name of the measure")
     value: float | None = Field(
-        None, description="its value, in the measure's unit (docs/measures.md); null where it is not defined"
+        None, description="its value, in the measure's unit (docs/measures.md); null if it is not defined"
     )
     why: str = Field("", description="why there is none")
     time_s: float | None = None
@@ -103,7 +103,7 @@ class MeasureSpread(Model):
 
     name: str = Field(description="name of the measure")
     runs: int
-    median: float | None = Field(None, description="median over the runs; null where it is defined in none")
+    median: float | None = Field(None, description="median over the runs; null if it is defined in none")
     lowest: float | None = Field(None, description="smallest value of a run")
     highest: float | None = Field(None, description="largest value of a run")
     worst: MeasuredValue | None = Field(None, description="its value in the run in which it is worst")
@@ -604,12 +604,12 @@ _BY_NAME = {measure.name: measure for measure in MEASURES}
 
 
 def measure_named(name: str) -> Measure | None:
-    """The measure of a name; None where there is none."""
+    """Return the measure of a name; None if absent."""
     return _BY_NAME.get(name)
 
 
 def metric_meant(text: str) -> str:
-    """The name of the measure that a text is as an answer, a table or a legend prints it; else the text itself.
+    """Return the name of the measure that a text is as an answer, a table or a legend prints it; else the text itself.
 
     Printed are the name, its words with and without what explains them in brackets, and the abbreviation of the field;
     case, spaces and signs do not matter.
@@ -637,7 +637,7 @@ _BY_PRINTED_NAME = {_letters(printed): one.name for one in reversed(MEASURES) fo
 
 
 def metric_words(name: str) -> str:
-    """The measure's name as people say it."""
+    """Return the measure's name as people say it."""
     known = _BY_NAME.get(name)
     return name if known is None else known.words
 

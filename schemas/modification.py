@@ -148,19 +148,19 @@ class Edit(Arguments):
         return tuple(name for name in type(self).model_fields if name != "op" and getattr(self, name) not in (None, []))
 
     def in_words(self) -> str:
-        """The edit in one line: what is done, to whom, and what was given beside it."""
+        """Return the edit in one line: what is done, to whom, and what was given beside it."""
         whom = f" {' '.join(self.vehicles)}" if self.vehicles else ""
         rest = ", ".join(f"{name} {_as_written(getattr(self, name))}" for name in self.given if name != "vehicles")
         return f"{self.op}{whom} ({rest})" if rest else f"{self.op}{whom}"
 
     @property
     def names_added(self) -> bool:
-        """Whether it is about a vehicle that another edit adds (``new:K``)."""
+        """Return whether it is about a vehicle that another edit adds (``new:K``)."""
         words = [*self.vehicles, *self.to, *self.via, *([] if self.at is None else [self.at])]
         return any(re.search(r"\bnew:\d", word) for word in words)
 
     def numbered_after(self, earlier: int) -> "Edit":
-        """The edit with every ``new:K`` counted from the first of ``earlier`` edits that it is appended to."""
+        """Return the edit with every ``new:K`` counted from the first of ``earlier`` edits that it is appended to."""
 
         def counted(text: str) -> str:
             return re.sub(r"\bnew:(\d+)", lambda number: f"new:{int(number[1]) + earlier}", text)
@@ -199,7 +199,7 @@ class ModifyScenarioArguments(Arguments):
 class VehicleRoute(Model):
     """Where a touched vehicle drives: lanelets in order, and whether it gets where the edit sends it.
 
-    ``arrives`` is None where no target was named; ``reason`` says why it does not arrive, ``advice`` what may help.
+    ``arrives`` is None if no target was named; ``reason`` says why it does not arrive, ``advice`` what may help.
     """
 
     vehicle_id: int
@@ -214,14 +214,14 @@ class Achieved(Model):
 
     vehicle_id: int
     quantity: str = Field(description="what was asked for: speed, gap, lateral_duration …")
-    asked: float | None = Field(None, description="the value asked for; null where the edit leaves it open")
+    asked: float | None = Field(None, description="the value asked for; null if the edit leaves it open")
     value: float = Field(description="the value that came out")
     unit: str
     reached: bool = Field(True, description="whether the value is the one asked for")
 
     @property
     def failed(self) -> bool:
-        """Whether what the edit is about did not happen at all, so that no value could be compared."""
+        """Return whether what the edit is about did not happen at all, so that no value could be compared."""
         return self.asked is None and not self.reached
 
 
@@ -259,7 +259,7 @@ class EditCollision(Model):
 
 
 class EgoDanger(Model):
-    """The most critical figures of an ego that drives ordinarily; None where no road user is near, or met in 60 s.
+    """The most critical figures of an ego that drives ordinarily; None if no road user is near, or met in 60 s.
 
     ``risk_score``: 0 collision, 1 extreme, 2 high, 3 medium, 4 low, 5 negligible (From Words to Collisions).
     ``most_critical_*``: the road user that it met when the score was lowest (the first collision, else the shortest
@@ -347,7 +347,7 @@ class ModifyScenarioResult(Result):
     ``traffic``: whether all others react or stay as recorded; ``detail``: how much of it the text tells.
     """
 
-    scenario_id: str | None = Field(description="id of the new scenario; null where nothing was stored")
+    scenario_id: str | None = Field(description="id of the new scenario; null if nothing was stored")
     base_id: str = Field(description="id of the scenario that was edited")
     reused: bool = Field(False, description="whether the same edits had made it before")
     traffic: TrafficAfterEdits = "recorded"
@@ -365,14 +365,14 @@ class ModifyScenarioResult(Result):
     ego_after: EgoDanger | None = Field(description="how critical it is now")
     checked_by: CheckedBy = Field(description="what judged whether motions can be driven")
     checkers_agree: int | None = Field(
-        description="motions on which closed form and drivability checker agree; null where only one was asked"
+        description="motions on which closed form and drivability checker agree; null if only one was asked"
     )
     untouched: int = Field(description="vehicles that are exactly as recorded")
     planners_refuse: str = Field("", description="why the built-in planners refuse this ego; empty if they drive it")
     warnings: tuple[str, ...] = Field(description="what needs an act, a sentence each")
 
     def answer(self) -> Answer:
-        """What was done, whether it is reached, who reacts, what is new for the ego and what was so before."""
+        """Return what was done, whether it is reached, who reacts, what is new for the ego and what was so before."""
         stored = f"{self.scenario_id} (from {self.base_id}{', made before' if self.reused else ''})"
         head = stored if self.scenario_id else f"Dry run on {self.base_id}, nothing stored"
         hits = [f"{hit.vehicles[0]} hits {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in self.collisions]
@@ -400,7 +400,7 @@ class ModifyScenarioResult(Result):
         )
 
     def _most(self, brief: int) -> tuple[int, str]:
-        """How many items of a list are told, and the call that tells of the others."""
+        """Return how many items of a list are told, and the call that tells of the others."""
         if self.detail == "brief":
             return brief, "modify_scenario with detail=checks"
         return _MOST_IN_DETAIL, "the structured answer has all"
@@ -443,7 +443,7 @@ class ModifyScenarioResult(Result):
         return [*lines, f"{counted(self.untouched, 'vehicle')} exactly as recorded."]
 
     def _moved(self) -> list[str]:
-        """How far the edits moved the vehicles that they name: the farthest first."""
+        """Return how far the edits moved the vehicles that they name: the farthest first."""
         moved = sorted(
             (vehicle for vehicle in self.touched if vehicle.cause == "edited" and vehicle.moved_m is not None),
             key=lambda vehicle: (-(vehicle.moved_m or 0.0), vehicle.vehicle_id),
@@ -478,7 +478,7 @@ Key = TypeVar("Key", bound=Hashable)
 
 
 def _verdicts(edits: Sequence[EditReport]) -> str:
-    """How many edits were done, reached, or come to nothing."""
+    """Return how many edits were done, reached, or come to nothing."""
     counts = Counter(edit.verdict for edit in edits)
     if len(edits) == 1:
         return f"the edit is {edits[0].verdict}"
@@ -486,7 +486,7 @@ def _verdicts(edits: Sequence[EditReport]) -> str:
 
 
 def _grouped(items: Iterable[tuple[int, Key]]) -> list[tuple[Key, list[int]]]:
-    """What is the same of several vehicles once, with their ids."""
+    """Return what is the same of several vehicles once, with their ids."""
     groups: dict[Key, list[int]] = {}
     for key, value in items:
         groups.setdefault(value, []).append(key)
@@ -514,7 +514,7 @@ def _within(sentences: Sequence[str], characters: int) -> list[str]:
 
 
 def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bool) -> list[str]:
-    """What is new for an ego that drives ordinarily; figures that cannot be had say why."""
+    """Return what is new for an ego that drives ordinarily; figures that cannot be had say why."""
     if before is None or after is None:
         return ["Ego's danger: none, as no ordinary drive of an ego can be simulated here."]
     was, now = _danger_figures(before), _danger_figures(after)
@@ -529,7 +529,7 @@ _RISK = "risk score (0 worst, 5 best)"
 
 
 def _danger_figures(danger: EgoDanger) -> dict[str, str]:
-    """The figures as they are told, by their names."""
+    """Return the figures as they are told, by their names."""
     figures = {
         "nearest": _figure(danger.minimum_distance_m, " m"),
         "time to collision": _figure(danger.minimum_time_to_collision_s, " s"),
@@ -548,7 +548,7 @@ def _figure(value: float | None, unit: str) -> str:
 
 
 def _is_recording(vehicle: TouchedVehicle) -> bool:
-    """Whether the motion is the recorded one, moved in time."""
+    """Return whether the motion is the recorded one, moved in time."""
     return vehicle.cause == "shifted" and vehicle.handover_jump_m is None
 
 

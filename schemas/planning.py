@@ -66,7 +66,7 @@ class PlannerSettings(Model):
 
     @property
     def states_vehicle(self) -> bool:
-        """Whether the configuration names the vehicle, so that the ego's class does not decide."""
+        """Return whether the configuration names the vehicle, so that the ego's class does not decide."""
         return self.vehicle_stated or self.vehicle != 2
 
     @property
@@ -346,7 +346,7 @@ class RunLine(Model):
     outcome: Outcome
     reason: str = Field(description="why it ended so, in words")
     duration_s: float | None = Field(description="length of the drive; null of a run that could not be attempted")
-    minimum_distance_m: float | None = Field(description="smallest distance to another; null where none was near")
+    minimum_distance_m: float | None = Field(description="smallest distance to another; null if none was near")
     config_name: str = ""
     review: RunReview | None = Field(None, description="of a single run, and of the failures that are listed")
 
@@ -422,7 +422,7 @@ class RunPlannerResult(Result):
         return f"{run.in_words()[:-1]}{self._modes()}{' (stored before)' if self.reused else ''}."
 
     def _moments(self) -> list[str]:
-        """The closest moment of a run that hit nobody; without its steps the smallest gap."""
+        """Return the closest moment of a run that hit nobody; without its steps the smallest gap."""
         run, review = self.runs[0], self.runs[0].review
         if run.outcome == "invalid" or (review and review.contact and review.contact.obstacle_id is not None):
             return []
@@ -594,7 +594,7 @@ class CommandTrajectory(Model):
 class CommandAnswer(Model):
     """What a command-line planner writes: one line of JSON on standard output, and nothing else there.
 
-    ``trajectory``: the whole drive in one plan; null where the planner finds none, with ``rejected`` saying why.
+    ``trajectory``: the whole drive in one plan; null if the planner finds none, with ``rejected`` saying why.
     """
 
     version: Literal[1] = 1

@@ -85,13 +85,13 @@ class Prevention(Model):
 
     @property
     def possible(self) -> bool:
-        """Whether any reference driver prevents it, from the moment before the contact or from the start."""
+        """Return whether any reference driver prevents it, from the moment before the contact or from the start."""
         by_driver = self.by_careful_driver or self.by_rss or self.by_fuzzy_driver
         return self.by_braking_until_s is not None or by_driver or bool(self._from_start(prevents=True))
 
     @property
     def attributable(self) -> bool:
-        """Whether UN R157's careful or its fuzzy driver prevents it from both starts."""
+        """Return whether UN R157's careful or its fuzzy driver prevents it from both starts."""
         if not self.drivers:
             return self.by_careful_driver or self.by_fuzzy_driver
         return any(self.prevented_by(name, "both") for name in ("r157_careful", "fsm"))
@@ -139,7 +139,7 @@ class Prevention(Model):
         ]
 
     def _drivers(self, *, prevents: bool) -> list[str]:
-        """The reference drivers beside full braking that prevent it, or do not."""
+        """Return the reference drivers beside full braking that prevent it, or do not."""
         named = {"careful": self.by_careful_driver, "fuzzy": self.by_fuzzy_driver}
         of_r157 = [name for name, does in named.items() if does == prevents]
         drivers = [f"UN R157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
@@ -157,7 +157,7 @@ _DRIVERS_IN_WORDS: dict[ReferenceDriverName, str] = {
 
 
 def _listed(parts: Sequence[str], conjunction: str) -> str:
-    """``a, b and c``."""
+    """Return ``a, b and c``."""
     return f" {conjunction} ".join([*([", ".join(parts[:-1])] if parts[:-1] else []), parts[-1]])
 
 
@@ -203,11 +203,11 @@ class PaceMoment(Model):
     obstacle_id: int | None = None
     obstacle_class: str = ""
     distance_m: float | None = Field(None, description="to the other or the line, when it began")
-    largest_mps2: float | None = Field(None, description="the hardest braking in it; null where the ego stood")
+    largest_mps2: float | None = Field(None, description="the hardest braking in it; null if the ego stood")
 
     @property
     def is_the_egos(self) -> bool:
-        """Whether nothing on the road asked for it."""
+        """Return whether nothing on the road asked for it."""
         return self.code in EGOS_OWN
 
     @property
@@ -289,8 +289,8 @@ class Contact(Model):
     into the way of the one behind. ``also_touched``: others that overlap the ego at the same step. ``prevention``: None
     where the tracks do not hold the one that was hit.
     ``predicted_gap_m``: how far apart the two would have been at the collision, had the other moved as the run's
-    predictor said a second before; None where it was not there then, or is not known to have been predicted.
-    ``laid_to``: None where that decides, or the prevention is not known. ``fault``: what the ego did, where it is laid
+    predictor said a second before; None if it was not there then, or is not known to have been predicted.
+    ``laid_to``: None if that decides, or the prevention is not known. ``fault``: what the ego did, where it is laid
     to the ego.
     """
 
@@ -301,7 +301,7 @@ class Contact(Model):
     obstacle_class: str = ""
     other_speed_mps: float | None = Field(None, description="speed of the other then; null of what has none")
     closing_mps: float | None = None
-    ego_side: BodySide | None = Field(None, description="side of the ego that was hit; null where it is not known")
+    ego_side: BodySide | None = Field(None, description="side of the ego that was hit; null if it is not known")
     other_side: BodySide | None = None
     ego_stood_since_s: float | None = None
     braked_since_s: float | None = None
@@ -314,12 +314,12 @@ class Contact(Model):
 
     @property
     def is_unpreventable(self) -> bool:
-        """Whether no reference driver prevents it and the ego did not make it."""
+        """Return whether no reference driver prevents it and the ego did not make it."""
         return self.prevention is not None and not self.prevention.possible and self.laid_to != "ego"
 
     @property
     def unforeseen(self) -> bool:
-        """Whether the two would have stayed apart, had the other moved as it was predicted a second before."""
+        """Return whether the two would have stayed apart, had the other moved as it was predicted a second before."""
         return self.predicted_gap_m is not None and self.predicted_gap_m > 0
 
     def in_words(self) -> str:
@@ -352,7 +352,7 @@ class Contact(Model):
 
     @property
     def _beside(self) -> str:
-        """Whether both were side by side, or one came in at an angle, as where lanes merge."""
+        """Return whether both were side by side, or one came in at an angle, as where lanes merge."""
         sides = {self.ego_side, self.other_side}
         return "alongside" if sides <= {"left", "right"} else "of the same direction"
 
@@ -427,7 +427,7 @@ class ComfortExcess(Model):
     source: str = Field(description="where the limit comes from")
 
     def in_words(self) -> str:
-        """``braking 4.2 m/s² over 2 s, until 3.1 s (limit 3.5, ISO 15622:2018)``."""
+        """Return ``braking 4.2 m/s² over 2 s, until 3.1 s (limit 3.5, ISO 15622:2018)``."""
         when = f"over {self.window_s:g} s, until {self.time_s:.1f} s" if self.window_s else f"at {self.time_s:.1f} s"
         return f"{self.name} {self.value:.1f} {self.unit} {when} (limit {self.limit:.2g}, {self.source})"
 
@@ -453,7 +453,7 @@ class RunReview(Model):
         return f"The ego's own doing: {'; '.join(own)}." if own else ""
 
     def nearness_in_words(self) -> str:
-        """The closest moment and the shortest time to a collision, in one line; what there was not is said."""
+        """Return the closest moment and the shortest time to a collision, in one line; what there was not is said."""
         if self.closest is None:
             return "Closest: none: no other within 60 m."
         near, urgent = self.closest, self.most_urgent
@@ -468,7 +468,7 @@ class RunReview(Model):
         return f"{line}; {least} with {whom} {urgent.place} at {urgent.time_s:.1f} s."
 
     def motion_in_words(self) -> str:
-        """The largest motions with their times; empty without steps."""
+        """Return the largest motions with their times; empty without steps."""
         parts = [f"{one.name} {measured(one.value)} {one.unit} at {one.time_s:.1f} s" for one in self.largest]
         return f"Largest: {', '.join(parts)}." if parts else ""
 
@@ -493,16 +493,16 @@ class RuleVerdict(Model):
 
     @property
     def violated(self) -> bool:
-        """Whether the run broke the rule."""
+        """Return whether the run broke the rule."""
         return self.first_s is not None
 
     @property
     def degree(self) -> float:
-        """By how much the rule is broken at worst; 0 where it is kept."""
+        """By how much the rule is broken at worst; 0 if it is kept."""
         return -self.robustness if self.violated and self.robustness is not None else 0.0
 
     def in_words(self) -> str:
-        """``R_G1 safe distance by 12.3 m at 2.0 s (from 1.2 s on, obstacle 42)``."""
+        """Return ``R_G1 safe distance by 12.3 m at 2.0 s (from 1.2 s on, obstacle 42)``."""
         more = [f"from {self.first_s:.1f} s on"] if self.first_s != self.time_s else []
         more += [f"obstacle {self.obstacle_id}"] if self.obstacle_id is not None else []
         told = f" ({', '.join(more)})" if more else ""

@@ -106,7 +106,7 @@ class RunSteps(Model):
     ``costs``: weighted cost term name → one value per planning step; ``plan_steps``: the steps at which was planned.
     ``rejected``: constraint → candidates it rejected, one value per planning step; one more where the last attempt,
     which is no planning step, gave no trajectory.
-    ``steering_rad``: the steering angles of a vehicle that followed its plans; empty where a planner's states were
+    ``steering_rad``: the steering angles of a vehicle that followed its plans; empty if a planner's states were
     taken as they are.
     ``others``: the obstacles that reactive traffic moved, instead of their recordings; the rest followed theirs.
     """
@@ -193,14 +193,14 @@ class LimitExcess(Model):
     time_s: float = Field(description="when it is exceeded most")
 
     def in_words(self) -> str:
-        """``steering rate 0.75 rad/s at 2.3 s (limit 0.4)``."""
+        """Return ``steering rate 0.75 rad/s at 2.3 s (limit 0.4)``."""
         if self.name == "rolling":
             return f"wheels that slide in {100 * self.value:.0f} % of the steps, from {self.time_s:.1f} s on"
         return f"{self.name} {measured(self.value)} {self.unit} at {self.time_s:.1f} s (limit {measured(self.limit)})"
 
 
 def excesses_in_words(excesses: Sequence[LimitExcess]) -> str:
-    """What of a driven motion its vehicle cannot do, and what that means for the run."""
+    """Return what of a driven motion its vehicle cannot do, and what that means for the run."""
     told = "; ".join(excess.in_words() for excess in excesses)
     return f"the driven motion is beyond the vehicle: {told}; a solution exported of it may be refused"
 
@@ -296,7 +296,7 @@ class RunRecord(Model):
 
 
 def ending(outcome: Outcome, reason: str, review: RunReview | None = None, *, contact: Contact | None = None) -> str:
-    """How a run ended in one sentence, its moment included; a collision by who hit whom."""
+    """Return how a run ended in one sentence, its moment included; a collision by who hit whom."""
     hit = contact if review is None else review.contact
     if hit is not None:
         return f"{outcome.replace('_', ' ')}: {hit.in_words()}"
@@ -320,8 +320,8 @@ class ScenarioSource(Model):
     """A scenario, the CommonRoad file that holds it, and of what is known of it what decides how hard it is.
 
     ``obstacles``: by type; ``density_per_km``: recorded vehicles per kilometre of lanelets; ``road``: the kind of road
-    by the file's tags, such as ``highway``, empty where they say none; ``limit_kmh``: the highest speed limit on the
-    ego's lanelets, None where none is posted.
+    by the file's tags, such as ``highway``, empty if they say none; ``limit_kmh``: the highest speed limit on the
+    ego's lanelets, None if none is posted.
     """
 
     scenario_id: str

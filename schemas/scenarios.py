@@ -26,7 +26,7 @@ class RuleFinding(Model):
     rule: str
     severity: Severity
     elements: tuple[int, ...]
-    where: tuple[float, float] | None = Field(description="x, y in m; None where the defect has no place")
+    where: tuple[float, float] | None = Field(description="x, y in m; None if the defect has no place")
     message: str
 
 
@@ -38,12 +38,12 @@ class CheckedFile(Model):
     unreadable: str = ""
 
     def count(self, severity: Severity) -> int:
-        """How many findings are of this severity."""
+        """Return how many findings are of this severity."""
         return sum(finding.severity == severity for finding in self.findings)
 
     @property
     def passed(self) -> bool:
-        """Whether the file could be read and no rule found an error."""
+        """Return whether the file could be read and no rule found an error."""
         return not self.unreadable and self.count("error") == 0
 
 
@@ -92,10 +92,10 @@ class ParticipantFacts(Model):
 class EgoFacts(Model):
     """One planning problem: where the ego starts and what its goal states.
 
-    ``lanes``: lanelets side by side in the ego's direction at its start, 0 where it stands on none;
-    ``route``: lanelets to the goal, empty where the goal has no place or cannot be reached;
+    ``lanes``: lanelets side by side in the ego's direction at its start, 0 if it stands on none;
+    ``route``: lanelets to the goal, empty if the goal has no place or cannot be reached;
     ``manoeuvres``: what the recorded traffic does on the ego's way, None in records from before it was looked at;
-    ``time_to_conflict_s``: until an ego that keeps path and initial speed meets the recorded traffic, None where it
+    ``time_to_conflict_s``: until an ego that keeps path and initial speed meets the recorded traffic, None if it
     never does; records and answers name it ``time_to_collision_s``, as they did before. Signs, light and limits are
     those of the lanelets under its start.
     """
@@ -157,7 +157,7 @@ class ScenarioFacts(Model):
         return round(self.horizon_steps * self.step_s, 3)
 
     def entries(self) -> "tuple[ScenarioFacts, ...]":
-        """One per planning problem, with its ego alone: the first under the id, the others as ``ID#problem``.
+        """Return one per planning problem, with its ego alone: the first under the id, the others as ``ID#problem``.
 
         Each would hold the egos of all others otherwise, and a catalogue of them grow with the square of their number.
         """
@@ -165,7 +165,7 @@ class ScenarioFacts(Model):
         return (first, *(self._seen_from(ego) for ego in self.egos[1:]))
 
     def seen_by(self, problem_id: int) -> "ScenarioFacts":
-        """The entry of this planning problem."""
+        """Return the entry of this planning problem."""
         wanted = next(ego for ego in self.egos if ego.problem_id == problem_id)
         return self if wanted is self.egos[0] else self._seen_from(wanted)
 
@@ -335,7 +335,7 @@ class DescribedMotion(Model):
     driven_m: float = Field(description="how far it drove")
 
     def lines(self) -> list[str]:
-        """What it did, then a line a moment."""
+        """Return what it did, then a line a moment."""
         did = [f"- {_span_s(event)} s: {event.words}" for event in self.events]
         moments = [
             f"- {one.time_s:g} s: {one.speed_mps:.1f} m/s, {one.acceleration_mps2:+.1f} m/s², "
@@ -382,7 +382,7 @@ class Description(Model):
     ``time_s``: when the vehicles are there, from the ego's start.
     """
 
-    ego: DescribedEgo | None = Field(description="the planning problem; null where the file has none")
+    ego: DescribedEgo | None = Field(description="the planning problem; null if the file has none")
     focus: str = Field(description="what the list of vehicles and lanelets is centred on")
     asked: DescribedFocus | None = Field(None, description="the focus, where it is not the ego")
     vehicles: tuple[DescribedVehicle, ...] = Field(description="the vehicles near the focus, the nearest first")
@@ -453,7 +453,7 @@ class DescribeScenarioResult(Result):
 
     scenario_id: str
     origin: Origin = Field(description="where it comes from")
-    place: str = Field(description="the town or region; empty where it is not known")
+    place: str = Field(description="the town or region; empty if it is not known")
     detail: Detail = Field("brief", description="what is told in addition to the summary")
     tags: tuple[str, ...] = Field(description="tags that it has")
     features: tuple[str, ...] = Field(description="features that its geometry shows")
@@ -463,13 +463,13 @@ class DescribeScenarioResult(Result):
     signs: tuple[str, ...] = Field(description="traffic signs, with their values")
     description: Description = Field(description="what its file shows around the focus")
     other_problems: tuple[int, ...] = Field((), description="other planning problems of the file: ID#problem names one")
-    generation: DescribedGeneration | None = Field(None, description="how it was generated; null where it was not")
+    generation: DescribedGeneration | None = Field(None, description="how it was generated; null if it was not")
     recipe: dict[str, JsonValue] | None = Field(
-        None, description="what makes it again; null where it was not asked for"
+        None, description="what makes it again; null if it was not asked for"
     )
 
     def answer(self) -> Answer:
-        """What it is, the ego, what was asked about; then the lists that the detail asks for."""
+        """Return what it is, the ego, what was asked about; then the lists that the detail asks for."""
         shown, total = self.description, sum(self.counts.values())
         kinds = ", ".join(counted(count, kind) for kind, count in self.counts.items())
         traffic = f"{counted(total, 'road user')} beside the ego ({kinds})" if total else "no traffic"
@@ -496,7 +496,7 @@ class DescribeScenarioResult(Result):
         )
 
     def _vehicles(self) -> list[str]:
-        """The vehicles that the detail lists; one that lists none says nothing about them."""
+        """Return the vehicles that the detail lists; one that lists none says nothing about them."""
         shown, most = self.description, VEHICLES_SHOWN[self.detail]
         if not most or not shown.vehicles_total:
             return []
@@ -567,7 +567,7 @@ def _chain(route: tuple[int, ...]) -> str:
 
 
 def _vehicle(vehicle: DescribedVehicle, focus: DescribedFocus | None) -> str:
-    """A vehicle in a line; where something was asked about, by its distance from there too."""
+    """Return a vehicle in a line; where something was asked about, by its distance from there too."""
     away = f"{vehicle.distance_m:.0f} m from {focus.name}; seen from the ego " if focus is not None else ""
     return f"- {vehicle.vehicle_id} {_seen(vehicle, away)}"
 

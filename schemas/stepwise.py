@@ -72,7 +72,7 @@ class LaneletMessage(Model):
     left_same_direction: bool = Field(False, description="whether that one leads in the same direction")
     right_neighbour: int | None = Field(None, description="lanelet to its right, whatever its direction")
     right_same_direction: bool = Field(False, description="whether that one leads in the same direction")
-    speed_limit_mps: float | None = Field(None, description="posted limit; null where nothing is posted")
+    speed_limit_mps: float | None = Field(None, description="posted limit; null if nothing is posted")
     signals: tuple[int, ...] = Field((), description="ids of the traffic lights at its end")
 
 
@@ -221,7 +221,7 @@ class DebugMessage(Model):
 class PlanMessage(Model):
     """The program's answer to ``step``.
 
-    ``trajectory``: one state for each time step, the present first, at least a second long; null where nothing can be
+    ``trajectory``: one state for each time step, the present first, at least a second long; null if nothing can be
     driven, which ends the run as infeasible, with ``rejected`` saying why.
     """
 

@@ -33,7 +33,7 @@ _PRINTED_BITS = 128
 
 
 def printable(text: str, kept: str = "\n\t") -> str:
-    """The text without control, zero-width and direction characters, but for those of ``kept``."""
+    """Return the text without control, zero-width and direction characters, but for those of ``kept``."""
     if text.isprintable():
         return text
     parts = (
@@ -117,7 +117,7 @@ def uncited(text: str) -> str:
 
 
 def quoted(value: Any, longest: int = LONGEST_TEXT) -> str:
-    """A value of a call as an error repeats it: text in quotation marks; of a list or mapping, only its size."""
+    """Return a value of a call as an error repeats it: text in quotation marks; of a list or mapping, only its size."""
     if isinstance(value, dict | list | tuple | set):
         return _size(value)
     if isinstance(value, int) and value.bit_length() > _PRINTED_BITS:
@@ -137,7 +137,7 @@ def is_utf8(text: str) -> bool:
 
 
 def counted(count: int, noun: str) -> str:
-    """A number with its noun, ``16 buses``; obstacle types of two words are written apart."""
+    """Return a number with its noun, ``16 buses``; obstacle types of two words are written apart."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", noun).lower() if noun.isalpha() else noun
     if count == 1:
         return f"1 {words}"
@@ -184,7 +184,7 @@ def p_in_words(p: float | None) -> str:
 
 
 def in_any_case(value: Any, words: Iterable[str]) -> Any:
-    """The word that a text is in another case or among spaces; else the value as it is, for others to refuse."""
+    """Return the word that a text is in another case or among spaces; else the value as it is, for others to refuse."""
     if not isinstance(value, str):
         return value
     return next((word for word in words if word.lower() == value.strip().lower()), value)

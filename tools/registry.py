@@ -67,11 +67,11 @@ class ToolSpec:
         return result if issubclass(result, Result) else None
 
     def only_reading(self) -> "ToolSpec":
-        """The tool as a server that makes nothing offers it."""
+        """Return the tool as a server that makes nothing offers it."""
         return replace(self, making=(), refused=self.making, unlisted=(*self.unlisted, *self.making))
 
     def load_function(self) -> Callable[[Arguments, Any], Awaitable[Any]]:
-        """The function, imported now."""
+        """Return the function, imported now."""
         module = importlib.import_module(f"plannerforge.tools.{self.module}")
         function: Callable[[Arguments, Any], Awaitable[Any]] = getattr(module, self.name)
         return function

@@ -113,7 +113,7 @@ def _by_config(runs: Iterable[RunRecord]) -> dict[str, list[RunRecord]]:
 
 
 def _config_names(runs: Iterable[RunRecord]) -> dict[str, str]:
-    """The names of configurations by id; where several have one name, with their ids."""
+    """Return the names of configurations by id; where several have one name, with their ids."""
     names = {run.config_id: run.config_name for run in runs}
     often = Counter(names.values())
     return {config_id: name if often[name] == 1 else f"{name} {config_id}" for config_id, name in names.items()}
@@ -185,7 +185,7 @@ async def cancel_job(arguments: CancelJobArguments, context: WorkflowContext) ->
 
 
 def _job_id(word: str, context: WorkflowContext) -> str:
-    """The id of a job; ``latest`` is the client's own, else the newest of the workspace, which is told."""
+    """Return the id of a job; ``latest`` is the client's own, else the newest of the workspace, which is told."""
     if word != "latest":
         return context.jobs.store.get(word).job_id
     own = _own_latest(context)
@@ -197,7 +197,7 @@ def _job_id(word: str, context: WorkflowContext) -> str:
 
 
 def _own_latest(context: WorkflowContext) -> str | None:
-    """The job that the client started last, else the newest that was begun with its token, which is told."""
+    """Return the job that the client started last, else the newest that was begun with its token, which is told."""
     last = context.services.recent.last(["job"])
     if last:
         return last[0][1]
@@ -210,7 +210,7 @@ def _own_latest(context: WorkflowContext) -> str | None:
 
 
 def _own_job_id(word: str, context: WorkflowContext) -> str:
-    """The id of a job that the client may stop: any, where no token is asked for, else one that its token began.
+    """Return the id of a job that the client may stop: any, where no token is asked for, else one that its token began.
 
     Raises:
         NotPossible: another began it; those of its own that run are named.

@@ -67,7 +67,7 @@ async def describe_catalog(arguments: DescribeCatalogArguments, context: Workflo
 
 
 def _within(word: str, context: WorkflowContext) -> frozenset[str]:
-    """The scenarios of a search, a coverage plan, a country or a place; none where none lies there.
+    """Return the scenarios of a search, a coverage plan, a country or a place; none where none lies there.
 
     Raises:
         UnknownName: there is no such search or plan.
@@ -135,7 +135,7 @@ def _nowhere(word: str, context: WorkflowContext) -> UnknownName:
 def _with_maps(
     found: DescribeCatalogResult, maps: Sequence[MapFacts], arguments: DescribeCatalogArguments
 ) -> DescribeCatalogResult:
-    """The answer with one page of the maps, country by country, and the call that shows the rest.
+    """Return the answer with one page of the maps, country by country, and the call that shows the rest.
 
     Raises:
         InvalidRequest: the offset leaves out all of them.
@@ -165,13 +165,13 @@ def _country(facts: MapFacts) -> str:
 
 
 def _map_line(facts: MapFacts) -> str:
-    """A map with the sites of each type that can be cut from it."""
+    """Return a map with the sites of each type that can be cut from it."""
     sites = ", ".join(f"{kind} {count}" for kind, count in sorted(facts.sites.items()) if count) or "no sites"
     return f"{cited(facts.place)} ({facts.map_id}): {sites}"
 
 
 def _maps(maps: Sequence[MapFacts], arguments: DescribeCatalogArguments, context: WorkflowContext) -> FacetCounts:
-    """How many maps lie in each country, with what is to be known of the map folders."""
+    """Return how many maps lie in each country, with what is to be known of the map folders."""
     counted_maps = Counter(_country(facts) for facts in maps)
     countries = dict(sorted(counted_maps.items(), key=lambda item: (-item[1], item[0])))
     hidden = len(countries) - _COUNTRIES_SHOWN
@@ -227,7 +227,7 @@ async def find_scenarios(arguments: FindScenariosArguments, context: WorkflowCon
 
 
 def _resolved(arguments: FindScenariosArguments, context: WorkflowContext) -> FindScenariosArguments:
-    """The arguments with ids in the place of ``latest``, and the id of the entry that others are to be like."""
+    """Return the arguments with ids in the place of ``latest``, and the id of the entry that others are to be like."""
     changes = {}
     if arguments.like is not None:
         changes["like"] = _example(arguments.like, context).scenario_id
@@ -241,7 +241,7 @@ def _resolved(arguments: FindScenariosArguments, context: WorkflowContext) -> Fi
 
 
 def _example(word: str, context: WorkflowContext) -> ScenarioFacts:
-    """The entry that others are to be like; it need not be listed, as a version that was superseded."""
+    """Return the entry that others are to be like; it need not be listed, as a version that was superseded."""
     artifact, problem_id = one_scenario(word, context)
     facts = artifact.read(ScenarioRecord).facts
     return facts if problem_id is None else facts.seen_by(problem_id)

@@ -20,10 +20,10 @@ _SEARCHED = 1000
 
 
 def resolve_configuration(text: str, context: WorkflowContext) -> PlannerConfiguration:
-    """The configuration of an id, of ``PLANNER:PRESET``, or the current one.
+    """Return the configuration of an id, of ``PLANNER:PRESET``, or the current one.
 
     Current is what the client configured or imported last, else the newest of the workspace, which is told;
-    ``frenetix:Default`` where there is none.
+    ``frenetix:Default`` if there is none.
 
     Raises:
         UnknownName: nothing of that name.

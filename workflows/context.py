@@ -70,19 +70,19 @@ class Recent:
                 del self._made[next(iter(self._made))]
 
     def last(self, kinds: Collection[MadeKind]) -> list[tuple[MadeKind, str]]:
-        """What the client made or chose of some kinds, the last one first."""
+        """Return what the client made or chose of some kinds, the last one first."""
         with self._lock:
             return [entry for entry in reversed(self._made) if entry[0] in kinds]
 
     def copied(self) -> "Recent":
-        """The same, which goes on apart from it."""
+        """Return the same, which goes on apart from it."""
         copied = Recent()
         with self._lock:
             copied._made, copied._told = dict(self._made), set(self._told)
         return copied
 
     def is_untold(self, kind: MadeKind) -> bool:
-        """Whether the client was not told yet that something of a kind is not its own; from now on it was."""
+        """Return whether the client was not told yet that something of a kind is not its own; from now on it was."""
         with self._lock:
             is_untold = kind not in self._told
             self._told.add(kind)
@@ -108,7 +108,7 @@ class Services:
     links: bool = True
     """Whether answers link what they made."""
     owner: str = ""
-    """Whose token the client has; empty where none is asked for, and everything is the user's own."""
+    """Whose token the client has; empty if none is asked for, and everything is the user's own."""
 
 
 class WorkflowContext:
@@ -171,7 +171,7 @@ class WorkflowContext:
             self.remarks.append(f"{made_id}: {whose} newest {kind}, as this session has made none.")
 
     def artifact(self, word: str, kind: ArtifactKind) -> Artifact:
-        """The artifact with this id; ``latest`` is the client's last one of the kind.
+        """Return the artifact with this id; ``latest`` is the client's last one of the kind.
 
         Raises:
             UnknownName: with the nearest ids that exist.
@@ -182,7 +182,7 @@ class WorkflowContext:
         return newest[0] if newest else self.workspace.get(word, kind)
 
     def allowed_path(self, text: str) -> Path:
-        """The path, if it lies inside an allowed root and not where the workspace keeps its own.
+        """Return the path, if it lies inside an allowed root and not where the workspace keeps its own.
 
         Raises:
             InvalidRequest: no path is given.
@@ -205,7 +205,7 @@ class WorkflowContext:
         return self.jobs.start(kind, recipe, work, self.services.owner)
 
     async def wait_for(self, job_id: str, wait_s: float) -> Job:
-        """The job once it has ended, or as it is after ``wait_s`` seconds; the client is shown its progress."""
+        """Return the job once it has ended, or as it is after ``wait_s`` seconds; the client is shown its progress."""
 
         async def show(job: Job) -> None:
             await self.progress(job.share, job.message)

@@ -179,7 +179,7 @@ def _table(context: WorkflowContext, export: Export, target: Path) -> RunTableRe
 async def _write_report(
     context: WorkflowContext, artifacts: Sequence[Artifact], path: Path, views: Mapping[str, Path]
 ) -> list[ExportedFile]:
-    """One page on scenarios and batches, in their order, and the view of each beside it.
+    """Return one page on scenarios and batches, in their order, and the view of each beside it.
 
     Raises:
         InvalidRequest: an artifact that a report cannot show.
@@ -254,7 +254,7 @@ async def _batch(context: WorkflowContext, artifact: Artifact) -> list[ReportSec
 
 
 async def _measures(context: WorkflowContext, record: RunRecord) -> Sequence[MeasuredValue]:
-    """What was measured of a run; nothing of one that could not be attempted."""
+    """Return what was measured of a run; nothing of one that could not be attempted."""
     if record.outcome == "invalid":
         return ()
     asked = AnalyzeResultsArguments(results=[record.run_id], detail="measures")
@@ -279,7 +279,7 @@ async def _illustrated(
 
 
 def _telling(runs: Sequence[RunSource], whole: AnalyzeResultsResult) -> RunRecord:
-    """The run that is shown: the first failure that a reference driver prevents, else the first one."""
+    """Return the run that is shown: the first failure that a reference driver prevents, else the first one."""
     records = [run.record for run in runs]
     hopeless = whole.causes.not_preventable if whole.causes is not None else ()
     failed = [record for record in records if record.outcome in _FAILURES]

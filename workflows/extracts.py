@@ -38,7 +38,7 @@ def extract_index(context: WorkflowContext, map_id: str) -> Path:
 
 
 def map_recipe(path: Path, known: KnownAs) -> Recipe:
-    """What a map is told by: the content of its file, and what was said of it."""
+    """Return what a map is told by: the content of its file, and what was said of it."""
     arguments = {"content": content_digest(path)}
     arguments |= {"name": known.place} if known.place else {}
     arguments |= {"country": known.country} if known.country else {}
@@ -83,7 +83,7 @@ def _state_of(path: Path) -> tuple[int, int]:
 
 
 async def _indexed(context: WorkflowContext, path: Path, known: KnownAs) -> Artifact:
-    """The extract as a map: the one of the same content, or a new one.
+    """Return the extract as a map: the one of the same content, or a new one.
 
     That of one that was made before is looked through, and made anew where it is gone or damaged.
 
@@ -131,7 +131,7 @@ def _make_room(folder: Path, path: Path) -> None:
 
 
 def told_of(facts: MapFacts) -> str:
-    """How much an extract holds, in words; empty for other maps."""
+    """Return how much an extract holds, in words; empty for other maps."""
     size = facts.extract
     return (
         ""

@@ -89,7 +89,7 @@ class _Tally:
         return len(self.items) + len(self.refusals) + len(self.jobs)
 
     def result(self, job_id: str = "", state: JobState = "done") -> ImportFilesResult:
-        """The answer for what is done."""
+        """Return the answer for what is done."""
         reused = sum(1 for item in self.items if item.reused)
         return ImportFilesResult(
             added=len(self.items) - reused,
@@ -121,7 +121,7 @@ async def import_files(arguments: ImportFilesArguments, context: WorkflowContext
 
 
 def _with_running(tally: _Tally) -> ImportFilesResult:
-    """The answer, with the job that still reads a large extract: the last one of several."""
+    """Return the answer, with the job that still reads a large extract: the last one of several."""
     if not tally.jobs:
         return tally.result()
     job = tally.jobs[-1]
@@ -215,7 +215,7 @@ def _names_beside(path: Path, context: WorkflowContext) -> list[str]:
 def _passed_over(
     context: WorkflowContext, arguments: ImportFilesArguments, files: Sequence[tuple[Path, _ImportKind]]
 ) -> str:
-    """How many files below a folder are of no kind that was asked for, by their endings; empty without any."""
+    """Return how many files below a folder are of no kind that was asked for, by their endings; empty without any."""
     path = context.allowed_path(arguments.path)
     if path.is_file():
         return ""
@@ -263,7 +263,7 @@ def _kind(path: Path, wanted: str) -> _ImportKind:
 
 
 def _kind_of(path: Path, wanted: str) -> _ImportKind | None:
-    """What a file is, by its content where that tells, else by its name; None for what cannot be imported."""
+    """Return what a file is, by its content where that tells, else by its name; None for what cannot be imported."""
     root = root_element(path)
     if root == "commonRoad":  # as a map it is a road network, to be filled with other traffic
         return "map" if wanted == "map" else "scenario"

@@ -46,7 +46,7 @@ class MapInventory:
 
 
 async def maps_at_hand(context: WorkflowContext) -> MapInventory:
-    """All maps; files in the map folders that are new or changed are read and kept first.
+    """Return all maps; files in the map folders that are new or changed are read and kept first.
 
     A file that cannot be used is left out and named in a note. Imported maps come first, newest first; then the
     package's own.
@@ -85,7 +85,7 @@ async def _amend_old(context: WorkflowContext) -> list[str]:
 
 
 def maps_seen(context: WorkflowContext) -> MapInventory:
-    """All maps that are known already, without reading a file; a note counts those that are not."""
+    """Return all maps that are known already, without reading a file; a note counts those that are not."""
     seen = SeenFiles(context.workspace.database)
     notes: list[str] = []
     unread = 0
@@ -115,7 +115,7 @@ def _together(context: WorkflowContext, notes: list[str]) -> MapInventory:
 
 
 def map_entry(context: WorkflowContext, artifact: Artifact) -> MapEntry:
-    """A stored map with its file; of an extract of a country, the index of its tiles."""
+    """Return a stored map with its file; of an extract of a country, the index of its tiles."""
     facts = artifact.read(MapFacts)
     if facts.extract is not None:
         return MapEntry(facts, extract_index(context, facts.map_id))
@@ -123,7 +123,7 @@ def map_entry(context: WorkflowContext, artifact: Artifact) -> MapEntry:
 
 
 def _files(folder: Path) -> tuple[list[Path], list[str]]:
-    """The map files of a folder, and notes on what is wrong with the folder."""
+    """Return the map files of a folder, and notes on what is wrong with the folder."""
     try:
         found = sorted(entry for entry in folder.iterdir() if is_map(entry) and entry.is_file())
     except OSError as error:
@@ -161,7 +161,7 @@ async def _taken_in(context: WorkflowContext, seen: SeenFiles, folder: Path) -> 
 
 
 async def _read(context: WorkflowContext, seen: SeenFiles, path: Path) -> SeenFile | Job:
-    """What becomes of a file, or the job that reads it."""
+    """Return what becomes of a file, or the job that reads it."""
     try:
         imported = await import_map(context, path, None)
         if isinstance(imported, Job) and not imported.ended:
@@ -237,7 +237,7 @@ async def map_of_scenario(context: WorkflowContext, word: str) -> str | None:
 
 
 def known_country(text: str | None) -> str | None:
-    """The ISO alpha-3 code of a country's code or name.
+    """Return the ISO alpha-3 code of a country's code or name.
 
     Raises:
         InvalidRequest: there is no such country.
@@ -254,9 +254,9 @@ def known_country(text: str | None) -> str | None:
 
 
 async def _plain(context: WorkflowContext, path: Path, folder: Path) -> tuple[Path | None, tuple[str, ...]]:
-    """The map itself, unpacked or converted into the folder, and what is lost of it, in words.
+    """Return the map itself, unpacked or converted into the folder, and what is lost of it, in words.
 
-    None where it is more than is read at once.
+    None if it is more than is read at once.
     """
     if is_binary(path):
         converted = await context.run(CONVERT_MAP, ConvertMapRequest(path=str(path), folder=str(folder)))

@@ -47,7 +47,7 @@ async def modify_scenario(arguments: ModifyScenarioArguments, context: WorkflowC
 
 
 def _with_edits(arguments: ModifyScenarioArguments, remedy: Remedy) -> Remedy:
-    """The remedy for the call as it was sent, in which the person's choice of vehicles does not stand yet."""
+    """Return the remedy for the call as it was sent, in which the person's choice of vehicles does not stand yet."""
     if remedy.tool:
         return remedy
     chosen = Change(values={"edits": arguments.model_dump(mode="json", exclude_unset=True)["edits"]})
@@ -57,7 +57,7 @@ def _with_edits(arguments: ModifyScenarioArguments, remedy: Remedy) -> Remedy:
 async def with_vehicle_meant(
     refusal: NotPossible, arguments: ModifyScenarioArguments, context: WorkflowContext
 ) -> ModifyScenarioArguments | None:
-    """The arguments with the id of the vehicle that the person chooses; None where nothing was chosen or asked."""
+    """The arguments with the id of the vehicle that the person chooses; None if nothing was chosen or asked."""
     kind, _, selector = refusal.reason.partition(" ")
     fitting = [edit for edit in arguments.edits if any(_reads_as(text, selector) for text in edit.vehicles)]
     if kind != AMBIGUOUS_VEHICLE or not fitting:
@@ -78,7 +78,7 @@ async def with_vehicle_meant(
 
 
 def _reads_as(text: str, selector: str) -> bool:
-    """Whether a text is written differently at most."""
+    """Return whether a text is written differently at most."""
     try:
         return str(parse_selector(text)) == selector
     except InvalidRequest:
@@ -86,7 +86,7 @@ def _reads_as(text: str, selector: str) -> bool:
 
 
 async def modified_once(arguments: ModifyScenarioArguments, context: WorkflowContext) -> ModifyScenarioResult:
-    """The edited scenario; one that was edited before is made anew from its base with all edits, old and new."""
+    """Return the edited scenario; one that was edited before is made anew from its base with all edits, old and new."""
     open_catalogue(context.workspace, with_starter=context.services.with_starter)
     given, named_problem = one_scenario(arguments.scenario_id, context)
     base_id, earlier = _base_and_edits(given)
@@ -152,14 +152,14 @@ async def modified_once(arguments: ModifyScenarioArguments, context: WorkflowCon
 
 
 def _traffic(arguments: ModifyScenarioArguments, given: Artifact) -> TrafficAfterEdits:
-    """The traffic that was asked for, or that the scenario was edited with before."""
+    """Return the traffic that was asked for, or that the scenario was edited with before."""
     if "traffic" in arguments.model_fields_set or given.recipe.tool != _TOOL:
         return arguments.traffic
     return "reactive" if given.recipe.arguments.get("traffic") == "reactive" else "recorded"
 
 
 def _problem(given: Artifact, named: int | None) -> int | None:
-    """The planning problem that the edits are about: all edits since the base are made anew around one ego.
+    """Return the planning problem that the edits are about: all edits since the base are made anew around one ego.
 
     Raises:
         NotPossible: the scenario was edited around another ego before.
@@ -180,7 +180,7 @@ def _problem(given: Artifact, named: int | None) -> int | None:
 
 
 def _base_and_edits(artifact: Artifact) -> tuple[str, tuple[Edit, ...]]:
-    """The scenario that all edits start from, and the edits until now."""
+    """Return the scenario that all edits start from, and the edits until now."""
     if artifact.recipe.tool != _TOOL:
         return artifact.artifact_id, ()
     edits = artifact.recipe.arguments["edits"]

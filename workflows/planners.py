@@ -39,7 +39,7 @@ from .scenarios import choose_scenarios
 
 
 async def list_planners(arguments: ListPlannersArguments, context: WorkflowContext) -> ListPlannersResult:
-    """What there is to set, with the values in force (those of Default for a planner other than the current)."""
+    """Return what there is to set, with the values in force (those of Default for a planner other than the current)."""
     configuration = resolve_configuration(arguments.config_id or "current", context)
     if arguments.planner and known_planner(arguments.planner) != configuration.planner:
         if arguments.config_id:
@@ -76,7 +76,7 @@ async def list_planners(arguments: ListPlannersArguments, context: WorkflowConte
 
 
 async def configure_planner(arguments: ConfigurePlannerArguments, context: WorkflowContext) -> ConfigurePlannerResult:
-    """A new configuration from a preset and changes of weights."""
+    """Return a new configuration from a preset and changes of weights."""
     base = resolve_configuration(arguments.base, context)
     if arguments.planner is not None and known_planner(arguments.planner) != base.planner:
         base = resolve_configuration(arguments.planner, context)
@@ -112,7 +112,7 @@ async def configure_planner(arguments: ConfigurePlannerArguments, context: Workf
 
 
 async def run_planner(arguments: RunPlannerArguments, context: WorkflowContext) -> RunPlannerResult:
-    """One run at once; several as a job that this call waits for."""
+    """Return one run at once; several as a job that this call waits for."""
     faults, configurations = Faults(), dict[str, PlannerConfiguration]()
     with faults.collecting():
         check_modes(arguments.traffic, arguments.prediction)
@@ -140,7 +140,7 @@ async def run_planner(arguments: RunPlannerArguments, context: WorkflowContext) 
 
 
 def _listed(name: str) -> PlannerInfo:
-    """A planner as it is listed; one of others that cannot be imported says so."""
+    """Return a planner as it is listed; one of others that cannot be imported says so."""
     try:
         tuning = tuning_of(name)
     except PlannerFailure as error:
@@ -166,7 +166,7 @@ def _weights(configuration: PlannerConfiguration, tuning: PlannerTuning) -> tupl
 
 
 def _settings(configuration: PlannerConfiguration, tuning: PlannerTuning) -> tuple[SettingInfo, ...]:
-    """The settings that act in the planner."""
+    """Return the settings that act in the planner."""
     values = setting_values(configuration.settings)
     return tuple(
         SettingInfo(name=item.name, value=values[item.name], range=item.range_text, meaning=item.meaning)

@@ -81,7 +81,7 @@ async def render(arguments: RenderArguments, context: WorkflowContext) -> Drawin
 
 
 def _study(words: list[str], context: WorkflowContext) -> StudyRecord | None:
-    """The study that is drawn; None where the words mean something else."""
+    """Return the study that is drawn; None if the words mean something else."""
     word = words[0].strip()
     if len(words) > 1 or not word.startswith("study_"):
         return None
@@ -111,7 +111,7 @@ def _meant(words: list[str], context: WorkflowContext) -> tuple[list[str], list[
 
 
 def named_artifact(word: str, context: WorkflowContext) -> Artifact:
-    """The artifact with this id, or of a word for what the client made last (docs/answers.md).
+    """Return the artifact with this id, or of a word for what the client made last (docs/answers.md).
 
     ``latest`` is the last scenario, run or batch; ``current`` the configuration in force.
 
@@ -197,7 +197,7 @@ class MadeView:
     data: str
 
     def page(self) -> str:
-        """The page that shows it in a browser, the data inside."""
+        """Return the page that shows it in a browser, the data inside."""
         return filled_page(self.kind, " | ".join(self.ids), self.data)
 
 
@@ -280,7 +280,7 @@ def _pane(artifact: Artifact, context: WorkflowContext) -> ViewPane:
 
 
 async def _with_plans(pane: ViewPane, path: Path, context: WorkflowContext) -> ViewPane:
-    """A pane with what the planner of its run had in mind; a note in it where that cannot be had."""
+    """Return a pane with what the planner of its run had in mind; a note in it where that cannot be had."""
     if pane.run is None or pane.run.steps_path is None:
         return pane
     record = pane.run.record

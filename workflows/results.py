@@ -57,7 +57,7 @@ class ChosenResult:
 def chosen_runs(
     words: Sequence[str], context: WorkflowContext
 ) -> tuple[tuple[ChosenResult, ...], tuple[RunSource, ...]]:
-    """The results and all their runs; refused where there is none."""
+    """Return the results and all their runs; refused if there is none."""
     chosen = choose_results(words, context)
     runs = run_sources((run_id for result in chosen for run_id in result.run_ids), context)
     if not runs:
@@ -96,7 +96,7 @@ def _proposing_others(others: Sequence[str]) -> Iterator[None]:
 
 
 def result_named(word: str, context: WorkflowContext) -> Artifact:
-    """The run or batch of an id, or of a word for the client's last ones (``WORDS``).
+    """Return the run or batch of an id, or of a word for the client's last ones (``WORDS``).
 
     Raises:
         UnknownName: nothing of that name, or no such run or batch yet.
@@ -245,7 +245,7 @@ def keep_look(run_id: str, look: RunLook, context: WorkflowContext) -> None:
 
 
 def config_weights(runs: Iterable[RunSource], context: WorkflowContext) -> tuple[ConfigWeights, ...]:
-    """The configurations of runs, as far as they are stored."""
+    """Return the configurations of runs, as far as they are stored."""
     weights = []
     for config_id in dict.fromkeys(run.record.config_id for run in runs):
         artifact = context.workspace.find("config", configuration_id(config_id))
@@ -267,7 +267,7 @@ def config_weights(runs: Iterable[RunSource], context: WorkflowContext) -> tuple
 
 
 def _default_weights(planner: str) -> dict[str, float] | None:
-    """The weights of a planner's Default; None where it is not installed any more: its results stay readable."""
+    """Return the weights of a planner's Default; None if it is not installed any more: its results stay readable."""
     try:
         return dict(preset_configuration(planner).weights)
     except (UnknownName, PlannerFailure):

@@ -75,7 +75,7 @@ class Cell:
         return self.scenario_id if self.problem_id is None else f"{self.scenario_id}#{self.problem_id}"
 
     def recipe(self) -> Recipe:
-        """The recipe of the run; its digest names it."""
+        """Return the recipe of the run; its digest names it."""
         own = planner_version(self.configuration.planner)
         simulator = ["libsumo"] if self.traffic == "reactive" else []
         return Recipe(
@@ -124,7 +124,7 @@ async def run_cell(context: WorkflowContext, cell: Cell, *, tell_client: bool = 
 async def run_grid(
     context: WorkflowContext, cells: Sequence[Cell], on_done: Callable[[CellResult], None]
 ) -> list[CellResult]:
-    """All cells, as many at once as there are workers, in the order of the cells.
+    """Return all cells, as many at once as there are workers, in the order of the cells.
 
     A cell that fails (a broken file, a dead or late worker, a full disk) is lost; the others go on. One that another
     batch or server makes just now is looked at again later.
@@ -160,7 +160,7 @@ async def _isolated(context: WorkflowContext, cell: Cell) -> CellResult | None:
 
 
 async def _attempt(context: WorkflowContext, cell: Cell, *, tell_client: bool) -> CellResult | None:
-    """The cell's run; None where another call or server makes it just now."""
+    """Return the cell's run; None if another call or server makes it just now."""
     recipe = cell.recipe()
     stored = context.workspace.find_by_recipe("run", recipe)
     if stored is not None:
@@ -327,7 +327,7 @@ def own_share(finished: Sequence[CellResult], known: int, total: int) -> float:
 
 
 def _batch_recipe(cells: Sequence[Cell], lost: Sequence[str] = ()) -> Recipe:
-    """The recipe of a grid; one with lost cells has another, so that asking again tries them again."""
+    """Return the recipe of a grid; one with lost cells has another, so that asking again tries them again."""
     scenarios = list(dict.fromkeys(cell.scenario for cell in cells))
     configs = list(dict.fromkeys(cell.configuration.config_id for cell in cells))
     arguments = {
@@ -391,7 +391,7 @@ async def answer_of(
     batch_id: str | None,
     notes: Sequence[str],
 ) -> RunPlannerResult:
-    """The answer for a finished grid, with the moments of a single run, or of the failures that are listed."""
+    """Return the answer for a finished grid, with the moments of a single run, or of the failures that are listed."""
     records = [result.record for result in results if result.record is not None]
     looked_at = records if len(cells) == 1 else _failures(records)[:LISTED_FAILURES]
     reviews: dict[str, RunReview] = {}

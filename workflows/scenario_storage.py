@@ -101,7 +101,7 @@ async def _read(
 
 
 async def _facts(context: WorkflowContext, path: Path, net: Path | None) -> ScenarioFacts:
-    """The facts of a file; a worker that died is no fault of the file's, so a second one tries again."""
+    """Return the facts of a file; a worker that died is no fault of the file's, so a second one tries again."""
     request = ReadFactsRequest(path=path, net=net, file_bytes=context.limits.file_bytes, keep=False)
     try:
         return await context.services.workers.run(READ_FACTS, request)
@@ -137,6 +137,6 @@ async def _store_in_order(
 
 
 def _received(receive: MemoryObjectReceiveStream[_Outcome]) -> Iterator[_Outcome]:
-    """What has arrived, without waiting for more."""
+    """Yield what has arrived, without waiting for more."""
     while receive.statistics().current_buffer_used:
         yield receive.receive_nowait()

@@ -48,7 +48,7 @@ class _Choice:
 
 
 async def describe_scenario(arguments: DescribeScenarioArguments, context: WorkflowContext) -> DescribeScenarioResult:
-    """A scenario in words and ids."""
+    """Return a scenario in words and ids."""
     open_catalogue(context.workspace, with_starter=context.services.with_starter)
     artifact, problem_id = one_scenario(arguments.scenario_id, context)
     record = artifact.read(ScenarioRecord)
@@ -96,7 +96,7 @@ def _other_problems(facts: ScenarioFacts, problem_id: int | None) -> tuple[int, 
 
 
 def one_scenario(word: str, context: WorkflowContext) -> tuple[Artifact, int | None]:
-    """The scenario that an id or ``ID#problem`` names, and the planning problem; None where none is named.
+    """Return the scenario that an id or ``ID#problem`` names, and the planning problem; None if none is named.
 
     Raises:
         UnknownName: there is no such scenario or planning problem.
@@ -150,7 +150,7 @@ def _meant(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], l
 
 
 def planned_scenarios(word: str, context: WorkflowContext) -> tuple[str, ...]:
-    """What a coverage plan has made until now, in its order; ``plan_latest`` is the client's last one.
+    """Return what a coverage plan has made until now, in its order; ``plan_latest`` is the client's last one.
 
     Raises:
         UnknownName: there is no such plan.
@@ -164,7 +164,7 @@ def planned_scenarios(word: str, context: WorkflowContext) -> tuple[str, ...]:
 
 
 def _preset(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], list[str]]:
-    """The first N scenarios with a planning problem, in an order that looks random but is always the same."""
+    """Return the first N scenarios with a planning problem, in an order that looks random but is always the same."""
     number = word.removeprefix("preset:")
     if not re.fullmatch(r"\d+", number) or not 1 <= int(number) <= _LARGEST_PRESET:
         raise InvalidRequest(f"'{word}' names no size", valid=[f"preset:{size}" for size in _PRESET_SIZES], given=word)
@@ -177,7 +177,7 @@ def _preset(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], 
 
 
 def _hits(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], list[str]]:
-    """The hits of a search, or with ``:STAGE`` behind its id what one of its stages left."""
+    """Return the hits of a search, or with ``:STAGE`` behind its id what one of its stages left."""
     name, mark, stage = word.partition(":")
     search = context.artifact(name, "search")
     ids, notes = _stage_hits(search, stage, context) if mark else (_all_hits(search, context), [])
@@ -240,7 +240,7 @@ def searched_within(search_id: str | None, context: WorkflowContext) -> tuple[st
 
 
 def opened_search(arguments: FindScenariosArguments, context: WorkflowContext) -> Search:
-    """A search of the workspace's catalogue, with what is kept of it in memory.
+    """Return a search of the workspace's catalogue, with what is kept of it in memory.
 
     Raises:
         UnknownName: a word outside the vocabularies.

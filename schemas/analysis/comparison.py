@@ -70,7 +70,7 @@ class Side(Model):
     config_name: str = Field(description="name of its configuration")
     run_ids: tuple[str, ...] = Field(description="ids of its runs")
     result_id: str = Field("", description="the run or batch that was named; empty for runs named one by one")
-    planner_version: str = Field("", description="version of the planner that drove; empty where it is not known")
+    planner_version: str = Field("", description="version of the planner that drove; empty if it is not known")
 
 
 class CompareRequest(Model):
@@ -109,7 +109,7 @@ class PairedRun(Model):
     review: RunReview = Field(description="its decisive moments")
 
     def in_words(self) -> str:
-        """The run, and how it ended."""
+        """Return the run, and how it ended."""
         return f"{ending(self.outcome, self.reason, self.review)} ({self.run_id})"
 
 
@@ -129,7 +129,7 @@ class Flip(Model):
 
 
 class WeightChange(Model):
-    """A cost weight that differs; None where a side does not have it."""
+    """A cost weight that differs; None if a side does not have it."""
 
     weight: str = Field(description="name of the weight")
     before: float | None = Field(description="the baseline's value")
@@ -205,7 +205,7 @@ class MetricTest(Model):
     low: float | None = Field(description="lower end of its 95 % interval, of this test alone, in `unit`")
     high: float | None = Field(description="upper end of its 95 % interval, of this test alone, in `unit`")
     effect: float | None = Field(description="matched-pairs rank-biserial correlation, from -1 to 1")
-    p: float | None = Field(description="two-sided p of Wilcoxon's signed-rank test; null where it was not made")
+    p: float | None = Field(description="two-sided p of Wilcoxon's signed-rank test; null if it was not made")
     p_holm: float | None = Field(description="p after Holm's adjustment; null of a test that could show nothing")
     better: Literal["before", "after"] | None = Field(
         description="the side that did better, beyond resolution and chance; null if neither is shown to"
@@ -282,7 +282,7 @@ class CompareResultsResult(Result):
     notes: tuple[str, ...] = ()
 
     def answer(self) -> Answer:
-        """One block a comparison, the verdict first."""
+        """Return one block a comparison, the verdict first."""
         shown = _SHOWN_FLIPS if self.flips_asked is None else self.flips_asked
         lines = [line for comparison in self.comparisons for line in _comparison(comparison, shown)]
         lines += _ranking(self.ranking)
@@ -294,7 +294,7 @@ _SHOWN_EDITED, _SHOWN_EDITS, _SHOWN_FLIPS, _SHOWN_RUNS = 2, 6, 3, 4
 
 
 def _ranking(sides: tuple[RankedSide, ...]) -> list[str]:
-    """The sides by rank in one line."""
+    """Return the sides by rank in one line."""
     parts = [f"{side.rank}. {side.label} {side.success.count}/{side.success.of}" for side in sides]
     tied = len({side.rank for side in sides}) == 1
     told = "; no two of them are told apart" if tied else "; equal ranks are not told apart"
@@ -347,7 +347,7 @@ def _cost(cost: UncomparedCost | None) -> list[str]:
 
 
 def _weights(changes: tuple[WeightChange, ...]) -> list[str]:
-    """What changed, in one line; of two planners, what both have, and how much only one has."""
+    """Return what changed, in one line; of two planners, what both have, and how much only one has."""
     one_sided = [change for change in changes if change.before is None or change.after is None]
     shown = [change for change in changes if change not in one_sided] if len(one_sided) > _SHOWN_EDITS else changes
     parts = [f"{change.weight} {_or_default(change.before)} → {_or_default(change.after)}" for change in shown]
@@ -361,7 +361,7 @@ def _or_default(value: float | None) -> str:
 
 
 def _success(test: SuccessTest) -> list[str]:
-    """The pairs by success, with the difference and its test where there was anything to test."""
+    """Return the pairs by success, with the difference and its test where there was anything to test."""
     if not test.pairs:
         return []
     counts = {
@@ -390,13 +390,13 @@ _ALONE = "the interval is that of this test alone: with all tests of this answer
 
 
 def _strata(comparison: Comparison) -> list[str]:
-    """The difference under each prediction and traffic mode, where there are several."""
+    """Return the difference under each prediction and traffic mode, where there are several."""
     parts = [f"{one.name} {100 * one.difference:+.0f} points of {one.pairs} pairs" for one in comparison.strata]
     return [f"- apart: {', '.join(parts)}"] if parts else []
 
 
 def _edited(comparison: Comparison) -> list[str]:
-    """What the edits changed between the scenarios of pairs by lineage."""
+    """Return what the edits changed between the scenarios of pairs by lineage."""
     if not comparison.edited_count:
         return []
     lines = []
@@ -422,7 +422,7 @@ def _flips(title: str, flips: tuple[Flip, ...], count: int, most: int) -> list[s
 
 
 def _directions(metrics: tuple[MetricTest, ...]) -> list[str]:
-    """The metrics of a single pair by direction; those alike in three digits are the same to a reader."""
+    """Return the metrics of a single pair by direction; those alike in three digits are the same to a reader."""
     groups: dict[str, list[str]] = {"better": [], "worse": [], "changed": [], "same": [], "none": []}
     for metric in metrics:
         words, before, after = metric_words(metric.name), measured(metric.median_before), measured(metric.median_after)
@@ -442,7 +442,7 @@ def _directions(metrics: tuple[MetricTest, ...]) -> list[str]:
 
 
 def _tested(metrics: tuple[MetricTest, ...]) -> list[str]:
-    """The metrics that differ, the smallest p first; the others in one line."""
+    """Return the metrics that differ, the smallest p first; the others in one line."""
     differing = [metric for metric in metrics if metric.p_holm is not None and metric.p_holm < SIGNIFICANCE_LEVEL]
     shown = sorted(differing, key=lambda metric: (metric.p_holm or 0.0, metric.name))
     lines = [_metric(metric) for metric in shown]

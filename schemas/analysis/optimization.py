@@ -92,7 +92,7 @@ class DesignRequest(Model):
 class EffectsRequest(Model):
     """The objective at the points of a design, in their order.
 
-    ``scores``: the objective of each scenario at each point, None where there is none; ``units``: for each scenario the
+    ``scores``: the objective of each scenario at each point, None if absent; ``units``: for each scenario the
     one that it counts for. Without them the scenarios are not tested.
     """
 
@@ -187,12 +187,12 @@ class HeldOut(Model):
 
     @property
     def is_better(self) -> bool:
-        """Whether the gain is shown."""
+        """Return whether the gain is shown."""
         return self.gain.low > 0 and self.shown
 
     @property
     def is_worse(self) -> bool:
-        """Whether a loss is shown."""
+        """Return whether a loss is shown."""
         return self.gain.high < 0 and self.shown
 
 
@@ -251,7 +251,7 @@ class OptimizePlannerResult(Result):
     next_step: str
 
     def answer(self) -> Answer:
-        """What was found and whether it holds on scenarios that the search had not seen."""
+        """Return what was found and whether it holds on scenarios that the search had not seen."""
         if self.study is None:
             found = [] if self.best_so_far is None else [f"Best so far: {self.best_so_far}."]
             return Answer(f"{self.job_id}: {self.state}; {self.message}", decided=found, next_step=self.next_step)

@@ -80,7 +80,7 @@ class PlannerForgeError(Exception):
         super().__init__(self.text)
 
     def also(self, *remedies: Remedy) -> Self:
-        """The same error with further remedies, which come last."""
+        """Return the same error with further remedies, which come last."""
         self.remedies = (*self.remedies, *remedies)
         return self
 
@@ -101,7 +101,7 @@ class PlannerForgeError(Exception):
         return self.told()
 
     def told(self, following: NextCall | None = None) -> str:
-        """The whole error in one line, with the call that mends it if there is one."""
+        """Return the whole error in one line, with the call that mends it if there is one."""
         reason = f" ({self.reason})" if self.shows_reason and self.reason else ""
         parts = [f"[{self.code}] {self.message.rstrip('.')}{reason}."]
         if self.valid:
@@ -156,7 +156,7 @@ class Faults:
         return bool(self._found)
 
     def collecting(self, where: str = "", place: Place = ()) -> "_Collecting":
-        """A block; if it is refused, the refusal is kept for later.
+        """Return a block; if it is refused, the refusal is kept for later.
 
         Args:
             where: stands before its message.
@@ -339,7 +339,7 @@ def leaves_of(raised: Exception) -> list[Exception]:
 
 
 def error_classes() -> dict[str, type[PlannerForgeError]]:
-    """All error classes by their code; codes are unique (a test holds it)."""
+    """Return all error classes by their code; codes are unique (a test holds it)."""
     by_code: dict[str, type[PlannerForgeError]] = {}
     waiting: list[type[PlannerForgeError]] = [PlannerForgeError]
     while waiting:
@@ -352,7 +352,7 @@ def error_classes() -> dict[str, type[PlannerForgeError]]:
 def rebuild(
     code: str, message: str, valid: Sequence[str], next_step: str, reason: str = "", remedies: Sequence[Remedy] = ()
 ) -> PlannerForgeError:
-    """The error that a worker process reported, made again in the server's process.
+    """Return the error that a worker process reported, made again in the server's process.
 
     A defect (``unexpected``) takes its message as the details to log; an unknown code gives the base class.
     """

@@ -47,7 +47,7 @@ class Remedy:
     carried: tuple[str, ...] = ()
 
     def at(self, place: Place) -> "Remedy":
-        """The same with its changes at a place, which is put before their own."""
+        """Return the same with its changes at a place, which is put before their own."""
         changes = tuple(replace(change, place=(*place, *change.place)) for change in self.changes)
         return replace(self, changes=changes)
 
@@ -57,7 +57,7 @@ class Remedy:
 
     @classmethod
     def of_json(cls, value: Mapping[str, Any]) -> "Remedy":
-        """The remedy that :meth:`to_json` wrote."""
+        """Return the remedy that :meth:`to_json` wrote."""
         changes = tuple(
             Change(tuple(one["place"]), one["values"], one["words"], tuple(one["fields"])) for one in value["changes"]
         )
@@ -70,7 +70,7 @@ def instead(word: str, other: object, *fields: str) -> Remedy:
 
 
 def with_values(**values: Any) -> Remedy:
-    """The call again, with other values of fields; None leaves a field out."""
+    """Return the call again, with other values of fields; None leaves a field out."""
     return Remedy((Change(values=values),))
 
 
@@ -107,7 +107,7 @@ def assignments(valid: Iterable[str]) -> list[Remedy]:
 
 
 def _value(text: str) -> Any:
-    """A value as text, which the arguments' model reads as what its field takes."""
+    """Return a value as text, which the arguments' model reads as what its field takes."""
     return [_value(part.strip()) for part in text[1:-1].split(",")] if text.startswith("[") else text.strip("'")
 
 
@@ -214,7 +214,7 @@ def followed(remedy: Remedy, tool: str, given: Mapping[str, Any]) -> NextCall | 
 
 
 def differences(before: Any, after: Any, path: str = "") -> list[tuple[str, Any]]:
-    """The parts that differ, by their paths such as ``edits[0].preset``; None for what is left out."""
+    """Return the parts that differ, by their paths such as ``edits[0].preset``; None for what is left out."""
     if before == after:
         return []
     if isinstance(before, Mapping) and isinstance(after, Mapping):

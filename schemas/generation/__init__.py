@@ -94,7 +94,7 @@ INDEX_NAME = "extract.sqlite"
 class ExtractSize(Model):
     """How much an extract of a country holds that is kept by tiles; a node at a border of tiles may count for each.
 
-    ``data_time``: as the file states it, empty where it does not.
+    ``data_time``: as the file states it, empty if it does not.
     """
 
     places: int
@@ -108,7 +108,7 @@ class ExtractSize(Model):
 class MapFacts(Model):
     """What a map shows: read from the file, nothing guessed.
 
-    ``country`` is None where neither the file nor the caller names it; ``countries_near`` are then those that it may
+    ``country`` is None if neither the file nor the caller names it; ``countries_near`` are then those that it may
     lie in (none: nothing is known). ``sites`` counts sites by scenario type. ``road_names``: for roads that have
     several names the one of ``streets`` or ``refs``, then the others; ``areas``: places that the map shows in part of
     itself. ``source``: where a fetched map comes from. ``extract``: of an extract of a country, which is
@@ -246,7 +246,7 @@ class CutExtractRequest(Model):
 
 
 class CutOfExtract(Model):
-    """A part of an extract as a map file, and what it shows; empty and None where the extract shows nothing such.
+    """A part of an extract as a map file, and what it shows; empty and None if the extract shows nothing such.
 
     ``core``: where its roads are whole and sites are to be looked for; ``label``: what it is about, in words;
     ``words``: of the request, what names something on the map itself (empty: all of it named the extract).
@@ -270,7 +270,7 @@ class PlanFactor(Model):
     levels: tuple[str, ...]
 
     def text(self, level: int) -> str:
-        """A level as it is written in a call, such as ``density=high``."""
+        """Return a level as it is written in a call, such as ``density=high``."""
         return f"{self.name.partition(' ')[0]}={self.levels[level]}"
 
 
@@ -344,7 +344,7 @@ class DensityFacts(Model):
 
     CommonRoad's schema lets obstacles begin at step 0 only, so that traffic thins out as vehicles leave.
     ``paper_trips``: what the paper's scenarios of that density have. ``at_time``: the time of day that set what is
-    wanted in the place of ``wish``; empty where none did.
+    wanted in the place of ``wish``; empty if none did.
     """
 
     wish: Density = Field(description="the density that was asked for")
@@ -549,7 +549,7 @@ class ScenarioSummary(Model):
         return f"{self.site}, {cited(self.place)} ({self.map_id}, {self.latitude:.5f}, {self.longitude:.5f}{osm})"
 
     def answer(self) -> Answer:
-        """One scenario: where it is, its traffic, the ego's task; what failed or came out otherwise."""
+        """Return one scenario: where it is, its traffic, the ego's task; what failed or came out otherwise."""
         remarks = [f"trial run: {self.trial_run}"] if self.trial_run else []
         notes = first_of(self.notes, _MOST_NOTES, f"describe_scenario of {self.scenario_id}, detail=checks")
         return Answer(
@@ -568,7 +568,7 @@ class ScenarioSummary(Model):
         )
 
     def line(self) -> str:
-        """The same in a line, for one of many."""
+        """Return the same in a line, for one of many."""
         failed = f"; FAILED: {', '.join(self.checks_failed)}" if self.checks_failed else ""
         tried = f"; trial run: {self.trial_run}" if self.trial_run else ""
         made = f"- {self.scenario_id}{' (made before)' if self.reused else ''}"
@@ -624,7 +624,7 @@ class PlanSummary(Model):
     places: dict[str, int] = Field(description="scenarios by place")
 
     def lines(self) -> list[str]:
-        """What was made where, what cannot be, and what is left, a line each."""
+        """Return what was made where, what cannot be, and what is left, a line each."""
         tried = [f"{counted(self.refused, 'try')} refused"] if self.refused else []
         lost = [f"{self.failed} failed"] if self.failed else []
         where = [f"{shown_name(place)} {count}" for place, count in list(self.places.items())[:_SHOWN_PLACES]]
@@ -667,7 +667,7 @@ class GenerateScenariosResult(Result):
     state: JobState = "done"
 
     def answer(self) -> Answer:
-        """One scenario with all that decides, of several a line each; a plan in figures."""
+        """Return one scenario with all that decides, of several a line each; a plan in figures."""
         if self.plan is not None:
             following = f"run_planner with scenarios ['{self.plan.plan_id}']"
             if self.state == "running":

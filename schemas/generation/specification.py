@@ -114,10 +114,10 @@ class RoadFlow(Model):
 class TrafficConditions(Model):
     """Under which conditions traffic drives.
 
-    ``time``: of day, ``HH:MM``, empty where it is not given; ``drivers``: the preset that all drivers have, or the
+    ``time``: of day, ``HH:MM``, empty if it is not given; ``drivers``: the preset that all drivers have, or the
     published calibrations that hold for them, joined by ``+``;
     ``natural_mix``: all classes at their natural shares. ``per_lane_km``: vehicles per kilometre of lane at the start
-    that stand in the place of the density's, None where the density counts. ``flows``: counted traffic that stands in
+    that stand in the place of the density's, None if the density counts. ``flows``: counted traffic that stands in
     the place of both; ``trips``: on which roads more trips begin.
     """
 
@@ -131,7 +131,7 @@ class TrafficConditions(Model):
 
     @property
     def hour(self) -> int | None:
-        """The hour of the day, from 0 to 23; None where no time is given."""
+        """The hour of the day, from 0 to 23; None if no time is given."""
         return int(self.time.partition(":")[0]) if self.time else None
 
     @property
@@ -213,7 +213,7 @@ class AskedGoal:
 
     @property
     def is_through(self) -> bool:
-        """Whether the goal lies behind the site."""
+        """Return whether the goal lies behind the site."""
         return self.steps is None and self.distance_m is None and self.lanelet is None
 
     def __str__(self) -> str:
@@ -258,7 +258,7 @@ class AskedEgo:
 
     @property
     def asked_class(self) -> str | None:
-        """The class that the words name, whether or not an ego can be one; None where they name none."""
+        """The class that the words name, whether or not an ego can be one; None if they name none."""
         return self.other_class or (self.vehicle_class if self.text.startswith("type:") else None)
 
     def __str__(self) -> str:
@@ -336,7 +336,7 @@ class ScenarioSpec(Model):
 
     @property
     def people(self) -> VehicleDemand | None:
-        """How many people on foot are asked for; None where none are named, or none are to be there."""
+        """How many people on foot are asked for; None if none are named, or none are to be there."""
         asked = next((demand for demand in self.vehicles if demand.vehicle_class == "pedestrian"), None)
         return None if asked is None or asked.most == 0 else asked
 

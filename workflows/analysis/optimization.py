@@ -102,7 +102,7 @@ class _Plan:
     notes: tuple[str, ...]
 
     def values(self, runs: Sequence[RunRecord]) -> tuple[float, ...]:
-        """The mean objectives over runs: their sum, or one by one for a front."""
+        """Return the mean objectives over runs: their sum, or one by one for a front."""
         if not runs:
             return (-math.inf,) * self.count
         each = tuple(fmean(one.score(run) for run in runs) for one in self.objectives)
@@ -114,11 +114,11 @@ class _Plan:
         return len(self.objectives) if self.arguments.pareto else 1
 
     def score(self, run: RunRecord) -> float:
-        """The summed objectives of a run."""
+        """Return the summed objectives of a run."""
         return sum(one.score(run) for one in self.objectives)
 
     def at(self, point: Sequence[float]) -> PlannerConfiguration:
-        """The configuration at a point of the space: the base with these values."""
+        """Return the configuration at a point of the space: the base with these values."""
         values = values_at(self.space, point)
         words: dict[bool, list[str]] = {True: [], False: []}
         for one in self.space:
@@ -126,7 +126,7 @@ class _Plan:
         return changed_configuration(self.base, None, words[False], words[True])[0]
 
     def cell(self, scenario: ChosenScenario, configuration: PlannerConfiguration) -> Cell:
-        """The run of a scenario under a configuration."""
+        """Return the run of a scenario under a configuration."""
         modes = (self.arguments.prediction, self.arguments.traffic)
         return Cell(scenario.scenario_id, scenario.problem_id, configuration, *modes)
 
@@ -158,7 +158,7 @@ class _Search:
         return most - _LOOK - min(len(self.plan.space), int(_TAKEN_BACK * (most - _LOOK)))
 
     async def run(self) -> StudyRecord:
-        """The whole search."""
+        """Return the whole search."""
         first = await self.tried([(self.plan.base, point_of(self.plan.space, self.plan.base))], prune=False)
         if not first[0].valid:
             raise NotPossible(
@@ -182,7 +182,7 @@ class _Search:
         return max(wanted, self.left - _LOOK) if self.best().number == 0 else wanted
 
     def _presets(self) -> list[tuple[PlannerConfiguration, tuple[float, ...]]]:
-        """The other presets with the base's settings; none where only some weights are varied."""
+        """Return the other presets with the base's settings; none where only some weights are varied."""
         if self.plan.arguments.vary:
             return []
         base = self.plan.base
@@ -209,7 +209,7 @@ class _Search:
         return (await self.context.services.workers.run(PROPOSE, request)).points
 
     def _told(self, trial: _Trial) -> ToldTrial:
-        """What the sampler is told of a trial; a broken constraint costs more than any success is worth."""
+        """Return what the sampler is told of a trial; a broken constraint costs more than any success is worth."""
         broken = 0.0 if self.is_within(trial) else _BROKEN
         point = trial.point or point_of(self.plan.space, trial.configuration)
         values = self.values(trial)
@@ -254,7 +254,7 @@ class _Search:
         return made
 
     def _is_behind(self, runs: Sequence[RunRecord | None], best: Sequence[RunRecord | None]) -> bool:
-        """Whether a candidate is behind the best one by more than a standard error on the same scenarios."""
+        """Return whether a candidate is behind the best one by more than a standard error on the same scenarios."""
         paired = [
             self.plan.score(one) - self.plan.score(other)
             for one, other in zip(runs, best, strict=False)
@@ -267,7 +267,7 @@ class _Search:
         return mean < 0 and mean + error <= 0
 
     async def _run(self, cells: Sequence[Cell]) -> list[RunRecord | None]:
-        """The runs of some cells in their order; lost ones are None."""
+        """Return the runs of some cells in their order; lost ones are None."""
         if not cells:
             return []
         for configuration in {cell.configuration.config_id: cell.configuration for cell in cells}.values():
@@ -276,7 +276,7 @@ class _Search:
         return [result.record for result in results]
 
     def is_within(self, trial: _Trial) -> bool:
-        """Whether a trial keeps the constraints, against the base on the same scenarios."""
+        """Return whether a trial keeps the constraints, against the base on the same scenarios."""
         base = [run for run in self.trials[0].runs[: len(trial.runs)] if run is not None and run.outcome != "invalid"]
         return all(one.holds(trial.valid, base) for one in self.plan.constraints)
 
@@ -288,7 +288,7 @@ class _Search:
         return max(whole or self.trials[:1], key=lambda trial: (sum(self.plan.values(trial.valid)), -trial.number))
 
     def line(self, trial: _Trial) -> TrialLine:
-        """A trial as it is told."""
+        """Return a trial as it is told."""
         return TrialLine(
             number=trial.number,
             config_id=trial.configuration.config_id,
@@ -335,7 +335,7 @@ class _Search:
         )
 
     def _front(self) -> list[_Trial]:
-        """The trials that no other one beats in every objective."""
+        """Return the trials that no other one beats in every objective."""
         if not self.plan.arguments.pareto:
             return []
         whole = [trial for trial in self.trials if self.is_within(trial)]
@@ -380,7 +380,7 @@ class _Search:
         return sum(self.plan.values(trial.valid)) - sum(self.plan.values(other.valid))
 
     def _without(self, configuration: PlannerConfiguration, names: Sequence[str]) -> PlannerConfiguration:
-        """A configuration with the base's values of some weights and settings."""
+        """Return a configuration with the base's values of some weights and settings."""
         weights = configuration.weights | configuration.external_weights
         changes = differences(self.plan.base, configuration)
         words = [f"{one.name}={one.before!r}" for one in changes if one.name in names]
@@ -392,7 +392,7 @@ class _Search:
         )[0]
 
     async def _apart(self, configuration: PlannerConfiguration) -> _Trial:
-        """A configuration on all training scenarios, outside of the search."""
+        """Return a configuration on all training scenarios, outside of the search."""
         runs = await self._run([self.plan.cell(scenario, configuration) for scenario in self.plan.training])
         self.driven += 1
         self._report()
@@ -461,7 +461,7 @@ def _study_record(
     driven: int = 0,
     notes: tuple[str, ...] = (),
 ) -> StudyRecord:
-    """The record of a study."""
+    """Return the record of a study."""
     return StudyRecord(
         study_id=f"study_{_recipe(plan).digest}",
         method=plan.arguments.method,
@@ -540,7 +540,7 @@ def _finished(study: StudyRecord, context: WorkflowContext) -> OptimizePlannerRe
 
 
 async def _effects(search: _Search) -> StudyRecord:
-    """A sensitivity analysis: every point of a design on all scenarios."""
+    """Return a sensitivity analysis: every point of a design on all scenarios."""
     plan, arguments = search.plan, search.plan.arguments
     design = DesignRequest(
         method="morris" if arguments.method == "morris" else "sobol",
@@ -654,7 +654,7 @@ _Parts = tuple[
 
 
 def _divided(scenarios: Sequence[ChosenScenario], roots: Mapping[str, str], seed: int) -> _Parts:
-    """The scenarios in two halves that share no place, each in an order that the seed draws.
+    """Return the scenarios in two halves that share no place, each in an order that the seed draws.
 
     Where all lie in one place, maps are divided instead.
 
@@ -698,7 +698,7 @@ def _grouped(
 
 
 def _recipe(plan: _Plan) -> Recipe:
-    """The recipe of a study; how long a call waits is no part of it."""
+    """Return the recipe of a study; how long a call waits is no part of it."""
     arguments = plan.arguments.model_dump(mode="json", exclude={"wait_s", "scenarios", "base", "seed"})
     scenarios = [[one.scenario_id, one.problem_id] for one in (*plan.training, *plan.held_out)]
     packages = ("optuna", "cmaes", "SALib", "frenetix", "commonroad-io", "commonroad-drivability-checker")

@@ -44,7 +44,7 @@ Tell = Callable[[int, int, str], None]
 
 
 def limits_of(suite: Suite) -> list[Limit]:
-    """The limits; one on lost runs is added where the suite has none: a gate that lost runs has not seen them.
+    """Return the limits; one on lost runs is added where the suite has none: a gate that lost runs has not seen them.
 
     Raises:
         InvalidRequest, UnknownName: those that say nothing, all at once.
@@ -136,7 +136,7 @@ async def _run(context: WorkflowContext, cells: Sequence[Cell], tell: Tell) -> l
 
 
 async def _configurations(suite: Suite, context: WorkflowContext) -> dict[str, PlannerConfiguration]:
-    """The configurations by their names in the suite.
+    """Return the configurations by their names in the suite.
 
     Raises:
         InvalidRequest: two of one name.
@@ -164,7 +164,7 @@ def _check_names(limits: Sequence[Limit], configurations: Mapping[str, object]) 
 
 
 async def _scenarios(suite: Suite, folder: Path, context: WorkflowContext) -> tuple[list[str], list[str]]:
-    """The scenarios as ids or as words that ``run_planner`` takes, and notes.
+    """Return the scenarios as ids or as words that ``run_planner`` takes, and notes.
 
     Raises:
         NotPossible: a search finds nothing, or no file could be taken in.
@@ -191,7 +191,7 @@ async def _scenarios(suite: Suite, folder: Path, context: WorkflowContext) -> tu
 
 
 async def _imported(path: Path, context: WorkflowContext) -> tuple[list[str], list[str]]:
-    """The ids of the scenario files at a path, each taken in by itself, and what was refused."""
+    """Return the ids of the scenario files at a path, each taken in by itself, and what was refused."""
     files = (
         [path]
         if not path.is_dir()
@@ -220,14 +220,14 @@ class _Baseline:
     by_configuration: Mapping[str, tuple[RunSource, ...]]
 
     def of(self, configuration: str) -> tuple[RunSource, ...]:
-        """The runs of a configuration; the only ones that there are, where it is called otherwise."""
+        """Return the runs of a configuration; the only ones that there are, where it is called otherwise."""
         if len(self.by_configuration) == 1:
             return next(iter(self.by_configuration.values()))
         return self.by_configuration.get(configuration, ())
 
 
 def _baseline(word: str, folder: Path, context: WorkflowContext) -> _Baseline:
-    """The runs of a baseline: a file that ``--save-baseline`` wrote, or a stored batch.
+    """Return the runs of a baseline: a file that ``--save-baseline`` wrote, or a stored batch.
 
     Raises:
         UnknownName: there is neither.
@@ -258,7 +258,7 @@ def _by_name(batch_id: str, workspace: Workspace, context: WorkflowContext) -> d
 
 
 async def _reviews(context: WorkflowContext, records: Sequence[RunRecord]) -> dict[str, RunReview]:
-    """The moments of the runs that did not reach the goal, by run."""
+    """Return the moments of the runs that did not reach the goal, by run."""
     failed = [record for record in records if record.outcome not in ("goal_reached", "invalid")]
     reviews: dict[str, RunReview] = {}
     for begin in range(0, len(failed), _AT_ONCE):
@@ -279,7 +279,7 @@ async def _verdicts(
     baselines: Mapping[str, _Baseline],
     context: WorkflowContext,
 ) -> list[LimitVerdict]:
-    """Every limit for every configuration that it is for."""
+    """Return every limit for every configuration that it is for."""
     verdicts = []
     for name, group in groups.items():
         records = [result.record for result in group if result.record is not None]
@@ -301,14 +301,14 @@ async def _verdicts(
 
 
 def _is_unpreventable(review: RunReview) -> bool:
-    """Whether no reference driver prevents the collision; one that could not be judged counts as preventable."""
+    """Return whether no reference driver prevents the collision; one that could not be judged counts as preventable."""
     return review.contact is not None and review.contact.is_unpreventable
 
 
 async def _compared(
     name: str, records: Sequence[RunRecord], baseline: _Baseline, context: WorkflowContext
 ) -> tuple[SuccessTest, tuple[str, ...]]:
-    """The paired test of a baseline's runs and these, and the scenarios that only the baseline mastered."""
+    """Return the paired test of a baseline's runs and these, and the scenarios that only the baseline mastered."""
     before = baseline.of(name)
     now = run_sources((record.run_id for record in records), context)
     if not before or not now:

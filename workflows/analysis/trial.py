@@ -44,7 +44,7 @@ class _Change:
     passing: tuple[RunRecord, ...]
 
     def cells(self) -> list[Cell]:
-        """The runs to make."""
+        """Return the runs to make."""
         return [
             Cell(run.scenario_id, run.problem_id, self.configuration, run.prediction, run.traffic, run.seed)
             for run in (*self.failing, *self.passing)
@@ -107,7 +107,7 @@ def _was_edited(record: RunRecord) -> bool:
 
 
 def _chosen(findings: Sequence[Finding]) -> list[Suggestion]:
-    """The first suggestions, each change once."""
+    """Return the first suggestions, each change once."""
     seen: dict[tuple[str, str, str], Suggestion] = {}
     for finding in findings:
         if finding.suggestion is not None:
@@ -123,7 +123,7 @@ def _noted(result: AnalyzeResultsResult, note: str, job_id: str = "") -> Analyze
 def _changes(
     suggestion: Suggestion, records: Sequence[RunRecord], unpreventable: frozenset[str], context: WorkflowContext
 ) -> list[_Change]:
-    """The sizes of a suggested change that the weight allows, each with its configuration and runs."""
+    """Return the sizes of a suggested change that the weight allows, each with its configuration and runs."""
     base = resolve_configuration(suggestion.config_id, context)
     own = [one for one in records if one.config_id == suggestion.config_id and one.outcome != "invalid"]
     failing = [one for one in own if one.outcome != "goal_reached" and one.run_id not in unpreventable]
@@ -177,7 +177,7 @@ def _recipe(changes: Sequence[_Change]) -> Recipe:
 
 
 def _work(cells: Sequence[Cell], total: int, context: WorkflowContext) -> JobWork:
-    """The job: makes the runs that are missing."""
+    """Return the job: makes the runs that are missing."""
 
     async def work(progress: JobProgress) -> None:
         done = total - len(cells)
@@ -195,7 +195,7 @@ def _work(cells: Sequence[Cell], total: int, context: WorkflowContext) -> JobWor
 
 
 def _outcome(change: _Change, context: WorkflowContext) -> TriedChange:
-    """What became of the runs under the change; one that was lost is in no figure."""
+    """Return what became of the runs under the change; one that was lost is in no figure."""
     after = {}
     for cell, run in zip(change.cells(), (*change.failing, *change.passing), strict=True):
         stored = context.workspace.find_by_recipe("run", cell.recipe())

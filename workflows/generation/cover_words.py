@@ -53,7 +53,7 @@ _FREE = ("place", "country", "duration_s", "ego")
 
 
 def read_cover(texts: Sequence[str]) -> tuple[tuple[PlanFactor, ...], int]:
-    """The factors of a plan, and how many of them a combination joins.
+    """Return the factors of a plan, and how many of them a combination joins.
 
     Raises:
         InvalidRequest: a line that cannot be read, a level that there is not, or more than a plan takes.
@@ -95,7 +95,7 @@ def _strength(text: str, value: str) -> int:
 
 
 def _combinations(factors: Sequence[PlanFactor], strength: int) -> int:
-    """How many combinations there are: the elementary symmetric polynomial of the numbers of levels."""
+    """Return how many combinations there are: the elementary symmetric polynomial of the numbers of levels."""
     sums = [1, *[0] * strength]
     for factor in factors:
         for size in range(strength, 0, -1):
@@ -197,7 +197,7 @@ class AskedPlan:
                 raise UnknownName(f"there is no vehicle class {quoted(name)}", valid=closest(name, known))
 
     def row_spec(self, levels: Mapping[int, int]) -> GenerationSpec:
-        """What is asked of a scenario with some levels.
+        """Return what is asked of a scenario with some levels.
 
         Raises:
             InvalidRequest: a level that cannot be meant.
@@ -205,7 +205,7 @@ class AskedPlan:
         return read_specification(self._row_arguments(levels))
 
     def _row_arguments(self, levels: Mapping[int, int]) -> GenerateScenariosArguments:
-        """The arguments of a scenario with some levels.
+        """Return the arguments of a scenario with some levels.
 
         Raises:
             InvalidRequest: a level that cannot be meant.
@@ -232,7 +232,7 @@ class AskedPlan:
             ) from error
 
     def matches(self, levels: Mapping[int, int]) -> tuple[MapMatch, ...]:
-        """The maps for some levels; those of all places and countries where the levels name none."""
+        """Return the maps for some levels; those of all places and countries where the levels name none."""
         names = ("place", "country")
         where = {(factor, level) for factor, level in levels.items() if self.factors[factor].name in names}
         fitting = (matches for key, matches in self.shown.items() if where <= set(key))
@@ -259,11 +259,11 @@ class AskedPlan:
 
     @property
     def wanted(self) -> int | None:
-        """Scenarios asked for; None where the call leaves it to the combinations."""
+        """Scenarios asked for; None if the call leaves it to the combinations."""
         return self.arguments.count if "count" in self.arguments.model_fields_set else None
 
     def of_spot(self) -> Iterator[dict[int, int]]:
-        """The levels of the factors that say where a scenario may lie, in all their combinations."""
+        """Return the levels of the factors that say where a scenario may lie, in all their combinations."""
         by_type = any(factor.name == "scenario_type" for factor in self.factors)
         return self.groups("place", "country", "scenario_type" if by_type else "turn")
 
@@ -298,7 +298,7 @@ def impossible_turns(asked: AskedPlan) -> Iterator[tuple[Combination, str]]:
 
 
 def held_before(asked: AskedPlan, context: WorkflowContext) -> list[Levels]:
-    """The levels of what the workspace holds, each once: by what was asked for each of its scenarios."""
+    """Return the levels of what the workspace holds, each once: by what was asked for each of its scenarios."""
     held = HeldLevels(asked)
     found = {held.of(shape): None for shape in made_before(context.workspace.database.connection())}
     return [levels for levels in found if levels is not None and any(level is not None for level in levels)]

@@ -98,7 +98,7 @@ class Spot:
             yield match, site, seed + lap, "passed"
 
     def match(self, map_id: str) -> MapMatch:
-        """How one of its maps shows what was asked."""
+        """Return how one of its maps shows what was asked."""
         return next(match for match, _ in self.held if match.entry.facts.map_id == map_id)
 
 
@@ -157,7 +157,7 @@ class _PlanWork:
             await self._make_waiting(spots)
 
     def _has_enough(self, under_way: int) -> bool:
-        """Whether there are as many as asked for once those under way are made."""
+        """Return whether there are as many as asked for once those under way are made."""
         return self._asked.wanted is not None and self._tally.made + under_way >= self._asked.wanted
 
     def _groups(self) -> list[tuple[dict[int, int], str]]:
@@ -168,7 +168,7 @@ class _PlanWork:
         return Spot(words, tuple((by_id[map_id], count) for map_id, count in record.spots.get(words, ())))
 
     async def _record(self) -> PlanRecord:
-        """What the plan is: as it is stored, or from the maps."""
+        """Return what the plan is: as it is stored, or from the maps."""
         asked, workspace = self._asked, self._call.workspace
         stored = workspace.find("plan", asked.plan_id)
         if stored is not None:
@@ -199,7 +199,7 @@ class _PlanWork:
         return record
 
     async def _sites(self, group: Mapping[int, int]) -> tuple[tuple[str, int], ...]:
-        """The maps that hold sites for some levels, and how many: as the index says, or counted on the map."""
+        """Return the maps that hold sites for some levels, and how many: as the index says, or counted on the map."""
         spec = self._asked.row_spec(group)
         kind, found = spec.scenario_type, []
         for match in self._asked.matches(group):
@@ -222,7 +222,7 @@ class _PlanWork:
             return 0
 
     async def _plan_more(self, record: PlanRecord, spots: Mapping[str, Spot]) -> bool:
-        """Plan the next rows; False where there are enough, or none can be made any more."""
+        """Plan the next rows; False if there are enough, or none can be made any more."""
         wanted = self._asked.wanted
         at_once = min(max(self._tally.made, _FIRST), _AT_ONCE)
         missing = at_once if wanted is None else min(wanted - self._tally.made, at_once)
@@ -300,12 +300,12 @@ class _PlanWork:
 
 
 def _is_exhausted(rows: PlanRows) -> bool:
-    """Whether all is covered, and of the rows beyond that the last ones were all refused."""
+    """Return whether all is covered, and of the rows beyond that the last ones were all refused."""
     return rows.refused_in_a_row() >= _GIVEN_UP_AFTER and rows.counts().waiting == 0
 
 
 def coverage_request(record: PlanRecord, rows: PlanRows, *, lap: int, most: int) -> CoverageRequest:
-    """How far a plan has come, by what its rows became."""
+    """Return how far a plan has come, by what its rows became."""
     covered = {key for levels in rows.made() for key in combinations_in(levels, record.strength)}
     refused: Counter[Combination] = Counter()
     for levels, times, _ in rows.refused():
@@ -324,7 +324,7 @@ def coverage_request(record: PlanRecord, rows: PlanRows, *, lap: int, most: int)
 async def _answer(
     asked: AskedPlan, context: WorkflowContext, rows: PlanRows, job: Job | None, notes: Sequence[str]
 ) -> GenerateScenariosResult:
-    """How far the plan is, by its rows; they are the same for every server."""
+    """Return how far the plan is, by its rows; they are the same for every server."""
     state: JobState = "done" if job is None else job.state
     stored = context.workspace.find("plan", asked.plan_id)
     told = [*notes, *([job.error] if job is not None and job.error else []), context.services.workers.notice]

@@ -52,7 +52,7 @@ def _with_table_read(text: str, context: WorkflowContext) -> str:
 
 
 def _rows(lines: list[str], key: str, name: str) -> Iterator[str]:
-    """The flows of a table as they are written out in a call."""
+    """Yield the flows of a table as they are written out in a call."""
     separator = max(",;\t", key=(lines[0] if lines else "").count)
     reader = csv.reader(lines, delimiter=separator)
     header = [word.strip().lower().replace(" ", "_") for word in next(reader, [])]

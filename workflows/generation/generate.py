@@ -76,7 +76,7 @@ async def generate_scenarios(
 async def _make_all(
     spec: GenerationSpec, context: WorkflowContext, sites: SiteAssignment
 ) -> tuple[list[ScenarioSummary], list[str]]:
-    """The scenarios that could be made, and notes on those that could not.
+    """Return the scenarios that could be made, and notes on those that could not.
 
     Raises:
         PlannerForgeError: nothing could be made.

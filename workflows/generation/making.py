@@ -39,7 +39,7 @@ _ADVICE = "the default planner cannot run here; another seed makes other traffic
 async def make_scenario(
     context: WorkflowContext, request: GenerationRequest, share: tuple[float, float]
 ) -> ScenarioSummary:
-    """One scenario: the stored one where the same recipe made it before, otherwise a new one.
+    """Return one scenario: the stored one where the same recipe made it before, otherwise a new one.
 
     Of a million scenarios some dozens would get the id of another one: such a one is made again with other digits of
     its digest in the id.
@@ -148,7 +148,7 @@ def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator
 
 
 def _unlike(realised: str, asked: str) -> str:
-    """What was asked for, where it is another type of site."""
+    """Return what was asked for, where it is another type of site."""
     return "" if asked in ("any", realised) else f" (for the {asked} that was asked for)"
 
 
@@ -168,7 +168,7 @@ _RECORDED = (
 
 
 def recipe_of(request: GenerationRequest) -> Recipe:
-    """The resolved request without paths; the map counts by its content."""
+    """Return the resolved request without paths; the map counts by its content."""
     dumped = request.model_dump(mode="json")
     arguments = {name: dumped[name] for name in _RECORDED if name in dumped}
     arguments["map_content"] = content_digest(Path(request.map_path))
@@ -186,7 +186,7 @@ def shape_of(request: GenerationRequest) -> dict[str, Any]:
 
 
 async def with_trial_run(context: WorkflowContext, summary: ScenarioSummary) -> ScenarioSummary:
-    """The summary with what the default planner made of the scenario; the run is stored as any other.
+    """Return the summary with what the default planner made of the scenario; the run is stored as any other.
 
     A collision or a missed goal is a result, not a fault of the scenario. The check fails where no run was possible:
     the planner found the problem invalid or no trajectory for it, or the run was lost. The scenario is handed out all

@@ -92,7 +92,7 @@ class SiteAssignment:
 
 
 def plan_maps(spec: GenerationSpec, maps: Sequence[MapEntry], closeness: Closeness = Closeness.PART) -> GenerationPlan:
-    """The maps for a call; those that lack the asked type are left out unless none holds it.
+    """Return the maps for a call; those that lack the asked type are left out unless none holds it.
 
     The seed rotates them, so that another seed is another map where several fit.
 
@@ -114,7 +114,7 @@ def plan_maps(spec: GenerationSpec, maps: Sequence[MapEntry], closeness: Closene
 
 
 def plan_matches(spec: GenerationSpec, matches: Sequence[MapMatch]) -> GenerationPlan:
-    """The same for maps that are known to show what was asked for.
+    """Return the same for maps that are known to show what was asked for.
 
     Raises:
         NotPossible: of several maps none holds the asked type.
@@ -145,7 +145,7 @@ def _held_nowhere(scenario_type: ScenarioType, matches: Sequence[MapMatch]) -> N
 
 
 def _beyond_the_maps(box: Box, matches: Sequence[MapMatch]) -> list[str]:
-    """A note for a box that no map shows whole, such as that of a country: what of it was looked at."""
+    """Return a note for a box that no map shows whole, such as that of a country: what of it was looked at."""
     shown = [match.entry.facts for match in matches]
     south, west, north, east = box
     if any(f.south <= south and f.west <= west and north <= f.north and east <= f.east for f in shown):
@@ -158,7 +158,7 @@ def _beyond_the_maps(box: Box, matches: Sequence[MapMatch]) -> list[str]:
 
 
 async def widen_empty(spec: GenerationSpec, context: WorkflowContext, plan: GenerationPlan) -> GenerationPlan:
-    """The plan with the whole map for streets that do not lie in the circle of the town named with them.
+    """Return the plan with the whole map for streets that do not lie in the circle of the town named with them.
 
     Only a map with such a circle is looked at. What the whole map lacks too is left to be refused as it was asked.
     """
@@ -195,13 +195,13 @@ async def without_refused(
 
 
 def _other_place(remedy: Remedy) -> str | None:
-    """The place that a remedy proposes, if it changes nothing else."""
+    """Return the place that a remedy proposes, if it changes nothing else."""
     values = remedy.changes[0].values if len(remedy.changes) == 1 else None
     return str(values["place"]) if values is not None and values.keys() == {"place"} and values["place"] else None
 
 
 async def _could_be(spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry], place: str) -> bool:
-    """Whether a map at hand shows a place and holds the asked type of site there."""
+    """Return whether a map at hand shows a place and holds the asked type of site there."""
     other = spec.model_copy(update={"place": place})
     try:
         match = plan_maps(other, entries).matches[0]
@@ -282,7 +282,7 @@ def share_sites(matches: Sequence[MapMatch], counts: Sequence[int], wanted: int)
 
 
 def nth_site(counts: Sequence[int], turn: int) -> tuple[int, int, int]:
-    """The map and the site number ``turn`` where maps take turns, and how often all sites were taken before.
+    """Return the map and the site number ``turn`` where maps take turns, and how often all sites were taken before.
 
     ``counts``: how many sites each map holds. All first sites come before all second ones, as in :func:`share_sites`.
     """
@@ -298,7 +298,7 @@ def nth_site(counts: Sequence[int], turn: int) -> tuple[int, int, int]:
 
 
 async def maps_for(spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry]) -> GenerationPlan:
-    """The maps that a call uses.
+    """Return the maps that a call uses.
 
     Raises:
         InvalidRequest: no map shows what was asked for, here or on the net; or several places have the name.
@@ -326,7 +326,7 @@ async def maps_for(spec: GenerationSpec, context: WorkflowContext, entries: Sequ
 
 
 def _names_somewhere(spec: GenerationSpec) -> bool:
-    """Whether a call names a place on earth: the id of a map or a file is none."""
+    """Return whether a call names a place on earth: the id of a map or a file is none."""
     if spec.place is not None:
         return not spec.place.startswith("map_") and not is_map(Path(spec.place))
     return spec.bbox is not None or spec.country is not None
@@ -365,7 +365,7 @@ async def _fetched_or_at_hand(
 
 
 def _half_typed(spec: GenerationSpec, entries: Sequence[MapEntry]) -> GenerationPlan | None:
-    """A plan for the maps that the user added and that the words are a part of; None if there are none."""
+    """Return a plan for the maps that the user added and that the words are a part of; None if there are none."""
     try:
         return plan_maps(spec, [entry for entry in entries if entry.facts.source is None])
     except (UnknownName, NotPossible):
@@ -381,7 +381,7 @@ def _is_called_so(facts: MapFacts, place: str | None) -> bool:
 
 
 def _with_names_at_hand(unknown: UnknownName, refusal: UnknownName) -> UnknownName:
-    """What the net does not know either: with the names at hand that are like it."""
+    """Return what the net does not know either: with the names at hand that are like it."""
     told = unknown if unknown.valid else refusal
     return UnknownName(
         unknown.message,
@@ -393,7 +393,7 @@ def _with_names_at_hand(unknown: UnknownName, refusal: UnknownName) -> UnknownNa
 
 
 def _told_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: str | None) -> PlannerForgeError:
-    """The failure of the net behind what is at hand; ``unlocated``: the words that could not be looked up.
+    """Return the failure of the net behind what is at hand; ``unlocated``: the words that could not be looked up.
 
     Where the net must not be asked, the refusal is what counts; likewise where GeoNames does not know the place that
     could not be looked up, because asking again later would hardly find it.
@@ -425,14 +425,14 @@ def _told_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: str 
 
 
 async def _located(spec: GenerationSpec, context: WorkflowContext) -> NamedPlace | None:
-    """The place that a request means, looked up on the net; None where its box says all."""
+    """Return the place that a request means, looked up on the net; None if its box says all."""
     code = spec.country_code
     words = spec.place or (country_name(code) if code is not None and spec.bbox is None else None)
     return None if words is None else await find_place(context, words, code)
 
 
 async def _fetched(spec: GenerationSpec, context: WorkflowContext, place: NamedPlace | None) -> GenerationPlan:
-    """A plan for the map that is fetched for the request."""
+    """Return a plan for the map that is fetched for the request."""
     box = spec.bbox
     if box is not None and place is not None and not _overlap(place.box, box):
         raise UnknownName(
@@ -533,14 +533,14 @@ def _named_cut(spec: GenerationSpec, context: WorkflowContext) -> MapEntry | Non
 
 
 def _is_named(facts: MapFacts, place: str | None) -> bool:
-    """Whether a part of the words is an extract's id, its place or its file's name."""
+    """Return whether a part of the words is an extract's id, its place or its file's name."""
     names = (facts.map_id, facts.place, facts.file_name, file_stem(facts.file_name))
     own = {fold(name) for name in names}
     return any(fold(part) in own for part in place_parts(place or ""))
 
 
 def _fitting(spec: GenerationSpec, whole: Sequence[MapEntry], extracts: Sequence[MapEntry]) -> list[MapEntry]:
-    """The extracts that may show what no other map does: those of the country and the box."""
+    """Return the extracts that may show what no other map does: those of the country and the box."""
     if not extracts or (spec.place, spec.country, spec.bbox) == (None, None, None):
         return []
     try:
@@ -571,7 +571,7 @@ def _overlap(one: Box, other: Box) -> bool:
 
 
 def _stored(context: WorkflowContext, cut: CutOfExtract, facts: MapFacts) -> MapEntry:
-    """The part as a map, told by its content: cut out again, it is the same."""
+    """Return the part as a map, told by its content: cut out again, it is the same."""
     path = Path(cut.path)
     arguments = {"content": content_digest(path), "extract": facts.cut_of, "place": facts.place}
     recipe = Recipe(tool="cut_extract", arguments=arguments | {"country": facts.country})
@@ -587,7 +587,7 @@ def _stored(context: WorkflowContext, cut: CutOfExtract, facts: MapFacts) -> Map
 def _chosen(
     spec: GenerationSpec, entry: MapEntry, cut: CutOfExtract, extract: MapFacts, failures: Sequence[ResourceFailure]
 ) -> MapChoice:
-    """The part alone, with the words that name roads on it and the box in which its roads are whole."""
+    """Return the part alone, with the words that name roads on it and the box in which its roads are whole."""
     asked = spec.bbox
     core = cut.core
     if asked is not None:

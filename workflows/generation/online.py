@@ -19,7 +19,7 @@ _LOCATED, _FETCHED = 0.1, 0.3
 
 
 async def find_place(context: WorkflowContext, words: str, country: str | None) -> NamedPlace:
-    """The place that is meant; of several, the one that the person at the client chooses.
+    """Return the place that is meant; of several, the one that the person at the client chooses.
 
     Raises:
         UnknownName: there is no such place.
@@ -39,7 +39,7 @@ async def find_place(context: WorkflowContext, words: str, country: str | None) 
 
 
 def _ambiguous(place: str, candidates: Sequence[NamedPlace]) -> InvalidRequest:
-    """The refusal where several places have a name, with how to choose one."""
+    """Return the refusal where several places have a name, with how to choose one."""
     return InvalidRequest(
         f"several places are called {place!r}",
         valid=[cited(candidate.label) for candidate in candidates],

@@ -29,7 +29,7 @@ def verdicts(checks: Checks) -> tuple[list[str], list[str]]:
 
 
 def kept_report(artifact: Artifact, context: WorkflowContext) -> GeneratedScenario | None:
-    """What was kept when a scenario was generated; None for scenarios of other origin."""
+    """Return what was kept when a scenario was generated; None for scenarios of other origin."""
     path = context.workspace.folder("scenario", artifact.artifact_id) / REPORT
     return GeneratedScenario.model_validate_json(path.read_bytes()) if path.is_file() else None
 
@@ -60,7 +60,7 @@ def described_generation(report: GeneratedScenario, artifact: Artifact, detail: 
 
 
 def _conditions(artifact: Artifact) -> tuple[str, ...]:
-    """The conditions of the request as they are written in a call."""
+    """Return the conditions of the request as they are written in a call."""
     kept, others = (artifact.recipe.arguments.get(name) for name in ("conditions", "others"))
     asked = TrafficConditions.model_validate(kept or {})
     words = {
@@ -87,7 +87,7 @@ def _flows(flows: Sequence[RoadFlow]) -> str:
 
 
 def with_classes(vehicles: tuple[DescribedVehicle, ...], report: GeneratedScenario) -> tuple[DescribedVehicle, ...]:
-    """The vehicles with the class that they were generated as, where CommonRoad's type has another name."""
+    """Return the vehicles with the class that they were generated as, where CommonRoad's type has another name."""
     classes = report.vehicle_classes
     return tuple(
         vehicle.model_copy(update={"vehicle_class": name})

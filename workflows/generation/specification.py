@@ -134,7 +134,7 @@ def _code_of(country: str | None) -> str | None:
 
 @dataclass(frozen=True)
 class _ReadConditions:
-    """Conditions as they act, None where there are none; a manoeuvre of another road user; what is told of them."""
+    """Conditions as they act, None if absent; a manoeuvre of another road user; what is told of them."""
 
     conditions: TrafficConditions | None = None
     notes: tuple[str, ...] = ()
@@ -142,7 +142,7 @@ class _ReadConditions:
 
 
 def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
-    """The conditions of a call.
+    """Return the conditions of a call.
 
     Raises:
         InvalidRequest: an unknown condition or value, or one twice; all faults at once.
@@ -177,7 +177,7 @@ def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
 def with_natural_mix(
     demands: tuple[VehicleDemand, ...], conditions: TrafficConditions | None
 ) -> tuple[VehicleDemand, ...]:
-    """The demands with the classes of natural traffic, where that was asked for, at their share of the hour."""
+    """Return the demands with the classes of natural traffic, where that was asked for, at their share of the hour."""
     if conditions is None:
         return demands
     named = {demand.vehicle_class for demand in demands}
@@ -196,7 +196,7 @@ def with_natural_mix(
 
 
 def circumstances_of(conditions: TrafficConditions | None) -> tuple[str, ...]:
-    """What a catalogue calls the time and the weather of conditions."""
+    """Return what a catalogue calls the time and the weather of conditions."""
     if conditions is None:
         return ()
     weather = () if conditions.weather is None else (conditions.weather,)
@@ -394,7 +394,7 @@ def _without_class(name: str, texts: Sequence[str]) -> list[Remedy]:
 
 
 def _vehicle_demands(texts: list[str], in_our_words: Iterable[str]) -> tuple[VehicleDemand, ...]:
-    """The demands, in the words of the call for refusals of all of them together."""
+    """Return the demands, in the words of the call for refusals of all of them together."""
     demands = tuple(_vehicle_demand(text) for text in in_our_words)
     asked = sum(demand.needed for demand in demands)
     on_foot = sum(demand.needed for demand in demands if demand.vehicle_class == PEDESTRIAN.name)
@@ -501,7 +501,7 @@ def _with_the_actor_s_class(
 
 
 def _in_our_words(text: str) -> tuple[str, str]:
-    """A demand with the class that its word means, and what was taken for what; empty where nothing was."""
+    """Return a demand with the class that its word means, and what was taken for what; empty if nothing was."""
     found = re.fullmatch(r"(\s*!?\s*)([^\W\d][^<>=!]*?)(\s*(?:[<>=].*)?)", text, re.DOTALL)
     name = None if found is None else vehicle_class_of(found[2])
     if found is None or name is None or name == found[2]:
@@ -510,7 +510,7 @@ def _in_our_words(text: str) -> tuple[str, str]:
 
 
 def _box(bbox: list[float] | None) -> Box | None:
-    """The box of the arguments, checked.
+    """Return the box of the arguments, checked.
 
     Raises:
         InvalidRequest: it is none.
