@@ -714,8 +714,8 @@ def _groups(result: AnalyzeResultsResult) -> list[str]:
 
     lines = [line(group) for group in result.groups]
     for group in result.groups[:_SHOWN_GROUPS]:
-        told = (group.causes, group.trivial, group.beyond_vehicle)
-        apart = [*(part.in_words() for part in told if part), *_metrics(group.metrics, group.valid_count, ())]
+        parts = (group.causes, group.trivial, group.beyond_vehicle)
+        apart = [*(part.in_words() for part in parts if part), *_metrics(group.metrics, group.valid_count, ())]
         lines += [f"- {group.name}: {part}" for part in apart]
     if len(result.groups) > _SHOWN_GROUPS and any(group.metrics for group in result.groups):
         lines.append(f"- {len(result.groups) - _SHOWN_GROUPS} more groups: where=['config=cfg_…']")

@@ -1,6 +1,6 @@
-"""What a look at a run finds, beyond what is stored with it: who hit whom, whose fault, pace, comfort, broken rules.
+"""What a look at a run adds to its record: who hit whom, whose fault, pace, comfort, broken rules.
 
-Computed from the steps of a run and its scenario when it is asked for (``engine/analysis``), and told in words here.
+``engine/analysis`` computes it on request from the run's steps and its scenario. This module puts it into words.
 """
 
 from collections.abc import Sequence
@@ -24,37 +24,36 @@ ContactKind = Literal[
     "road_boundary",
     "unclear",
 ]
-"""Who hit whom, and from where; the rules that decide are in ``docs/runs.md``."""
+"""Who hit whom, and from where; ``docs/runs.md`` states the rules."""
 BodySide = Literal["front", "rear", "left", "right"]
 """A side of a road user, as its driver sees it."""
 RelativeHeading = Literal["same", "oncoming", "crossing"]
-"""How another heads, seen from the ego: within 45° of it, within 45° of against it, or between."""
+"""The heading of another, seen from the ego: within 45° of its heading, within 45° of the opposite, or between."""
 SeenCourse = Literal["same", "oncoming", "crossing", "standing"]
-"""The course of another, seen from the ego; ``standing``: it does not move, and heads another way than the ego."""
+"""The course of another, seen from the ego; ``standing``: it does not move, and its heading differs from the ego's."""
 
 
 DriverModelName = Literal["full_braking", "r157_careful", "fsm", "rss", "keep_lane"]
-"""Reference drivers that are models of a driver, and planners of the same name."""
+"""Reference drivers that are driver models, and planners of the same name."""
 ReferenceDriverName = Literal[DriverModelName, "evading"]
-"""Drivers in the ego's place: full braking, UN R157's careful and fuzzy ones, RSS, one that keeps lane and speed, and
-one that steers aside by a lane's width (``docs/reference_drivers.md``)."""
+"""Drivers in the ego's place: full braking, UN R157's careful and fuzzy drivers, RSS, keeping lane and speed, and
+steering aside by a lane's width (``docs/reference_drivers.md``)."""
 DriverStart = Literal["before_contact", "start"]
-"""What a driver does until it reacts: it follows the ego's own motion up to the contact, or it keeps the lane and the
-speed of the start."""
+"""What a driver does until it reacts: it follows the ego's own motion, or it keeps its initial lane and speed."""
 
 
 REFERENCE_DRIVERS_DO = (
-    "full braking at once, or UN R157's careful and fuzzy drivers or RSS, which keep the ego's speed until they see a "
+    "full braking at once; or UN R157's careful and fuzzy drivers or RSS, which keep the ego's speed until they see a "
     "danger"
 )
 """The drivers of a verdict and what they do, for each statement that no driver prevents a collision."""
 
 
 class DriverVerdict(Model):
-    """Whether one reference driver prevents a collision from one start; times are those of the run, in s.
+    """Whether one reference driver prevents a collision from one start. Times are in s of the run.
 
-    ``until_s``: the latest moment at which it may take over and still prevents it; null: it does not prevent it.
-    ``reacts_at_s``: when it first brakes or steers if it takes over at the start; null: it does not react at all.
+    ``until_s`` is the latest time at which it can take over and still prevent the collision, or null if it cannot.
+    ``reacts_at_s`` is when it first brakes or steers if it takes over at the start, or null if it does not react.
     """
 
     driver: ReferenceDriverName = Field(description="the reference driver")
@@ -65,33 +64,37 @@ class DriverVerdict(Model):
 
 
 class Prevention(Model):
-    """Whether reference drivers in the ego's place prevent a collision (``docs/runs.md``), the others as they moved.
+    """Whether reference drivers in the ego's place prevent a collision if the others move as they did (``docs/runs.md``).
 
-    ``drivers``: the verdict on each driver from each start; empty in what versions before stored. The other fields are
-    those from ``before_contact``: ``by_braking_until_s``: the latest moment of the run at which full braking prevents
-    it; None: none does. ``by_steering_until_s``: the same of steering aside, which is no reference driver and stands
-    beside them; ``steering_tried``: whether it was asked, which it is not of egos that were hit from behind.
+    ``drivers`` holds the verdict on each driver from each start, and is empty in runs of older versions. The other
+    fields
+    state the verdicts from ``before_contact``. ``by_braking_until_s`` is the latest time at which full braking prevents
+    the
+    collision, or None. ``by_steering_until_s`` is the same for steering aside, which is not a reference driver.
+    ``steering_tried`` is False if the ego was hit from behind, because steering aside is not examined then.
     """
 
     by_braking_until_s: float | None = Field(
-        description="latest moment of the run at which full braking prevents it; null: it does not"
+        description="latest time at which full braking prevents it; null: it does not"
     )
     by_careful_driver: bool = Field(description="whether the careful driver of UN R157 prevents it")
     by_rss: bool = Field(description="whether a driver by RSS prevents it")
     by_fuzzy_driver: bool = Field(False, description="whether the fuzzy driver of UN R157 prevents it")
     by_steering_until_s: float | None = None
     steering_tried: bool = False
-    drivers: tuple[DriverVerdict, ...] = Field((), description="each driver from each start; empty: an older version")
+    drivers: tuple[DriverVerdict, ...] = Field(
+        (), description="verdict on each driver from each start; empty: older version"
+    )
 
     @property
     def possible(self) -> bool:
-        """Return whether any reference driver prevents it, from the moment before the contact or from the start."""
+        """Return whether any reference driver prevents it, from just before the contact or from the start."""
         by_driver = self.by_careful_driver or self.by_rss or self.by_fuzzy_driver
         return self.by_braking_until_s is not None or by_driver or bool(self._from_start(prevents=True))
 
     @property
     def attributable(self) -> bool:
-        """Return whether UN R157's careful or its fuzzy driver prevents it from both starts."""
+        """Return whether UN R157's careful or fuzzy driver prevents it from both starts."""
         if not self.drivers:
             return self.by_careful_driver or self.by_fuzzy_driver
         return any(self.prevented_by(name, "both") for name in ("r157_careful", "fsm"))
@@ -105,33 +108,35 @@ class Prevention(Model):
     def in_words(self) -> str:
         """Return which drivers prevent it from which start, and until when."""
         until = self.by_steering_until_s
-        aside = "" if until is None else f"; steering aside until {until:.1f} s does"
+        aside = "" if until is None else f"; steering aside until {until:.1f} s prevents it"
         if not self.possible:
             starts = " or from the start" if self.drivers else ""
-            return f"from the moment before it{starts} no reference driver prevents it ({REFERENCE_DRIVERS_DO}){aside}"
+            return (
+                f"no reference driver prevents it from just before the contact{starts} ({REFERENCE_DRIVERS_DO}){aside}"
+            )
         prevents = [] if self.by_braking_until_s is None else [f"full braking until {self.by_braking_until_s:.1f} s"]
         prevents += [] if until is None else [f"steering aside until {until:.1f} s"]
         prevents += self._drivers(prevents=True)
         if self.by_braking_until_s is None and not self._drivers(prevents=True):
-            none = f"from the moment before it no reference driver prevents it ({REFERENCE_DRIVERS_DO}){aside}"
+            none = f"no reference driver prevents it from just before the contact ({REFERENCE_DRIVERS_DO}){aside}"
             return f"{none}{self._start_in_words()}"
         others = [*self._drivers(prevents=False), *(["steering"] if self.steering_tried and until is None else [])]
         without = f", not by {_listed(others, 'or')}" if others else ""
         return f"preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"
 
     def _start_in_words(self) -> str:
-        """Return which drivers prevent it from the start; empty for versions that did not examine it."""
+        """Return which drivers prevent it from the start; empty for runs of older versions."""
         if not self.drivers:
             return ""
         yes, no = self._from_start(prevents=True), self._from_start(prevents=False)
         if not yes:
-            return "; from the start none does"
+            return "; from the start, no driver prevents it"
         if not no:
-            return "; from the start all do"
-        return f"; from the start {_listed(yes, 'and')} {'do' if len(yes) > 1 else 'does'}"
+            return "; from the start, all drivers prevent it"
+        return f"; from the start, {_listed(yes, 'and')} prevent{'' if len(yes) > 1 else 's'} it"
 
     def _from_start(self, *, prevents: bool) -> list[str]:
-        """Return the reference drivers that prevent it from the start, or do not; steering aside is not one of them."""
+        """Return the reference drivers that do or do not prevent it from the start, without steering aside."""
         return [
             _DRIVERS_IN_WORDS[verdict.driver]
             for verdict in self.drivers
@@ -139,7 +144,7 @@ class Prevention(Model):
         ]
 
     def _drivers(self, *, prevents: bool) -> list[str]:
-        """Return the reference drivers beside full braking that prevent it, or do not."""
+        """Return the reference drivers, other than full braking, that do or do not prevent it."""
         named = {"careful": self.by_careful_driver, "fuzzy": self.by_fuzzy_driver}
         of_r157 = [name for name, does in named.items() if does == prevents]
         drivers = [f"UN R157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
@@ -185,16 +190,17 @@ PaceCode = Literal[
     "braked_too_hard",
     "braked_without_cause",
 ]
-"""Why an ego stood, drove slowly or braked; the rules that decide are in ``docs/runs.md``."""
+"""Why an ego stood, drove slowly or braked; ``docs/runs.md`` states the rules."""
 EGOS_OWN: tuple[PaceCode, ...] = ("stood_at_green", "stood_without_cause", "braked_too_hard", "braked_without_cause")
-"""What nothing on the road asked of the ego."""
+"""Actions of the ego that nothing on the road required."""
 
 
 class PaceMoment(Model):
-    """A stretch of a run in which the ego stood, was held up by a slower vehicle, or braked by 2 m/s² or more, and why.
+    """A span of a run in which the ego stood, was held up by a slower vehicle, or braked by 2 m/s² or more, and why.
 
-    ``obstacle_id``: the other that it is about; ``distance_m``: the gap to it, or from the ego's front to the line, at
-    the beginning; ``largest_mps2``: the hardest braking, as a positive number.
+    ``obstacle_id`` is the road user that caused it. ``distance_m`` is the gap to it, or from the ego's front to the
+    stop
+    line, at the beginning. ``largest_mps2`` is the hardest braking, as a positive number.
     """
 
     code: PaceCode = Field(description="stable code: what the ego did, and why")
@@ -202,17 +208,17 @@ class PaceMoment(Model):
     until_s: float = Field(description="when it ended")
     obstacle_id: int | None = None
     obstacle_class: str = ""
-    distance_m: float | None = Field(None, description="to the other or the line, when it began")
+    distance_m: float | None = Field(None, description="gap to the other or to the stop line when it began")
     largest_mps2: float | None = Field(None, description="the hardest braking in it; null if the ego stood")
 
     @property
     def is_the_egos(self) -> bool:
-        """Return whether nothing on the road asked for it."""
+        """Return whether nothing on the road required it."""
         return self.code in EGOS_OWN
 
     @property
     def duration_s(self) -> float:
-        """How long it lasted."""
+        """The duration in s."""
         return self.until_s - self.since_s
 
     def in_words(self) -> str:
@@ -222,76 +228,84 @@ class PaceMoment(Model):
         span = f"from {self.since_s:.1f} s to {self.until_s:.1f} s"
         by = "" if self.largest_mps2 is None else f" by up to {self.largest_mps2:.1f} m/s²"
         before = f", {far} before its line" if far else ""
-        words: dict[PaceCode, str] = {
+        texts: dict[PaceCode, str] = {
             "stood_at_red": f"stood at a red light {span}{before}",
-            "stood_before_red": f"stood {span} on the way to a red light{before}",
-            "stood_at_light": f"stood {span} at a light whose colour the file does not hold{before}",
+            "stood_before_red": f"stood {span} while approaching a red light{before}",
+            "stood_at_light": f"stood {span} at a light with no colour in the file{before}",
             "stood_at_stop_sign": f"stood at a stop sign {span}{before}",
-            "stood_to_give_way": f"stood {span} while {other} crossed its way",
+            "stood_to_give_way": f"stood {span} while {other} crossed its path",
             "stood_in_queue": f"stood in a queue {span}, {far} behind {other}",
             "stood_behind_vehicle": f"stood {span}, {far} behind {other}",
             "stood_in_goal": f"stood in its goal {span}, before the goal's time",
-            "stood_at_green": f"stood at a green light {span}{before}, with no other in its way",
-            "stood_without_cause": f"stood {span} with no other in its way and no light or sign to wait for",
-            "held_up": f"followed slower {other} {span}",
+            "stood_at_green": f"stood at a green light {span}{before}, with a clear path",
+            "stood_without_cause": f"stood {span} with a clear path and no light or sign to wait for",
+            "held_up": f"followed the slower {other} {span}",
             "braked_for_vehicle": f"braked{by} {span} for {other} ahead",
-            "braked_to_give_way": f"braked{by} {span} for {other}, which came across its way",
+            "braked_to_give_way": f"braked{by} {span} for {other}, which crossed its path",
             "braked_for_light": f"braked{by} {span} for a light",
             "braked_for_stop_sign": f"braked{by} {span} for a stop sign",
             "braked_for_curve": f"braked{by} {span} for a curve",
             "braked_for_limit": f"braked{by} {span} for the speed limit",
             "braked_for_goal": f"braked{by} {span} for the speed or time of its goal",
             "braked_for_road_end": f"braked{by} {span} for the end of the road",
-            "braked_for_course": f"braked{by} {span} for {other}, which was on a course to meet it",
-            "braked_too_hard": f"braked{by} {span}, much harder than {other or 'anything on its way'} asked for",
-            "braked_without_cause": f"braked{by} {span} with nothing on its way that asked for it",
+            "braked_for_course": f"braked{by} {span} for {other}, which was on a collision course",
+            "braked_too_hard": f"braked{by} {span}, much harder than {other or 'anything on its path'} required",
+            "braked_without_cause": f"braked{by} {span} although nothing on its path required it",
         }
-        return words[self.code]
+        return texts[self.code]
 
 
 LaidTo = Literal["ego", "recording", "prediction", "planning", "neither"]
-"""What a collision is laid to: what the ego did before it without a reason; another that follows a recording and would
-have braked; a prediction that had the other elsewhere; a plan that had it there, although the collision is
-attributable; nothing, since it is not attributable (neither UN R157's careful nor its fuzzy driver prevents it from
-both starts)."""
+"""What a collision is attributed to.
+
+- ``ego``: something that the ego did before without a reason
+- ``recording``: another that follows a recording, and would otherwise have braked
+- ``prediction``: the prediction had the other elsewhere
+- ``planning``: the prediction had the other there, and the collision is attributable
+- ``neither``: the collision is not attributable: neither UN R157's careful nor its fuzzy driver prevents it from both
+  starts"""
 OwnFault = Literal["slowed", "cut_in", "wrong_side", "red_light", "right_of_way"]
-"""How an ego makes a collision that no reference driver on its path prevents: it stood or braked without a reason, cut
-in, was on the lane of oncoming traffic, passed a red light, or took the right of way."""
+"""How an ego causes a collision that no reference driver on its path prevents.
+
+It stood or braked without a reason, cut in, was on an oncoming lane, ran a red light, or did not give way."""
 
 
 class EgoFault(Model):
-    """What the ego did that led to a collision, and when; ``moment``: the stand or braking, if it is one."""
+    """What the ego did that led to a collision, and when; ``moment`` is the stand or braking, if there was one."""
 
     code: OwnFault = Field(description="stable code of what the ego did")
     time_s: float = Field(description="when it did it")
     moment: PaceMoment | None = None
 
     def in_words(self) -> str:
-        """``the ego, which stood from 4.0 s to 9.0 s with no other in its way and no light or sign to wait for``."""
+        """Return ``the ego, which stood from 4.0 s to 9.0 s with a clear path and no light or sign to wait for``."""
         if self.moment is not None:
             return f"the ego, which {self.moment.in_words()}"
-        words: dict[OwnFault, str] = {
+        texts: dict[OwnFault, str] = {
             "slowed": "the ego, which slowed down without a reason",
             "cut_in": "the ego, which cut in",
             "wrong_side": "the ego, which was on a lane of the opposite direction",
-            "red_light": "the ego, which passed a red light",
+            "red_light": "the ego, which ran a red light",
             "right_of_way": "the ego, which did not give way",
         }
-        return f"{words[self.code]} at {self.time_s:.1f} s"
+        return f"{texts[self.code]} at {self.time_s:.1f} s"
 
 
 class Contact(Model):
-    """How the collision of a run came about: speeds at its step, places at the last step before it.
+    """How the collision of a run happened: speeds at its time step, positions at the last step before it.
 
-    ``ego_side``, ``other_side``: the sides that met. ``closing_mps``: length of the difference of both velocities.
-    ``ego_stood_since_s``: where the ego stood, since when. ``braked_since_s``: from when on the ego braked by more than
-    1 m/s² without a break until the contact; None: it did not. ``came_in_s``: for a cut-in, when the one ahead came
-    into the way of the one behind. ``also_touched``: others that overlap the ego at the same step. ``prevention``: None
-    where the tracks do not hold the one that was hit.
-    ``predicted_gap_m``: how far apart the two would have been at the collision, had the other moved as the run's
-    predictor said a second before; None if it was not there then, or is not known to have been predicted.
-    ``laid_to``: None if that decides, or the prevention is not known. ``fault``: what the ego did, where it is laid
-    to the ego.
+    - ``ego_side``, ``other_side``: the sides that touched
+    - ``closing_mps``: magnitude of the difference of the velocities
+    - ``ego_stood_since_s``: since when the ego stood, if it did
+    - ``braked_since_s``: since when the ego had braked by more than 1 m/s² without a break; None if it did not brake
+    - ``came_in_s``: for a cut-in, when the one ahead entered the path of the one behind
+    - ``also_touched``: others that overlap the ego at the same step
+    - ``prevention``: None if the tracks do not contain the road user that was hit
+    - ``predicted_gap_m``: the gap at the collision if the other had moved as the run's predictor said 1 s before;
+      None if
+      it was not there then, or if it is not known whether it was predicted
+    - ``laid_to``: the cause; None if that gap or the prevention is needed and not known
+    - ``fault``: what the ego did, if the cause is the ego
     """
 
     kind: ContactKind = Field(description="how the two met")
@@ -299,9 +313,9 @@ class Contact(Model):
     ego_speed_mps: float = Field(description="speed of the ego then")
     obstacle_id: int | None = None
     obstacle_class: str = ""
-    other_speed_mps: float | None = Field(None, description="speed of the other then; null of what has none")
+    other_speed_mps: float | None = Field(None, description="speed of the other then; null if it has none")
     closing_mps: float | None = None
-    ego_side: BodySide | None = Field(None, description="side of the ego that was hit; null if it is not known")
+    ego_side: BodySide | None = Field(None, description="side of the ego that was hit; null if not known")
     other_side: BodySide | None = None
     ego_stood_since_s: float | None = None
     braked_since_s: float | None = None
@@ -310,7 +324,7 @@ class Contact(Model):
     prevention: Prevention | None = None
     predicted_gap_m: float | None = None
     laid_to: LaidTo | None = None
-    fault: EgoFault | None = Field(None, description="what the ego did, where the collision is laid to it")
+    fault: EgoFault | None = Field(None, description="what the ego did, if the collision is attributed to it")
 
     @property
     def is_unpreventable(self) -> bool:
@@ -319,25 +333,25 @@ class Contact(Model):
 
     @property
     def unforeseen(self) -> bool:
-        """Return whether the two would have stayed apart, had the other moved as it was predicted a second before."""
+        """Return whether the two would have stayed apart if the other had moved as predicted 1 s before."""
         return self.predicted_gap_m is not None and self.predicted_gap_m > 0
 
     def in_words(self) -> str:
-        """Who hit whom, from where, when, at which speeds, and whether the ego had braked before."""
+        """Return who hit whom, from where, when, at which speeds, and whether the ego had braked."""
         if self.other_speed_mps is None:
-            where = "left the road" if self.obstacle_id is None else f"collided with {self._other}"
-            return f"{where} at {self.time_s:.1f} s, at {self.ego_speed_mps:.1f} m/s{self._braked}"
+            event = "left the road" if self.obstacle_id is None else f"collided with {self._other}"
+            return f"{event} at {self.time_s:.1f} s, at {self.ego_speed_mps:.1f} m/s{self._braked}"
         speeds = f"ego {self.ego_speed_mps:.1f} m/s{self._braked}; {self._other} {self.other_speed_mps:.1f} m/s"
-        also = f"; also touched then: {', '.join(map(str, self.also_touched))}" if self.also_touched else ""
-        # What drivers on the ego's path prevent says nothing where the ego made it by how it drove along that path.
-        told = self.prevention if self.laid_to != "ego" else None
-        judged = "" if told is None else f"; {told.in_words()}"
+        also = f"; also touched: {', '.join(map(str, self.also_touched))}" if self.also_touched else ""
+        # If the ego caused it by driving along its path as it did, drivers on that path say nothing.
+        prevention = self.prevention if self.laid_to != "ego" else None
+        judged = "" if prevention is None else f"; {prevention.in_words()}"
         if self.unforeseen:
-            judged += f"; unforeseen: {self.predicted_gap_m:.1f} m apart as predicted a second before"
+            judged += f"; unforeseen: the prediction a second earlier kept them {self.predicted_gap_m:.1f} m apart"
         if self.fault is not None:
-            judged += f"; laid to {self.fault.in_words()}"
+            judged += f"; attributed to {self.fault.in_words()}"
         elif self.laid_to is not None:
-            judged += f"; laid to {'the recording' if self.laid_to == 'recording' else self.laid_to}"
+            judged += f"; attributed to {'the recording' if self.laid_to == 'recording' else self.laid_to}"
         return f"{self._what} at {self.time_s:.1f} s ({speeds}){also}{judged}"
 
     @property
@@ -351,38 +365,38 @@ class Contact(Model):
         return ", not braking" if self.braked_since_s is None else f", braking since {self.braked_since_s:.1f} s"
 
     @property
-    def _beside(self) -> str:
-        """Return whether both were side by side, or one came in at an angle, as where lanes merge."""
+    def _alignment(self) -> str:
+        """How the two were aligned: side by side, or one at an angle, for example while merging."""
         sides = {self.ego_side, self.other_side}
         return "alongside" if sides <= {"left", "right"} else "of the same direction"
 
     @property
     def _what(self) -> str:
-        other, came = self._other, "" if self.came_in_s is None else f", in the way since {self.came_in_s:.1f} s"
-        whence = {"front": "ahead", "rear": "behind", "left": "the left", "right": "the right", None: "nowhere"}
-        words: dict[ContactKind, str] = {
+        other, came = self._other, "" if self.came_in_s is None else f" at {self.came_in_s:.1f} s"
+        directions = {"front": "ahead", "rear": "behind", "left": "the left", "right": "the right", None: "nowhere"}
+        texts: dict[ContactKind, str] = {
             "rear_end_by_other": f"hit from behind by {other}",
             "rear_end_by_ego": f"ran into the back of {other}",
-            "cut_in": f"ran into {other} that cut in{came}",
+            "cut_in": f"ran into {other}, which had cut in{came},",
             "cut_in_by_ego": f"cut in ahead of {other}{came}, and was hit by it",
             "oncoming": f"met oncoming {other}, ego's {self.ego_side} to its {self.other_side}",
             "crossing": f"met crossing {other}, ego's {self.ego_side} to its {self.other_side}",
-            "side": f"touched {other} {self._beside}, ego's {self.ego_side} to its {self.other_side}",
+            "side": f"touched {other} {self._alignment}, ego's {self.ego_side} to its {self.other_side}",
             "into_standing": f"drove into standing {other}, ego's {self.ego_side} to its {self.other_side}",
-            "onto_standing_ego": f"hit while standing by {other} from {whence[self.ego_side]}",
+            "onto_standing_ego": f"stood still and was hit by {other} from {directions[self.ego_side]}",
             "road_boundary": "left the road",
             "unclear": f"collided with {other}",
         }
-        return words[self.kind]
+        return texts[self.kind]
 
 
 class Encounter(Model):
-    """The ego and another at one moment: ``side``: on which side of the ego it is.
+    """The ego and another road user at one time; ``side`` is the side of the ego on which it is.
 
-    ``time_to_collision_s``: with both keeping course and speed; None: they would not meet.
+    ``time_to_collision_s`` assumes that both keep course and speed, and is None if they would not meet.
     """
 
-    time_s: float = Field(description="when that was")
+    time_s: float = Field(description="time of the encounter")
     obstacle_id: int
     obstacle_class: str
     gap_m: float = Field(description="distance between the two")
@@ -394,7 +408,7 @@ class Encounter(Model):
 
     @property
     def other(self) -> str:
-        """Class and id."""
+        """The class and id of the other."""
         return f"{self.obstacle_class} {self.obstacle_id}"
 
     @property
@@ -405,16 +419,16 @@ class Encounter(Model):
 
 
 class LargestMotion(Model):
-    """The largest value of one motion of the ego, and when; braking and jerk are given as positive numbers."""
+    """The largest value of one motion of the ego, and when; braking and jerk are positive numbers."""
 
     name: Literal["acceleration", "braking", "lateral acceleration", "jerk"] = Field(description="the motion")
     value: float = Field(description="its largest value, in `unit`")
     unit: str
-    time_s: float = Field(description="when that was")
+    time_s: float = Field(description="time of that value")
 
 
 class ComfortExcess(Model):
-    """A motion above a comfort limit: its largest mean over ``window_s`` (0: at a step) and where that window ends."""
+    """A motion above a comfort limit, averaged over ``window_s`` (0 for a single step), and when that window ends."""
 
     name: Literal["acceleration", "braking", "braking jerk", "lateral acceleration", "lateral jerk"] = Field(
         description="the motion"
@@ -424,7 +438,7 @@ class ComfortExcess(Model):
     unit: str
     window_s: float = Field(description="length of the window that is averaged; 0: a single step")
     time_s: float = Field(description="when that window ends")
-    source: str = Field(description="where the limit comes from")
+    source: str = Field(description="source of the limit")
 
     def in_words(self) -> str:
         """Return ``braking 4.2 m/s² over 2 s, until 3.1 s (limit 3.5, ISO 15622:2018)``."""
@@ -433,10 +447,12 @@ class ComfortExcess(Model):
 
 
 class RunReview(Model):
-    """The decisive moments of one run; a moment that there was not is None.
+    """The key times of one run; None for an event that did not happen.
 
-    ``closest``: the smallest gap; ``most_urgent``: the smallest time to collision. ``uncomfortable``: motions above the
-    limits of ``docs/runs.md``, whatever the outcome. ``pace``: where the ego stood, was held up or braked, and why.
+    ``closest`` has the smallest gap, ``most_urgent`` the smallest time to collision. ``uncomfortable`` lists motions
+    above
+    the limits of ``docs/runs.md``, for every outcome. ``pace`` lists where the ego stood, was held up or braked, and
+    why.
     """
 
     run_id: str
@@ -448,24 +464,24 @@ class RunReview(Model):
     pace: tuple[PaceMoment, ...] = Field((), description="where the ego stood, was held up or braked, and why")
 
     def pace_in_words(self) -> str:
-        """Return what the ego did by itself; empty if nothing."""
+        """Return what the ego did without an external cause; empty if it did nothing of the kind."""
         own = [moment.in_words() for moment in self.pace if moment.is_the_egos]
-        return f"The ego's own doing: {'; '.join(own)}." if own else ""
+        return f"Without external cause, the ego {'; '.join(own)}." if own else ""
 
     def nearness_in_words(self) -> str:
-        """Return the closest moment and the shortest time to a collision, in one line; what there was not is said."""
+        """Return a line on the smallest gap and the shortest time to collision, or why there is no such value."""
         if self.closest is None:
-            return "Closest: none: no other within 60 m."
+            return "Closest: no other road user within 60 m."
         near, urgent = self.closest, self.most_urgent
         line = f"Closest: {near.gap_m:.2f} m to {near.other} {near.place} at {near.time_s:.1f} s"
-        line += f" (ego {near.ego_speed_mps:.1f}, it {near.other_speed_mps:.1f} m/s)"
+        line += f" (ego {near.ego_speed_mps:.1f}, other {near.other_speed_mps:.1f} m/s)"
         if urgent is None:
-            return f"{line}; time to collision: none: never on a collision course."
-        least = f"least time to collision {measured(urgent.time_to_collision_s)} s"
+            return f"{line}; never on a collision course."
+        least = f"shortest time to collision {measured(urgent.time_to_collision_s)} s"
         if (urgent.obstacle_id, urgent.time_s) == (near.obstacle_id, near.time_s):
-            return f"{line}; {least}, then."
-        whom = "it" if urgent.obstacle_id == near.obstacle_id else urgent.other
-        return f"{line}; {least} with {whom} {urgent.place} at {urgent.time_s:.1f} s."
+            return f"{line}; {least}, at the same time."
+        other = "it" if urgent.obstacle_id == near.obstacle_id else urgent.other
+        return f"{line}; {least} with {other} {urgent.place} at {urgent.time_s:.1f} s."
 
     def motion_in_words(self) -> str:
         """Return the largest motions with their times; empty without steps."""
@@ -474,17 +490,18 @@ class RunReview(Model):
 
 
 class RuleVerdict(Model):
-    """What a run makes of a traffic rule (``docs/traffic_rules.md``).
+    """The verdict on a run for one traffic rule (``docs/traffic_rules.md``).
 
-    ``robustness``: how far the rule is from being broken at the worst step, in its unit, negative where it is broken;
-    None: the run had nothing that it is about. ``time_s``: of the worst step; ``first_s``: from when on it is broken.
+    ``robustness`` is the smallest margin to a violation in the rule's unit, negative if the rule is broken, or None if
+    the
+    rule did not apply. ``time_s`` is the time of the smallest margin, and ``first_s`` the start of the violation.
     """
 
     TOLERANCE: ClassVar[float] = 0.01
-    """Files hold centimetres: a rule is broken by more than this."""
+    """Files store centimetres, so a rule counts as broken only beyond this."""
 
     rule: str = Field(description="stable name of the rule")
-    name: str = Field(description="the rule in words")
+    name: str = Field(description="name of the rule")
     unit: str = Field(description="unit of `robustness`")
     robustness: float | None
     time_s: float | None = None
@@ -498,26 +515,27 @@ class RuleVerdict(Model):
 
     @property
     def degree(self) -> float:
-        """By how much the rule is broken at worst; 0 if it is kept."""
+        """The largest violation; 0 if the rule is kept."""
         return -self.robustness if self.violated and self.robustness is not None else 0.0
 
     def in_words(self) -> str:
         """Return ``R_G1 safe distance by 12.3 m at 2.0 s (from 1.2 s on, obstacle 42)``."""
         more = [f"from {self.first_s:.1f} s on"] if self.first_s != self.time_s else []
         more += [f"obstacle {self.obstacle_id}"] if self.obstacle_id is not None else []
-        told = f" ({', '.join(more)})" if more else ""
-        return f"{self.rule} {self.name} by {measured(self.degree)} {self.unit} at {self.time_s:.1f} s{told}"
+        details = f" ({', '.join(more)})" if more else ""
+        return f"{self.rule} {self.name} by {measured(self.degree)} {self.unit} at {self.time_s:.1f} s{details}"
 
 
 class RunLook(Model):
-    """What one look at a run's steps and scenario gives, as it is kept beside the run: its moments, and about its goal.
+    """The stored result of one look at a run's steps and scenario.
 
-    ``out_of_reach``: whether no ego could be there in time; ``trivial``: why the goal asked for no driving, empty if it
-    did.
+    ``out_of_reach`` is True if no ego could reach the goal in time. ``trivial`` states why the goal required no
+    driving,
+    and is empty if it required some.
     """
 
     VERSION: ClassVar[int] = 3
-    """Of the rules that decide; what is kept of another version is not read."""
+    """The version of the rules. A look of another version is not read."""
 
     review: RunReview
     out_of_reach: bool = False
@@ -531,6 +549,6 @@ class LooksResponse(Model):
 
 
 class ReviewResponse(Model):
-    """The decisive moments of each run, in the order of the request."""
+    """The key times of each run, in the order of the request."""
 
     reviews: tuple[RunReview, ...]

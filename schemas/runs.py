@@ -1,4 +1,4 @@
-"""What one planner run on one scenario gives: the record that analysis, comparison and pictures read."""
+"""The record of one planner run on one scenario, which analysis, comparison and pictures read."""
 
 import hashlib
 from collections.abc import Iterable, Sequence
@@ -13,11 +13,10 @@ from .text import measured
 from .vocabulary import LEAST_FRICTION, MOST_FRICTION
 
 Bounded = Annotated[float, Field(ge=-1e12, le=1e12)]
-"""A number of a motion, from which no derivative or square overflows.
+"""A number of a motion, bounded so that no derivative or square overflows.
 
-The magnitude exceeds each limit of a scenario file (docs/limits.md); its third derivative over steps of 1 ms, squared,
-is 1e42. A run of an archive or an answer of a planner program may state any number.
-"""
+The bound exceeds every limit of a scenario file (docs/limits.md). The square of its third derivative over steps of
+1 ms is 1e42. Runs of an archive and answers of a planner program may contain any number."""
 BoundedCost = Annotated[float, Field(ge=-1e150, le=1e150)]
 """A cost with a finite square."""
 Outcome = Literal[
@@ -34,51 +33,53 @@ Outcome = Literal[
 ]
 """How a run ended.
 
-``goal_reached``: at the goal, by a motion that CommonRoad's benchmark accepts (``SuccessRule``); ``goal_refused``: at
-the goal, by a motion that it refuses (``Refusal``);
-``goal_early``, ``goal_late``: the ego was in the goal's place, but only before or after its time; ``goal_missed``: it
-passed the goal or ended elsewhere, or was there in time without the goal's speed or heading; ``timeout``: it had not
-come to the goal when 1.7 times the steps to the goal's last step were over; ``infeasible``: the planner found no
-trajectory that the vehicle can drive; ``invalid``: the problem has no solution, which is stated before the run and is
-never a planner's failure.
-"""
+- ``goal_reached``: at the goal, by a motion that CommonRoad's benchmark accepts (``SuccessRule``)
+- ``goal_refused``: at the goal, by a motion that the benchmark refuses (``Refusal``)
+- ``goal_early``, ``goal_late``: at the goal's position, but only before or after its time
+- ``goal_missed``: passed the goal, ended elsewhere, or arrived in time without the goal's speed or heading
+- ``timeout``: not at the goal after 1.7 times the steps to the goal's last step
+- ``infeasible``: the planner found no trajectory that the vehicle can drive
+- ``invalid``: the problem has no solution. This is stated before the run and is never the planner's failure."""
 SuccessRule = Literal["driven@1", "accepted@2"]
-"""What makes a goal that was reached a success.
+"""What makes a reached goal a success.
 
-``driven@1``: nothing else, as in the paper. ``accepted@2``: ``valid_solution``, the checker of CommonRoad's benchmark,
-accepts the driven motion; where it does not, the outcome is ``goal_refused``.
-"""
+``driven@1`` requires nothing else, as in the paper. ``accepted@2`` requires that ``valid_solution``, the checker of
+CommonRoad's benchmark, accepts the driven motion. Otherwise the outcome is ``goal_refused``."""
 Refusal = Literal["goal_not_met", "off_lanelets", "not_drivable"]
-"""Why CommonRoad's benchmark refuses a motion that reached its goal. ``goal_not_met``: by its reading of the goal no
-state meets it; ``off_lanelets``: a part of the body is outside the lanelets, be it at the start behind the end of the
-map or in a gap between two lanelets; ``not_drivable``: no acceleration and steering lead from a state to the
-next."""
+"""Why CommonRoad's benchmark refuses a motion that reached its goal.
+
+- ``goal_not_met``: no state meets the goal as the benchmark reads it
+- ``off_lanelets``: a part of the body is outside the lanelets, for example behind the map's end or in a gap
+- ``not_drivable``: no acceleration and steering lead from one state to the next
+"""
 AT_GOAL: tuple[Outcome, ...] = ("goal_reached", "goal_refused")
 """Outcomes that count as reached by the paper's rule."""
 NO_TRAJECTORY: tuple[Outcome, ...] = ("invalid", "infeasible")
-"""Outcomes without a motion to speak of: the problem is broken, or the planner finds no trajectory for it."""
+"""Outcomes without a motion: the problem is invalid, or the planner found no trajectory."""
 InvalidReason = Literal[
     "no_goal_state", "initial_collision", "ego_off_road", "ego_against_route", "goal_unreachable", "goal_out_of_time"
 ]
-"""Why a problem is invalid. ``ego_against_route``: the ego begins with its heading more than 90° off the way to its
-goal; ``goal_unreachable``: no route on the lanelet graph, or it lies behind the ego and no way leads back;
-``goal_out_of_time``: not even the vehicle's largest acceleration brings the ego there in time."""
+"""Why a problem is invalid.
+
+- ``ego_against_route``: the ego starts with its heading more than 90° off the route to its goal
+- ``goal_unreachable``: the lanelet graph has no route, or the goal is behind the ego and no route leads back
+- ``goal_out_of_time``: even the vehicle's largest acceleration does not bring the ego there in time"""
 Prediction = Literal["constant_velocity", "growing_covariance", "lane", "ground_truth"]
 Traffic = Literal["recorded", "reactive"]
-"""``reactive``: the others react to the ego, driven by SUMO; ``recorded``: they follow their recording."""
+"""``reactive``: SUMO drives the others, so they react to the ego. ``recorded``: they follow their recording."""
 
 
 VERSION_MARK = "@"
-"""Between the id of a configuration and the digest of its planner's version, where results hold several versions."""
+"""Separates a configuration's id from the digest of its planner's version, if results cover several versions."""
 
 
-def configuration_id(told: str) -> str:
-    """Return the id of a configuration without the version of its planner: ``cfg_1`` of ``cfg_1@d4e5f6a``."""
-    return told.partition(VERSION_MARK)[0]
+def configuration_id(versioned_id: str) -> str:
+    """Return the id of a configuration without its planner's version: ``cfg_1`` for ``cfg_1@d4e5f6a``."""
+    return versioned_id.partition(VERSION_MARK)[0]
 
 
 class CollisionRecord(Model):
-    """The first collision of a run: the obstacle (None: the road boundary), the step and the time."""
+    """The first collision of a run. An ``obstacle_id`` of None means the road boundary."""
 
     obstacle_id: int | None
     kind: str
@@ -87,7 +88,7 @@ class CollisionRecord(Model):
 
 
 class DrivenObstacle(Model):
-    """An obstacle of reactive traffic as it really moved (centre, one entry a step); rounded to 0.1 mm."""
+    """The real motion of an obstacle in reactive traffic (centre, one entry per time step, rounded to 0.1 mm)."""
 
     obstacle_id: int
     kind: str
@@ -101,14 +102,15 @@ class DrivenObstacle(Model):
 
 
 class RunSteps(Model):
-    """The driven trajectory (centre of the ego, one entry a step) and the cost terms of the chosen candidates.
+    """The driven trajectory (centre of the ego, one entry per time step) and the costs of the chosen candidates.
 
-    ``costs``: weighted cost term name → one value per planning step; ``plan_steps``: the steps at which was planned.
-    ``rejected``: constraint → candidates it rejected, one value per planning step; one more where the last attempt,
-    which is no planning step, gave no trajectory.
-    ``steering_rad``: the steering angles of a vehicle that followed its plans; empty if a planner's states were
-    taken as they are.
-    ``others``: the obstacles that reactive traffic moved, instead of their recordings; the rest followed theirs.
+    - ``costs``: weighted cost term → one value per planning step
+    - ``plan_steps``: the time steps at which the planner planned
+    - ``rejected``: constraint → candidates that it rejected, one value per planning step. If the last attempt gave no
+      trajectory, it is no planning step and adds one more value.
+    - ``steering_rad``: steering angles of a vehicle that followed its plans; empty if the planner's states were used as
+      they are
+    - ``others``: obstacles that reactive traffic moved instead of their recordings; the rest followed their recordings
     """
 
     first_step: int
@@ -125,12 +127,11 @@ class RunSteps(Model):
 
 
 MOST_DEBUG_VALUES, MOST_DEBUG_POLYGONS, MOST_DEBUG_POINTS = 32, 8, 100
-"""Debug numbers or texts, polygons, and points of a polygon that a planning step may report.
+"""The number of debug values, polygons, and points per polygon that a planning step may report.
 
-A hundred planning steps with all of them take 1.2 MB (``tests/engine/planners/test_series.py``).
-"""
+A hundred planning steps with all of them take 1.2 MB (``tests/engine/planners/test_series.py``)."""
 MOST_DEBUG_POINTS_A_RUN = 20_000
-"""Points of all polygons that are kept with a run."""
+"""The number of polygon points that are stored with a run."""
 
 
 class DebugPolygon(Model):
@@ -143,13 +144,15 @@ class DebugPolygon(Model):
 
 
 class RunSeries(Model):
-    """What is known of a run over time beside its motion; a file of its own beside the steps.
+    """Time series of a run in addition to its motion, stored in a separate file.
 
-    One value for each driven state: ``lateral_offset_m`` from the reference path (left positive), ``heading_error_rad``
-    against its direction, ``steering_rad`` that the motion asks of the front wheels. One value for each planning step
-    (``plan_steps`` of the run's steps): ``desired_speed_mps`` of the loop and ``desired_speed_reasons``, and what the
-    planner reported by name: ``numbers`` (None if it reported no finite number), ``texts`` (empty if it reported none).
-    ``left_out``: how many debug values were beyond the bounds and are not kept.
+    There is one value per driven state for ``lateral_offset_m`` from the reference path (left positive),
+    ``heading_error_rad`` relative to its direction, and the ``steering_rad`` that the motion requires. There is one
+    value
+    per planning step (``plan_steps`` of the run's steps) for ``desired_speed_mps``, ``desired_speed_reasons`` and the
+    values
+    that the planner reported by name: ``numbers`` (None if it reported no finite number) and ``texts`` (empty if it
+    reported no text). ``left_out`` counts the debug values beyond the limits, which are not stored.
     """
 
     lateral_offset_m: tuple[float, ...] = ()
@@ -164,10 +167,10 @@ class RunSeries(Model):
 
 
 class RunTiming(Model):
-    """Measured times; kept beside the record, never part of the reproducible payload.
+    """Measured times. They are stored next to the record and are not part of the reproducible payload.
 
-    ``steps``: planning steps, the one without a trajectory included; ``planning_ms``: the time of each;
-    ``core_step_median_ms``: the part of a step in the planner's core (None: no core).
+    ``steps`` counts planning steps, including one without a trajectory, and ``planning_ms`` holds the time of each.
+    ``core_step_median_ms`` is the part of a step in the planner's core, or None without a core.
     """
 
     wall_s: float
@@ -178,10 +181,11 @@ class RunTiming(Model):
 
 
 class LimitExcess(Model):
-    """A limit of the ego's vehicle that the driven motion exceeds: where it does so most.
+    """A limit of the ego's vehicle that the driven motion exceeds, with the largest excess.
 
-    ``friction``: acceleration along and across together; ``rolling``: the share of the steps in which the wheels would
-    have to slide, from ``time_s`` on.
+    ``friction`` combines longitudinal and lateral acceleration. ``rolling`` is the share of time steps, from ``time_s``
+    on,
+    in which the wheels would have to slide.
     """
 
     name: Literal["speed", "acceleration", "friction", "steering angle", "steering rate", "rolling"] = Field(
@@ -190,53 +194,53 @@ class LimitExcess(Model):
     value: float = Field(description="the largest value, in `unit`")
     limit: float = Field(description="the limit itself, in `unit`")
     unit: str
-    time_s: float = Field(description="when it is exceeded most")
+    time_s: float = Field(description="time of the largest excess")
 
     def in_words(self) -> str:
         """Return ``steering rate 0.75 rad/s at 2.3 s (limit 0.4)``."""
         if self.name == "rolling":
-            return f"wheels that slide in {100 * self.value:.0f} % of the steps, from {self.time_s:.1f} s on"
+            return f"wheels would slide in {100 * self.value:.0f} % of the steps, from {self.time_s:.1f} s on"
         return f"{self.name} {measured(self.value)} {self.unit} at {self.time_s:.1f} s (limit {measured(self.limit)})"
 
 
 def excesses_in_words(excesses: Sequence[LimitExcess]) -> str:
-    """Return what of a driven motion its vehicle cannot do, and what that means for the run."""
-    told = "; ".join(excess.in_words() for excess in excesses)
-    return f"the driven motion is beyond the vehicle: {told}; a solution exported of it may be refused"
+    """Return the limits that a driven motion exceeds, and the consequence for the run."""
+    limits = "; ".join(excess.in_words() for excess in excesses)
+    return f"the motion exceeds the vehicle's limits: {limits}; an exported solution may be refused"
 
 
 class TriggerOutcome(Model):
-    """Whether a trigger of an edit held in a run with reactive traffic, and what it let a road user begin.
+    """Whether the trigger of an edit fired in a run with reactive traffic, and which motion it started.
 
-    ``time_s``: since the beginning of the run; None if the trigger never held.
+    ``time_s`` counts from the start of the run and is None if the trigger never fired.
     """
 
     obstacle_id: int
     code: Literal["trigger_fired", "trigger_not_fired"] = Field(description="stable code")
     begins: Literal["speed_change", "lateral_motion", "speed_and_lateral", "setting_off"] = Field(
-        description="what is prescribed from then on"
+        description="the motion prescribed from then on"
     )
-    trigger: str = Field(description="what the ego has to do, in words")
-    time_s: float | None = Field(description="when that began; null if it never did")
+    trigger: str = Field(description="the condition on the ego, in words")
+    time_s: float | None = Field(description="start of the motion; null if it never started")
 
     def in_words(self) -> str:
-        """Tell when it began and its trigger, with the code."""
-        what = f"{self.obstacle_id}'s {_BEGUN[self.begins]}"
+        """Return when the motion started, with the code and the trigger."""
+        motion = f"{self.obstacle_id}'s {_BEGUN[self.begins]}"
         if self.time_s is None:
-            return f"{what} never began, as its trigger did not hold ({self.code}): {self.trigger}"
-        return f"{what} began at {self.time_s:.1f} s, as its trigger held ({self.code}): {self.trigger}"
+            return f"{motion} never started because its trigger did not fire ({self.code}): {self.trigger}"
+        return f"{motion} started at {self.time_s:.1f} s when its trigger fired ({self.code}): {self.trigger}"
 
 
 _BEGUN = {
     "speed_change": "change of speed",
-    "lateral_motion": "motion to the side",
-    "speed_and_lateral": "change of speed and motion to the side",
+    "lateral_motion": "lateral motion",
+    "speed_and_lateral": "change of speed and lateral motion",
     "setting_off": "drive",
 }
 
 
 class RunRecord(Model):
-    """One planner on one planning problem: what happened and why."""
+    """The record of one planner on one planning problem: the outcome and the reason for it."""
 
     run_id: str
     scenario_id: str
@@ -249,36 +253,38 @@ class RunRecord(Model):
     seed: int
     step_s: float = Field(ge=0.001, le=10)
     outcome: Outcome
-    reason: str = Field(description="one sentence: what ended the run, with figures")
+    reason: str = Field(description="one sentence on what ended the run, with figures")
     invalid_reason: InvalidReason | None = Field(None, description="stable code, only where the outcome is invalid")
     collision: CollisionRecord | None
-    off_the_lanes: tuple[int, ...] = Field((), description="lane prediction: obstacles predicted straight on")
+    off_the_lanes: tuple[int, ...] = Field(
+        (), description="lane prediction: obstacles off the lanes, predicted straight ahead"
+    )
     on_recording: tuple[int, ...] = Field((), description="reactive traffic: obstacles that SUMO could not drive")
     triggers: tuple[TriggerOutcome, ...] = Field(
         (),
         exclude_if=lambda triggers: not triggers,
-        description="reactive traffic: triggers of prescribed motions, and whether they held",
+        description="reactive traffic: triggers of prescribed motions, and whether they fired",
     )
     eased_over_m: float | None = Field(
-        None, description="metres of a curve onto the route, where the start allows no way along its centre"
+        None, description="length of a curve onto the route, if the ego cannot follow the lane's centre from its start"
     )
     rejected_candidates: dict[str, int] = Field(description="constraint → candidates it rejected, over the whole run")
     metrics: RunMetrics | None
     success_rule: SuccessRule = Field("driven@1", description="the rule by which it was judged")
     refusal: Refusal | None = Field(None, description="stable code, only where the outcome is goal_refused")
     beyond_vehicle: tuple[LimitExcess, ...] | None = Field(
-        None, description="limits of the vehicle that the driven motion exceeds; null: the run is of a version before"
+        None, description="limits of the vehicle that the driven motion exceeds; null: an older version made the run"
     )
     ego_length_m: float = Field(4.508, ge=0.001, le=1000)
     ego_width_m: float = Field(1.61, ge=0.001, le=1000)
     planner_version: str = Field(
-        "", description="version of the planner: as declared or described by git, with a digest; empty: not known"
+        "", description="version of the planner: as declared or from git, with a digest; empty: not known"
     )
-    planner_source: str = Field("", description="digest of what drove, by which two versions are told apart")
+    planner_source: str = Field("", description="digest of the planner's source, which distinguishes versions")
     ego_class: str = Field(
         "car",
         exclude_if=lambda name: name == "car",
-        description="what the ego was: as its scenario says, or of the vehicle that the configuration states",
+        description="class of the ego, from its scenario or from the vehicle that the configuration sets",
     )
     friction: float | None = Field(
         None,
@@ -288,15 +294,17 @@ class RunRecord(Model):
         description="coefficient of friction of the road, which limits the ego's accelerations; null: not stated",
     )
     uses_prediction: bool | None = Field(
-        None, description="whether the planner plans on predictions of others; null: it did not say"
+        None, description="whether the planner plans on predictions of others; null: not stated"
     )
     imported: bool = Field(
-        False, exclude_if=lambda imported: not imported, description="it came in an archive, whose maker vouches for it"
+        False,
+        exclude_if=lambda imported: not imported,
+        description="imported from an archive, so its maker vouches for it",
     )
 
 
 def ending(outcome: Outcome, reason: str, review: RunReview | None = None, *, contact: Contact | None = None) -> str:
-    """Return how a run ended in one sentence, its moment included; a collision by who hit whom."""
+    """Return how a run ended, and when, in one sentence; for a collision, who hit whom."""
     hit = contact if review is None else review.contact
     if hit is not None:
         return f"{outcome.replace('_', ' ')}: {hit.in_words()}"
@@ -304,7 +312,7 @@ def ending(outcome: Outcome, reason: str, review: RunReview | None = None, *, co
 
 
 class Lineage(Model):
-    """Where an edited scenario comes from: its ancestors, the nearest first, and its edits in order, a line each."""
+    """The origin of an edited scenario: its ancestors, the nearest first, and its edits in order, one line each."""
 
     scenario_id: str
     ancestors: tuple[str, ...]
@@ -312,16 +320,17 @@ class Lineage(Model):
 
     @property
     def root(self) -> str:
-        """The scenario that was never edited."""
+        """The original scenario, which was never edited."""
         return self.ancestors[-1] if self.ancestors else self.scenario_id
 
 
 class ScenarioSource(Model):
-    """A scenario, the CommonRoad file that holds it, and of what is known of it what decides how hard it is.
+    """A scenario, its CommonRoad file, and the known facts that decide how hard it is.
 
-    ``obstacles``: by type; ``density_per_km``: recorded vehicles per kilometre of lanelets; ``road``: the kind of road
-    by the file's tags, such as ``highway``, empty if they say none; ``limit_kmh``: the highest speed limit on the
-    ego's lanelets, None if none is posted.
+    - ``obstacles``: counts by type
+    - ``density_per_km``: recorded vehicles per kilometre of lanelets
+    - ``road``: the kind of road from the file's tags, such as ``highway``; empty without such a tag
+    - ``limit_kmh``: the highest speed limit on the ego's lanelets; None if no limit is posted
     """
 
     scenario_id: str
@@ -333,7 +342,7 @@ class ScenarioSource(Model):
 
 
 class RunSource(Model):
-    """A run's record, the file with its steps (None: only the record is at hand), and the look at it, if it is kept."""
+    """A run's record, the file with its steps (None if only the record exists), and its stored look, if any."""
 
     record: RunRecord
     steps_path: str | None = None
@@ -341,23 +350,23 @@ class RunSource(Model):
 
 
 def drawn(records: Iterable[RunRecord]) -> list[RunRecord]:
-    """Return the runs in a random order that depends only on their ids; the first n are a random sample."""
+    """Return the runs in a random order that depends only on their ids, so the first n are a random sample."""
     return sorted(records, key=lambda record: drawn_place(record.run_id))
 
 
 def drawn_place(name: str) -> bytes:
-    """Return where a name stands in a random order that depends on nothing but the names."""
+    """Return the sort key of a name in a random order that depends only on the names."""
     return hashlib.sha256(name.encode()).digest()
 
 
 CRITICAL_GAP_M = 0.5
-"""Gap between rectangles below which a run was close (chosen)."""
+"""A smaller gap between the rectangles counts as close (chosen)."""
 CRITICAL_TIME_TO_COLLISION_S = 1.5
-"""Encounters below it are critical (van der Horst and Hogema 1993, "Time-to-collision and collision avoidance")."""
+"""A smaller value is critical (van der Horst and Hogema 1993, "Time-to-collision and collision avoidance")."""
 
 
 def is_close(record: RunRecord) -> bool:
-    """Return whether another came critically close in a run, in space or in time."""
+    """Return whether another road user came critically close in a run, in space or in time."""
     if record.metrics is None:
         return False
     gap, time = record.metrics.minimum_distance_m, record.metrics.minimum_time_to_collision_s
@@ -365,19 +374,19 @@ def is_close(record: RunRecord) -> bool:
 
 
 def is_worth_a_look(record: RunRecord) -> bool:
-    """Return whether an analysis needs the moments of a run: it failed on its way, or was a close success."""
+    """Return whether an analysis needs the key times of a run: it failed after its start, or was a close success."""
     return record.outcome != "invalid" and (record.outcome != "goal_reached" or is_close(record))
 
 
 class ReviewRequest(Model):
-    """Which runs to look at, and the files of their scenarios."""
+    """The runs to look at, and the files of their scenarios."""
 
     runs: tuple[RunSource, ...]
     scenarios: tuple[ScenarioSource, ...]
 
 
 class LostCell(Model):
-    """A cell of a batch that gave no run: an error of ours or a broken file, never a planner's failure."""
+    """A cell of a batch without a run because of an internal error or a broken file, never a planner's failure."""
 
     scenario_id: str
     config_id: str
@@ -385,7 +394,7 @@ class LostCell(Model):
 
 
 class BatchRecord(Model):
-    """A grid of runs: scenarios × configurations under one prediction and traffic mode."""
+    """A grid of runs: scenarios × configurations with one prediction and traffic mode."""
 
     batch_id: str
     scenarios: tuple[str, ...]

@@ -464,9 +464,7 @@ class DescribeScenarioResult(Result):
     description: Description = Field(description="what its file shows around the focus")
     other_problems: tuple[int, ...] = Field((), description="other planning problems of the file: ID#problem names one")
     generation: DescribedGeneration | None = Field(None, description="how it was generated; null if it was not")
-    recipe: dict[str, JsonValue] | None = Field(
-        None, description="what makes it again; null if it was not asked for"
-    )
+    recipe: dict[str, JsonValue] | None = Field(None, description="what makes it again; null if it was not asked for")
 
     def answer(self) -> Answer:
         """Return what it is, the ego, what was asked about; then the lists that the detail asks for."""
