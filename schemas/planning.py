@@ -26,26 +26,30 @@ from .runs import (
 PLANNERS_VARIABLE = "PLANNERFORGE_PLANNERS"
 """The environment variable of the setting that names planner programs; workers read it too."""
 WEIGHT_NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
-"""Names of weights that assignments can name."""
+"""Valid names of weights in assignments."""
 LONGEST_NAME = 60
-"""Characters of the name of a weight, a cost term, a constraint or a debug value."""
+"""The maximum length of the name of a weight, cost term, constraint or debug value."""
 PrintedName = Annotated[str, StringConstraints(pattern=rf"^[A-Za-z0-9_][A-Za-z0-9_ .:/-]{{0,{LONGEST_NAME - 1}}}$")]
-"""A name that a program gives a cost term, a constraint or a debug value. It is printable and fits on a line,
-because it becomes a column of a table, a row of the player, and a word of an answer that a model reads."""
+"""The name that a program gives to a cost term, a constraint or a debug value.
+
+It is printable and fits on a line, because tables, the player and answers show it."""
 MOST_TERMS = 64
-"""Cost terms or constraints of a plan; Frenetix, which has the most of the built-in planners, has 13."""
+"""The maximum number of cost terms or constraints of a plan. Frenetix has 13, the most of the built-in planners."""
 LISTED_RUNS, LISTED_FAILURES, LISTED_CONFIGURATIONS = 20, 3, 8
-"""How many runs, failures and configurations an answer lists; chosen to keep it short."""
+"""The number of runs, failures and configurations that an answer lists (chosen)."""
 
 
 class PlannerSettings(Model):
-    """Settings of a run; ranges and meanings are in ``engine/tuning/settings.py``.
+    """The settings of a run; ``engine/tuning/settings.py`` states ranges and meanings.
 
-    ``vehicle``: CommonRoad's vehicle 1 to 4; a parameter of it that is None here is that vehicle's own. If no vehicle
-    is stated, the ego's class decides, and vehicle 2 stands for a car. Lengths in m, speeds in m/s, accelerations in
-    m/s², angles in rad. The plan is renewed every ``replan_steps`` time steps of the scenario. ``vehicle_stated``: the
-    configuration names vehicle 2 itself. ``search`` is one of FISS's four searches; it is not written if it has its
-    default, so that the ids of configurations stay as they were before there was a choice.
+    ``vehicle`` is CommonRoad's vehicle 1 to 4, and a parameter of None has that vehicle's value. Without ``vehicle``,
+    the
+    ego's class decides, with vehicle 2 for a car. ``vehicle_stated`` is True if the configuration names vehicle 2
+    itself.
+    Lengths are in m, speeds in m/s, accelerations in m/s², angles in rad. The planner replans every ``replan_steps``
+    time
+    steps of the scenario. ``search`` is one of FISS's four searches. Its default is not written, so the ids of older
+    configurations stay the same.
     """
 
     vehicle: int = 2
@@ -66,26 +70,26 @@ class PlannerSettings(Model):
 
     @property
     def states_vehicle(self) -> bool:
-        """Return whether the configuration names the vehicle, so that the ego's class does not decide."""
+        """Return whether the configuration names the vehicle, so the ego's class does not decide."""
         return self.vehicle_stated or self.vehicle != 2
 
     @property
     def stated_values(self) -> dict[str, float]:
-        """The settings by name as a file or a call writes them: without those that the ego's class decides."""
+        """The settings by name as a file or call writes them, without those that the ego's class decides."""
         left_out = {"vehicle_stated"} if self.states_vehicle else {"vehicle_stated", "vehicle"}
         return self.model_dump(exclude_none=True, exclude=left_out)
 
 
 class PlannerConfiguration(Model):
-    """A planner with its cost weights and settings; immutable, its id is made from its content.
+    """An immutable planner configuration: cost weights and settings, with an id that is a digest of its content.
 
-    ``base``: the configuration that ``assignments`` changed. ``template``: the user's own file that it comes from.
+    ``base`` is the configuration that ``assignments`` changed. ``template`` is the user's file that it comes from.
     """
 
     config_id: str
     planner: str
     name: str
-    preset: str = Field(description="the preset whose values all weights had before the assignments")
+    preset: str = Field(description="the preset that set all weights before the assignments")
     base: str | None = None
     assignments: tuple[str, ...] = ()
     weights: dict[str, float]
@@ -95,9 +99,9 @@ class PlannerConfiguration(Model):
 
     @property
     def content_id(self) -> str:
-        """The id that follows from the content, which ``config_id`` is unless somebody forged it.
+        """The id that follows from the content. It differs from ``config_id`` only if the record is forged.
 
-        Default settings and no file are no part of it: it stays what it was before there were any.
+        Default settings and a missing file do not enter the digest, so ids from before these existed stay valid.
         """
         return configuration_id_of(self.planner, self.weights, self.external_weights, self.settings, self.template)
 
@@ -124,32 +128,32 @@ class RunMoment(Model):
 
 
 class RunRequest(Model):
-    """One planner run, as a worker receives it."""
+    """The request of one planner run, as a worker receives it."""
 
     run_id: str
     scenario_path: str
     scenario_id: str
-    problem_id: int | None = Field(None, description="None: the first planning problem")
+    problem_id: int | None = Field(None, description="None means the first planning problem")
     configuration: PlannerConfiguration
     prediction: Prediction = "constant_velocity"
     traffic: Traffic = "recorded"
     seed: int = 0
-    planner_version: str = Field("", description="of a planner that is not ours: the one that the run is stored under")
-    begins_at: RunMoment | None = Field(None, description="where the ego begins; None: as the planning problem says")
+    planner_version: str = Field("", description="for an external planner: the version that the run is stored under")
+    begins_at: RunMoment | None = Field(None, description="the ego's start; None means that of the planning problem")
 
 
 class RunResponse(Model):
-    """What a run gave: the record, the driven steps, and the measured times."""
+    """The result of a run: the record, the driven steps, and the measured times."""
 
     record: RunRecord
     steps: RunSteps
     timing: RunTiming
-    series: RunSeries | None = Field(None, description="None: the run has no driven motion on a route")
-    planner_log: str = Field("", description="the end of what a command-line planner wrote to standard error")
+    series: RunSeries | None = Field(None, description="None if the run has no driven motion on a route")
+    planner_log: str = Field("", description="the end of a command-line planner's standard error")
 
 
 class ReplayRequest(Model):
-    """A stored run that is to be driven once more: how, where its steps lie, and where its plans are written."""
+    """A stored run to replay: how, the path of its steps, and the path for its plans."""
 
     run: RunRequest
     steps_path: str
@@ -157,15 +161,17 @@ class ReplayRequest(Model):
 
 
 class Replayed(Model):
-    """Where the plans of a run lie (``RunPlans``); empty, with the reason, where there is nothing to show."""
+    """The path of a run's plans (``RunPlans``), or an empty path with the reason if there is nothing to show."""
 
     path: str = ""
     note: str = ""
 
 
 class ShownPlan(Model):
-    """What a planner had in mind at a step: lines as x, y, x, y, … in m; ``plan`` is the one that it chose,
-    ``predictions`` where it expected others."""
+    """The plan of a planner at one step, as lines x, y, x, y, … in m.
+
+    ``plan`` is the chosen trajectory, and ``predictions`` are the expected positions of others.
+    """
 
     step: int
     plan: tuple[float, ...]
@@ -188,72 +194,72 @@ class ListPlannersArguments(Arguments):
 
 
 class WeightInfo(Model):
-    """A cost weight: value in force, what its term measures, what raising it does, and whether it acts."""
+    """A cost weight: its current value, the meaning of its term, the effect of raising it, and whether it acts."""
 
     name: str = Field(description="name of the weight")
-    value: float = Field(description="value in force, without unit")
+    value: float = Field(description="current value, without unit")
     meaning: str = Field(description="what its cost term measures")
-    raising: str = Field(description="what raising it does")
+    raising: str = Field(description="effect of raising it")
     acts: bool = Field(description="whether it acts on the cost")
-    computed_by: str = Field(description="what computes its term")
+    computed_by: str = Field(description="code that computes its term")
     lowest: float = Field(description="smallest valid value")
     highest: float = Field(description="largest valid value")
 
 
 class PresetInfo(Model):
-    """A preset: its name, the paper's short name, what it is for, and the weights that are not 0."""
+    """A preset: its name, the paper's short name, its purpose, and the weights that are not 0."""
 
     name: str = Field(description="name of the preset")
     short_name: str = Field(description="the paper's short name")
-    intent: str = Field(description="what it is for")
+    intent: str = Field(description="its purpose")
     weights: dict[str, float] = Field(description="its weights that are not 0")
 
 
 class SettingInfo(Model):
-    """A setting beside the weights: value in force, range with its unit, meaning."""
+    """A setting other than a weight: its current value, its range with the unit, and its meaning."""
 
     name: str = Field(description="name of the setting")
-    value: float = Field(description="value in force, in the unit that `range` names")
+    value: float = Field(description="current value, in the unit of `range`")
     range: str = Field(description="valid values, with their unit")
-    meaning: str = Field(description="what it does")
+    meaning: str = Field(description="its effect")
 
 
 class PlannerInfo(Model):
-    """A planner that can be named, and its presets."""
+    """An available planner and its presets."""
 
     name: str = Field(description="name of the planner")
-    summary: str = Field(description="what it is, in a sentence")
+    summary: str = Field(description="description in one sentence")
     presets: tuple[str, ...] = Field(description="names of its presets")
 
 
 class ConfigurationInfo(Model):
-    """A configuration that was made in this workspace."""
+    """A configuration created in this workspace."""
 
     config_id: str
     name: str = Field(description="name of the configuration")
-    base: str | None = Field(description="id of what it was made of; null of a file")
+    base: str | None = Field(description="id of the configuration it was derived from; null if from a file")
 
 
 class ListPlannersResult(Result):
-    """Planners and what can be set in the planner of one configuration."""
+    """The planners, and the adjustable values of the planner of one configuration."""
 
-    planners: tuple[PlannerInfo, ...] = Field(description="the planners that can be named")
-    predictions: tuple[Prediction, ...] = Field(description="ways to foresee the others")
+    planners: tuple[PlannerInfo, ...] = Field(description="available planners")
+    predictions: tuple[Prediction, ...] = Field(description="available predictions of others")
     config_id: str = Field(description="id of the configuration whose values are shown")
-    config_name: str = Field(description="name of it")
+    config_name: str = Field(description="its name")
     weights: tuple[WeightInfo, ...] = Field(description="cost weights of its planner")
     presets: tuple[PresetInfo, ...] = Field(description="presets of its planner")
-    settings: tuple[SettingInfo, ...] = Field(description="settings of its planner beside the weights")
+    settings: tuple[SettingInfo, ...] = Field(description="other settings of its planner")
     configurations: tuple[ConfigurationInfo, ...] = Field(description="newest first, at most eight")
 
     def answer(self) -> Answer:
-        """Planners and presets, weights of the configuration that act with what they do, settings, configurations."""
+        """Return planners with presets, the active weights with their effects, settings, and configurations."""
         lines = [
             "; presets ".join([f"{item.name}: {item.summary}", *([", ".join(item.presets)] if item.presets else [])])
             for item in self.planners
         ]
         lines.append(f"Predictions: {', '.join(self.predictions)}.")
-        lines.append(f"Weights of {self.config_id} ({self.config_name}), 0 to 1e6 (0: off) unless a range is given:")
+        lines.append(f"Weights of {self.config_id} ({self.config_name}), 0 to 1e6 (0 = off) unless a range is given:")
         for item in (weight for weight in self.weights if weight.acts):
             ranged = "" if (item.lowest, item.highest) == (0, 1e6) else f" ({item.lowest:g} to {item.highest:g})"
             lines.append(f"  {item.name}={item.value:g}{ranged}: {item.meaning}; raising: {item.raising}")
@@ -267,7 +273,7 @@ class ListPlannersResult(Result):
             f"{entry.config_id} ({entry.name}{f' from {entry.base}' if entry.base else ''})"
             for entry in self.configurations
         ]
-        lines.append(f"Configurations made here: {', '.join(made) or 'none'}.")
+        lines.append(f"Configurations in this workspace: {', '.join(made) or 'none'}.")
         return Answer(lines[0], listed=lines[1:])
 
 
@@ -282,7 +288,7 @@ class ConfigurePlannerArguments(Arguments):
 
 
 class WeightChange(Model):
-    """A weight or setting before and after."""
+    """A weight or setting with its values before and after."""
 
     name: str = Field(description="name of the weight or setting")
     before: float = Field(description="its value before")
@@ -290,29 +296,32 @@ class WeightChange(Model):
 
 
 class ConfigurePlannerResult(Result):
-    """The configuration that was made, which is the current one now; ``notes`` on what changed nothing.
+    """The new configuration, which is now the current one; ``notes`` state changes without effect.
 
-    ``base``: what it was made of; ``changes``: against what was named, ``against``: the preset where
-    something else was changed too, else the base.
+    ``base`` is the configuration it was derived from. ``changes`` are relative to ``against``: the preset if it was
+    changed too, otherwise the base.
     """
 
     config_id: str = Field(description="id of the new configuration")
     name: str = Field(description="its name")
-    planner: str = Field(description="the planner that it is for")
+    planner: str = Field(description="its planner")
     base: str
-    against: str = Field(description="what its changes are told against")
+    against: str = Field(description="name of what `changes` refer to")
     changes: tuple[WeightChange, ...]
     notes: tuple[str, ...]
     yaml: str = Field(description="the configuration as a file")
-    reused: bool = Field(description="the same weights were stored before under this id")
+    reused: bool = Field(description="whether the same weights were already stored under this id")
 
     def answer(self) -> Answer:
-        """Id and differences; the file is in the structured answer, and ``export_artifacts`` writes it."""
-        again = " (stored before)" if self.reused else ""
+        """Return the id and the differences.
+
+        ``export_artifacts`` writes the file, which the structured answer contains.
+        """
+        again = " (already stored)" if self.reused else ""
         changes = ", ".join(f"{item.name} {item.before:g} → {item.after:g}" for item in self.changes)
         return Answer(
-            headline=f"{self.config_id} ({self.name}){again} is current.",
-            decided=[f"Against {self.against}: {changes or 'no difference'}.", *self.notes],
+            headline=f"{self.config_id} ({self.name}){again} is now current.",
+            decided=[f"Changes from {self.against}: {changes or 'none'}.", *self.notes],
             next_step="run_planner",
         )
 
@@ -327,13 +336,13 @@ class RunPlannerArguments(Arguments):
     )
     configs: list[str] = Field(["current"], min_length=1, description="config ids, PLANNER[:PRESET]")
     prediction: Prediction = "constant_velocity"
-    """What the planner is told about the motion of others."""
+    """The prediction of others that the planner receives."""
     traffic: Traffic = "recorded"
     """Whether others follow their recording or react to the ego."""
     wait_s: float = Field(45, ge=0, le=50)
-    """How long the answer may wait for the runs, in s; after that it names the job."""
+    """How long to wait for the runs, in s. Afterwards the answer gives the job's id."""
     seed: int = 0
-    """Of the traffic that reacts."""
+    """The seed of reactive traffic."""
 
 
 class RunLine(Model):
@@ -344,14 +353,16 @@ class RunLine(Model):
     problem_id: int
     config_id: str
     outcome: Outcome
-    reason: str = Field(description="why it ended so, in words")
-    duration_s: float | None = Field(description="length of the drive; null of a run that could not be attempted")
-    minimum_distance_m: float | None = Field(description="smallest distance to another; null if none was near")
+    reason: str = Field(description="reason for the outcome")
+    duration_s: float | None = Field(description="length of the drive; null if it could not be attempted")
+    minimum_distance_m: float | None = Field(
+        description="smallest distance to another road user; null if none was near"
+    )
     config_name: str = ""
-    review: RunReview | None = Field(None, description="of a single run, and of the failures that are listed")
+    review: RunReview | None = Field(None, description="for a single run and for listed failures")
 
     def in_words(self) -> str:
-        """Run, scenario, configuration, and how it ended."""
+        """Return the run, scenario and configuration, and how it ended."""
         return f"{self.run_id} on {self.scenario_id} under {self.config_name}: {self._ending}."
 
     @property
@@ -360,43 +371,43 @@ class RunLine(Model):
 
 
 class ConfigurationSummary(Model):
-    """How the finished runs of one configuration ended; ``invalid`` problems are no failures of the planner."""
+    """The outcomes of one configuration's finished runs; ``invalid`` problems are not failures of the planner."""
 
     config_id: str
     config_name: str
-    outcomes: dict[Outcome, int] = Field(description="finished runs by how they ended")
+    outcomes: dict[Outcome, int] = Field(description="finished runs by outcome")
 
 
 class RunPlannerResult(Result):
-    """The runs that are finished; ``job_id`` while others still run, ``batch_id`` when a grid is complete."""
+    """The finished runs, with ``job_id`` while others still run, and ``batch_id`` once a grid is complete."""
 
     state: Literal["done", "running", "failed", "cancelled", "interrupted"]
-    total: int = Field(description="runs that were asked for")
-    finished: int = Field(description="runs that are finished")
-    reused: int = Field(description="runs that were stored before")
+    total: int = Field(description="runs requested")
+    finished: int = Field(description="runs finished")
+    reused: int = Field(description="runs already stored")
     prediction: Prediction
     traffic: Traffic
     batch_id: str | None = Field(
         None, description="id of the batch; null until its grid is complete, and for a single run"
     )
     job_id: str | None = None
-    summary: tuple[ConfigurationSummary, ...] = Field(description="how the finished runs ended, by configuration")
+    summary: tuple[ConfigurationSummary, ...] = Field(description="outcomes by configuration")
     runs: tuple[RunLine, ...] = Field(description="at most 20")
     failures: tuple[RunLine, ...] = Field((), description="the first valid runs that did not reach the goal")
-    lost: tuple[LostCell, ...] = Field((), description="at most 10: errors of ours, not the planner's failures")
+    lost: tuple[LostCell, ...] = Field((), description="at most 10: internal errors, not failures of the planner")
     notes: tuple[str, ...] = ()
     next_step: str
 
     def answer(self) -> Answer:
-        """One run: how it ended and its moments; a grid: goal rates by configuration, then the first failures."""
+        """Return how one run ended with its key times, or a grid's goal rates by configuration and first failures."""
         names = {item.config_id: item.config_name for item in self.summary}
         lost = [
-            f"{cell.scenario_id} under {names.get(cell.config_id, cell.config_id)} was lost: {cell.error}"
+            f"{cell.scenario_id} under {names.get(cell.config_id, cell.config_id)} was not run: {cell.error}"
             for cell in self.lost
         ]
         if self.total == 1 and self.runs:
             return Answer(self._single(), figures=self._moments(), listed=self._noted(), next_step=self.next_step)
-        before = f", {self.reused} stored before" if self.reused else ""
+        before = f", {self.reused} already stored" if self.reused else ""
         name = self.batch_id or (f"{self.job_id} ({self.state})" if self.job_id else "")
         head = f"{f'{name}: ' if name else ''}{self.finished} of {self.total} runs finished{before}{self._modes()}."
         return Answer(
@@ -408,7 +419,7 @@ class RunPlannerResult(Result):
         )
 
     def _modes(self) -> str:
-        """Traffic and prediction, where they are not what a call without them takes."""
+        """Return the traffic and prediction modes that differ from the defaults."""
         default = RunPlannerArguments()
         modes = [f"traffic {self.traffic}"] if self.traffic != default.traffic else []
         modes += [f"prediction {self.prediction}"] if self.prediction != default.prediction else []
@@ -419,10 +430,10 @@ class RunPlannerResult(Result):
 
     def _single(self) -> str:
         run = self.runs[0]
-        return f"{run.in_words()[:-1]}{self._modes()}{' (stored before)' if self.reused else ''}."
+        return f"{run.in_words()[:-1]}{self._modes()}{' (already stored)' if self.reused else ''}."
 
     def _moments(self) -> list[str]:
-        """Return the closest moment of a run that hit nobody; without its steps the smallest gap."""
+        """Return the closest time of a run without a collision, or only the smallest gap if its steps are missing."""
         run, review = self.runs[0], self.runs[0].review
         if run.outcome == "invalid" or (review and review.contact and review.contact.obstacle_id is not None):
             return []
@@ -436,34 +447,35 @@ class RunPlannerResult(Result):
         if not count:
             return []
         more = count - len(self.failures)
-        rest = [f"… {more} more: analyze_results with where '!outcome=goal_reached', detail rows"] if more > 0 else []
+        rest = [f"… {more} more: analyze_results with where=['!outcome=goal_reached'], detail=rows"] if more > 0 else []
         return [f"{count} failed:", *(f"- {run.in_words()}" for run in self.failures), *rest]
 
 
 def _rate_line(item: ConfigurationSummary) -> str:
-    """Return ``frenetix:Default (cfg_…): goal 3 of 4; collision 1; invalid, in no rate: 2``.
+    """Return ``frenetix:Default (cfg_…): goal 3 of 4; collision 1; invalid, not counted: 2``.
 
-    Where a motion to the goal is refused, the rate by the paper's rule stands beside it.
+    If the benchmark refused a motion that reached the goal, the paper's rate follows in brackets.
     """
     counts = dict(item.outcomes)
     invalid, reached = counts.pop("invalid", 0), counts.pop("goal_reached", 0)
     valid, refused = reached + sum(counts.values()), counts.get("goal_refused", 0)
-    by_paper = f" ({reached + refused} of {valid} by any motion, the paper's rule)" if refused else ""
+    by_paper = f" ({reached + refused} of {valid} by the paper's rule, any motion)" if refused else ""
     parts = [f"goal {reached} of {valid}{by_paper}", *(f"{key} {count}" for key, count in counts.items())]
-    parts += [f"invalid, in no rate: {invalid}"] if invalid else []
+    parts += [f"invalid, not counted: {invalid}"] if invalid else []
     return f"{item.config_name} ({item.config_id}): {'; '.join(parts)}"
 
 
 class DeclaredWeight(Model):
-    """A weight or parameter of a planner of one's own: its default, its range, and what it does, in words.
+    """A weight or parameter of a user's planner: its default, its range, and a description of its effect.
 
-    ``kind``: a ``weight`` of the cost acts on every choice between candidates; any other ``parameter``, such as a
-    threshold or a gain, may act only in some situations.
+    A ``weight`` of the cost acts on every choice between candidates. A ``parameter``, such as a threshold or a gain,
+    may
+    act only in some situations.
     """
 
     meaning: str = Field(min_length=1)
     kind: Literal["weight", "parameter"] = "weight"
-    raising: str = Field("", description="what a larger value does")
+    raising: str = Field("", description="effect of a larger value")
     default: float
     lowest: float = 0.0
     highest: float = 1e6
@@ -471,57 +483,60 @@ class DeclaredWeight(Model):
     @model_validator(mode="after")
     def _default_in_range(self) -> "DeclaredWeight":
         if not self.lowest <= self.default <= self.highest:
-            raise ValueError(f"default {self.default:g} lies outside {self.lowest:g} to {self.highest:g}")
+            raise ValueError(f"default {self.default:g} is outside {self.lowest:g} to {self.highest:g}")
         return self
 
 
 class DeclaredPreset(Model):
-    """A preset: what it is for, and the weights that differ from their defaults."""
+    """A preset: its purpose, and the weights that differ from their defaults."""
 
     intent: str = ""
     weights: dict[str, float] = Field(default_factory=dict)
 
 
 class PlannerDeclaration(Model):
-    """What is said of a planner of one's own beside its code; the preset Default holds the defaults of its weights."""
+    """What a user's planner declares in addition to its code. The preset Default contains the weights' defaults."""
 
     summary: str = Field(min_length=1, description="one line, for list_planners")
     weights: dict[str, DeclaredWeight] = Field(default_factory=dict)
-    presets: dict[str, DeclaredPreset] = Field(default_factory=dict, description="beside Default")
-    version: str = Field("", exclude_if=lambda text: not text, description="as its author calls it, such as v1.2")
+    presets: dict[str, DeclaredPreset] = Field(default_factory=dict, description="in addition to Default")
+    version: str = Field("", exclude_if=lambda text: not text, description="the author's name for it, such as v1.2")
     uses_prediction: bool = Field(
-        False, description="whether it plans on predictions of others; collisions are laid to prediction only then"
+        False,
+        description="whether it plans on predictions of others; only then can a collision be attributed to prediction",
     )
 
     @model_validator(mode="after")
     def _presets_fit(self) -> "PlannerDeclaration":
         wrong = [name for name in self.weights if not WEIGHT_NAME.fullmatch(name)]
         if wrong:
-            raise ValueError(f"weight '{wrong[0]}': a name is lower-case letters, digits and _, as in time_gap_s")
+            raise ValueError(f"weight '{wrong[0]}': use only lower-case letters, digits and _, as in time_gap_s")
         if "Default" in self.presets:
-            raise ValueError("preset Default is made of the defaults of the weights; name yours otherwise")
+            raise ValueError("preset Default consists of the weights' defaults; choose another name")
         for name, preset in self.presets.items():
             for weight, value in preset.weights.items():
                 known = self.weights.get(weight)
                 if known is None:
                     raise ValueError(
-                        f"preset {name} sets {weight}, which is no weight; valid: {', '.join(self.weights)}"
+                        f"preset {name} sets {weight}, which is not a weight; valid: {', '.join(self.weights)}"
                     )
                 if not known.lowest <= value <= known.highest:
                     raise ValueError(
-                        f"preset {name}: {weight}={value:g} is not in {known.lowest:g} to {known.highest:g}"
+                        f"preset {name}: {weight}={value:g} is outside {known.lowest:g} to {known.highest:g}"
                     )
         return self
 
 
 class CommandPlanner(PlannerDeclaration):
-    """A planner that is a program: ``[planners.NAME]`` in the settings file; see docs/own_planner.md."""
+    """A planner that is an external program: ``[planners.NAME]`` in the settings file; see docs/own_planner.md."""
 
     command: tuple[str, ...] = Field(min_length=1, description="program and arguments; paths are absolute")
     protocol: Literal["one_shot", "stepwise"] = Field(
-        "one_shot", description="one_shot: asked once, for the whole run; stepwise: asked at every planning step"
+        "one_shot", description="one_shot: called once for the whole run; stepwise: called at every planning step"
     )
-    stays: bool = Field(False, description="one process for many runs, a request a line; else one process a run")
+    stays: bool = Field(
+        False, description="one process for many runs, one request per line; otherwise one process per run"
+    )
     time_s: float = Field(60.0, gt=0, le=3600, description="time limit of one run, all its steps together")
     start_time_s: float = Field(10.0, gt=0, le=3600, description="stepwise: time limit until it is ready")
     step_time_s: float = Field(1.0, gt=0, le=3600, description="stepwise: time limit of one step")
@@ -530,19 +545,21 @@ class CommandPlanner(PlannerDeclaration):
     output_mb: int = Field(
         16, ge=1, le=256, description="largest answer on standard output; stepwise: log of a run, too"
     )
-    environment: dict[str, str] = Field(default_factory=dict, description="variables beside PATH, HOME, LANG, TMPDIR")
+    environment: dict[str, str] = Field(
+        default_factory=dict, description="variables in addition to PATH, HOME, LANG, TMPDIR"
+    )
 
     @field_validator("command")
     @classmethod
     def _absolute(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         program = value[0]
         if not program or ("/" in program and not program.startswith("/")):
-            raise ValueError(f"program '{program}': give a name on PATH or an absolute path")
+            raise ValueError(f"program '{program}': use a name on PATH or an absolute path")
         return value
 
 
 class EgoStart(Model):
-    """The ego's centre at the first step: m, rad, m/s, m/s²."""
+    """The ego's centre at the first step, in m, rad, m/s and m/s²."""
 
     x_m: float
     y_m: float
@@ -552,10 +569,10 @@ class EgoStart(Model):
 
 
 class CommandRequest(Model):
-    """What a command-line planner reads: one line of JSON on standard input.
+    """The request that a command-line planner reads from standard input, as one line of JSON.
 
-    ``scenario_file``: a copy of the CommonRoad XML file; ``folder``: where it is, and where a run may write;
-    ``last_step``: of the goal's time; ``step_s``: time step of scenario and trajectory.
+    ``scenario_file`` is a copy of the CommonRoad XML file. ``folder`` contains it, and the run may write there.
+    ``last_step`` ends the goal's time. ``step_s`` is the time step of scenario and trajectory.
     """
 
     version: Literal[1] = 1
@@ -568,14 +585,14 @@ class CommandRequest(Model):
     weights: dict[str, float]
     settings: dict[str, float] = Field(description="all settings, with the ego's size and limits")
     ego: EgoStart
-    ego_class: str = Field("car", description="what the ego is: car, truck, bus, motorcycle …")
+    ego_class: str = Field("car", description="class of the ego: car, truck, bus, motorcycle …")
     first_step: int
     last_step: int
     step_s: float
 
 
 class CommandTrajectory(Model):
-    """States of the ego's centre, one a time step; the first is the present: all lists are of the same length."""
+    """States of the ego's centre, one per time step from the present on. All lists have the same length."""
 
     x_m: tuple[Bounded, ...]
     y_m: tuple[Bounded, ...]
@@ -586,15 +603,15 @@ class CommandTrajectory(Model):
     def _same_lengths(self) -> "CommandTrajectory":
         lengths = {name: len(values) for name, values in self}
         if len(set(lengths.values())) > 1:
-            told = ", ".join(f"{name} {length}" for name, length in lengths.items())
-            raise ValueError(f"the lists have different lengths: {told}")
+            found = ", ".join(f"{name} {length}" for name, length in lengths.items())
+            raise ValueError(f"the lists have different lengths: {found}")
         return self
 
 
 class CommandAnswer(Model):
-    """What a command-line planner writes: one line of JSON on standard output, and nothing else there.
+    """The answer that a command-line planner writes to standard output, as one line of JSON and nothing else.
 
-    ``trajectory``: the whole drive in one plan; null if the planner finds none, with ``rejected`` saying why.
+    ``trajectory`` is the whole drive in one plan, or null if the planner finds no plan; ``rejected`` then says why.
     """
 
     version: Literal[1] = 1

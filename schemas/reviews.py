@@ -64,7 +64,7 @@ class DriverVerdict(Model):
 
 
 class Prevention(Model):
-    """Whether reference drivers in the ego's place prevent a collision if the others move as they did (``docs/runs.md``).
+    """Whether reference drivers in the ego's place prevent a collision if the others move as before (see docs/runs.md).
 
     ``drivers`` holds the verdict on each driver from each start, and is empty in runs of older versions. The other
     fields

@@ -1,7 +1,6 @@
-"""What is known about a scenario: its metadata layers, its record, what rules find in its roads,
-and what ``describe_scenario`` takes and answers.
+"""A scenario's facts and record, the defects that rules find in its roads, and ``describe_scenario``.
 
-Lengths in m, speeds in m/s, times in s, headings in rad; posted limits in km/h. The answer's text stands at the end.
+Lengths are in m, speeds in m/s, times in s, headings in rad, and posted limits in km/h.
 """
 
 import json
@@ -17,28 +16,28 @@ from .text import cited_all, cited_parts, counted, shown_name
 from .vocabulary import GoalForm
 
 Severity = Literal["error", "warning"]
-"""Of what a rule for road networks finds."""
+"""The severity of a finding of a rule for road networks."""
 
 
 class RuleFinding(Model):
-    """One defect: the rule that found it, the ids of the elements concerned, where it is, and what is wrong."""
+    """One defect: the rule, the ids of the elements concerned, the position, and the fault."""
 
     rule: str
     severity: Severity
     elements: tuple[int, ...]
-    where: tuple[float, float] | None = Field(description="x, y in m; None if the defect has no place")
+    where: tuple[float, float] | None = Field(description="x, y in m; None if the defect has no position")
     message: str
 
 
 class CheckedFile(Model):
-    """A file with what the rules found; ``unreadable`` says why none could be run."""
+    """A file with the findings of the rules; ``unreadable`` says why no rule could run."""
 
     file: str
     findings: tuple[RuleFinding, ...] = ()
     unreadable: str = ""
 
     def count(self, severity: Severity) -> int:
-        """Return how many findings are of this severity."""
+        """Return the number of findings of this severity."""
         return sum(finding.severity == severity for finding in self.findings)
 
     @property
@@ -48,7 +47,7 @@ class CheckedFile(Model):
 
 
 class LocationFacts(Model):
-    """Where the scenario is: country and place of the benchmark id; coordinates where the file states real ones."""
+    """The scenario's location: country and place of the benchmark id, and coordinates if the file has real ones."""
 
     country: str = Field(description="ISO 3166-1 alpha-3, ZAM for artificial networks")
     place: str
@@ -57,9 +56,9 @@ class LocationFacts(Model):
 
 
 class RoadFacts(Model):
-    """Signs, lights and posted limits: on the lanelets under the ego's start, and anywhere in the file.
+    """Signs, lights and posted limits, on the lanelets under the ego's start and in the whole file.
 
-    Signs are keys of the vocabulary, sorted; limits in km/h, ascending.
+    Signs are sorted keys of the vocabulary. Limits are in km/h, ascending.
     """
 
     lanelets: int
@@ -79,25 +78,26 @@ class ParticipantFacts(Model):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Static and dynamic together, by type in alphabetical order."""
+        """Static and dynamic obstacles together, by type in alphabetical order."""
         kinds = sorted({*self.dynamic, *self.static})
         return {kind: self.dynamic.get(kind, 0) + self.static.get(kind, 0) for kind in kinds}
 
     @property
     def total(self) -> int:
-        """All obstacles."""
+        """The number of obstacles."""
         return sum(self.dynamic.values()) + sum(self.static.values())
 
 
 class EgoFacts(Model):
-    """One planning problem: where the ego starts and what its goal states.
+    """One planning problem: the ego's start and its goal.
 
-    ``lanes``: lanelets side by side in the ego's direction at its start, 0 if it stands on none;
-    ``route``: lanelets to the goal, empty if the goal has no place or cannot be reached;
-    ``manoeuvres``: what the recorded traffic does on the ego's way, None in records from before it was looked at;
-    ``time_to_conflict_s``: until an ego that keeps path and initial speed meets the recorded traffic, None if it
-    never does; records and answers name it ``time_to_collision_s``, as they did before. Signs, light and limits are
-    those of the lanelets under its start.
+    - ``lanes``: adjacent lanelets in the ego's direction at its start, 0 if it is on no lanelet
+    - ``route``: lanelets to the goal, empty if the goal has no position or cannot be reached
+    - ``manoeuvres``: what the recorded traffic does on the ego's route, None in older records
+    - ``time_to_conflict_s``: time until an ego that keeps path and initial speed meets the recorded traffic, None if it
+      never does; records and answers still call it ``time_to_collision_s``
+
+    Signs, light and limits are those of the lanelets under the ego's start.
     """
 
     model_config = ConfigDict(validate_by_name=True, validate_by_alias=True, serialize_by_alias=True)
@@ -116,18 +116,18 @@ class EgoFacts(Model):
     time_to_conflict_s: float | None = Field(default=None, alias="time_to_collision_s")
     features: tuple[str, ...] = ()
     manoeuvres: tuple[str, ...] | None = Field(
-        None, exclude_if=lambda found: found is None, description="what road users of which type do: 'cut_in:truck'"
+        None, exclude_if=lambda found: found is None, description="manoeuvres by type of road user: 'cut_in:truck'"
     )
     signs: tuple[str, ...] = ()
     traffic_light: bool = False
     limits_kmh: tuple[float, ...] = ()
-    vehicle_class: str = Field("car", exclude_if=lambda name: name == "car", description="what the ego is")
+    vehicle_class: str = Field("car", exclude_if=lambda name: name == "car", description="class of the ego")
 
 
 class ScenarioFacts(Model):
-    """The four metadata layers of the paper (location, roadside, participants, ego) and the computed features.
+    """The paper's four metadata layers (location, roadside, participants, ego) and the computed features.
 
-    Counts, signs and lanes on the ego's lanelets belong to the first planning problem.
+    Counts, signs and lanes on the ego's lanelets refer to the first planning problem.
     """
 
     scenario_id: str
@@ -135,31 +135,31 @@ class ScenarioFacts(Model):
     step_s: float
     horizon_steps: int = Field(description="last time step of any recording or goal")
     location: LocationFacts
-    tags: tuple[str, ...] = Field(description="tags in the file, sorted; computed features stay apart")
+    tags: tuple[str, ...] = Field(description="tags in the file, sorted; computed features are separate")
     features: tuple[str, ...] = Field(description="computed from the geometry, sorted")
     roads: RoadFacts
     participants: ParticipantFacts
     egos: tuple[EgoFacts, ...] = Field(description="one per planning problem, by ascending id")
     density_per_km: float = Field(0.0, description="recorded vehicles per kilometre of lanelets, mean over the time")
-    source: str = Field("", description="where the file says that its data come from; '' where it was not read")
+    source: str = Field("", description="the source of the data according to the file; '' if it was not read")
     circumstances: tuple[str, ...] = Field(
-        (), exclude_if=lambda words: not words, description="weather and time of day, in words of the vocabulary"
+        (), exclude_if=lambda words: not words, description="weather and time of day, in terms of the vocabulary"
     )
 
     @property
     def ego(self) -> EgoFacts | None:
-        """The first planning problem's."""
+        """The ego of the first planning problem."""
         return self.egos[0] if self.egos else None
 
     @property
     def horizon_s(self) -> float:
-        """Seconds to the last time step of any recording or goal."""
+        """The time of the last step of any recording or goal, in s."""
         return round(self.horizon_steps * self.step_s, 3)
 
     def entries(self) -> "tuple[ScenarioFacts, ...]":
-        """Return one per planning problem, with its ego alone: the first under the id, the others as ``ID#problem``.
+        """Return one entry per planning problem with only its ego: the first under the id, others as ``ID#problem``.
 
-        Each would hold the egos of all others otherwise, and a catalogue of them grow with the square of their number.
+        With the egos of all others in each entry, a catalogue would grow with the square of their number.
         """
         first = self if len(self.egos) < 2 else self.model_copy(update={"egos": self.egos[:1]})
         return (first, *(self._seen_from(ego) for ego in self.egos[1:]))
@@ -187,10 +187,11 @@ Origin = Literal["generated", "modified", "imported", "starter"]
 
 
 class ScenarioRecord(Model):
-    """What the workspace keeps about a scenario beside its files.
+    """The workspace's record of a scenario, in addition to its files.
 
-    ``content``: SHA-256 of the XML file as it came, by which the same file is known again; ``supersedes``: the earlier
-    version of a file that was changed and imported again, which the catalogue lists no longer.
+    ``content`` is the SHA-256 of the original XML file, which identifies the same file later. ``supersedes`` is the
+    earlier
+    version of a file that was changed and imported again. The catalogue no longer lists that version.
     """
 
     facts: ScenarioFacts
@@ -200,9 +201,9 @@ class ScenarioRecord(Model):
 
 
 class ReadFactsRequest(Model):
-    """Which file to read the facts from, the SUMO network beside it where it comes in too, and their largest size.
+    """The file to read facts from, an accompanying SUMO network if it is imported too, and their maximum size.
 
-    ``keep``: whether what was read is kept on disk for the calls that follow; of many files few are asked for again.
+    ``keep`` caches the parsed file on disk for later calls. Of many files, few are used again.
     """
 
     path: Path
@@ -221,16 +222,16 @@ class DescribeScenarioArguments(Arguments):
     scenario_id: str = "latest"
     """The scenario."""
     detail: Detail = "brief"
-    """What is told in addition to the brief description."""
-    focus: str | None = Field(None, description="ego, vehicle selector or lanelet id: the centre of what is listed")
+    """The section shown in addition to the brief description."""
+    focus: str | None = Field(None, description="ego, vehicle selector or lanelet id: centre of the lists")
     radius_m: float = Field(80, ge=0.1, le=2000)
-    """How far around the focus is listed, in m."""
+    """The radius around the focus, in m."""
     time_s: float = Field(0, ge=0)
-    """The moment."""
+    """The time."""
 
 
 class DescribeRequest(Model):
-    """What the describing operation needs; ``problem_id`` None is the first planning problem."""
+    """The input of the describing operation; ``problem_id`` None means the first planning problem."""
 
     path: Path
     problem_id: int | None = None
@@ -241,86 +242,89 @@ class DescribeRequest(Model):
 
 
 class DescribedEgo(Model):
-    """A planning problem: start, goal in words, and the lanelets of the way to the goal."""
+    """A planning problem: the start, the goal in words, and the lanelets of the route to the goal."""
 
     problem_id: int
-    vehicle_class: str = Field("car", description="what the ego is")
+    vehicle_class: str = Field("car", description="class of the ego")
     vehicle: str = Field("", description="its class, size, motion model and limits, in words")
     speed_mps: float = Field(description="speed at the start")
     lanelets: tuple[int, ...] = Field(description="ids of the lanelets under the start")
     lanes: int = Field(description="lanes in the ego's direction at the start")
-    goal: str = Field(description="what the goal asks for, in words")
-    goal_from_s: float | None = Field(None, description="when the goal may be reached first; null if there are several")
-    goal_until_s: float | None = Field(None, description="when it may be reached last")
-    goal_distance_m: float | None = Field(None, description="straight to the middle of its region; null without one")
+    goal: str = Field(description="requirements of the goal, in words")
+    goal_from_s: float | None = Field(None, description="earliest time for the goal; null if there are several")
+    goal_until_s: float | None = Field(None, description="latest time for the goal")
+    goal_distance_m: float | None = Field(
+        None, description="straight-line distance to the middle of its region; null without one"
+    )
     goal_lanelets: tuple[int, ...] = Field(description="ids of the lanelets of the goal")
-    route: tuple[int, ...] = Field(description="ids of the lanelets on the way to the goal")
-    way: str = Field(description="that way in words")
+    route: tuple[int, ...] = Field(description="ids of the lanelets on the route to the goal")
+    way: str = Field(description="that route in words")
 
 
 class DescribedVehicle(Model):
-    """A vehicle when it is first there: where in words, and along the ego's lane in metres (ahead positive).
+    """A vehicle when it first appears, and its position along the ego's lane in m (ahead positive).
 
-    ``gap_m``: bumper to bumper, for vehicles in the ego's lane; ``from_s``: when it appears; ``vehicle_class``: what it
-    was generated as, where CommonRoad has no type of that name.
+    ``gap_m`` is bumper to bumper, for vehicles in the ego's lane. ``from_s`` is when it appears. ``vehicle_class`` is
+    the
+    class it was generated as, if CommonRoad has no such type.
     """
 
     vehicle_id: int
     kind: str = Field(description="its CommonRoad type")
-    where: str = Field(description="where it is, seen from the focus, in words")
+    where: str = Field(description="position relative to the focus, in words")
     lanelet: int | None = Field(description="id of its lanelet; null off the road")
-    speed_mps: float = Field(description="its speed when it is first there")
+    speed_mps: float = Field(description="its speed when it first appears")
     distance_m: float = Field(description="its distance from the focus")
     ahead_m: float | None = Field(
-        description="how far ahead of the ego along its lane, behind negative; null elsewhere"
+        description="distance ahead of the ego along its lane, negative behind; null elsewhere"
     )
     gap_m: float | None
     from_s: float
-    until_s: float = Field(description="when it is last there")
-    moves: bool = Field(description="whether it drives at all")
+    until_s: float = Field(description="when it disappears")
+    moves: bool = Field(description="whether it moves at all")
     vehicle_class: str = ""
 
 
 class DescribedLanelet(Model):
-    """A lanelet: its edge, what follows by direction, its neighbours, and the vehicles on it at first."""
+    """A lanelet: its edge, successors by direction, neighbours, and the vehicles on it at the start."""
 
     lanelet_id: int
-    edge: str | None = Field(description="SUMO's edge; None inside junctions and where nobody drives")
+    edge: str | None = Field(description="SUMO's edge; None inside junctions and where no vehicle drives")
     length_m: float = Field(description="length of its centre line")
-    role: str = Field(description="what it is to the ego")
+    role: str = Field(description="its role for the ego")
     successors: tuple[str, ...] = Field(description="direction and id: 'left 12'")
     left: int | None = Field(description="id of the lanelet to its left in the same direction; null without one")
     right: int | None = Field(description="id of the one to its right; null without one")
     opposite: int | None = Field(description="id of the neighbour in the opposite direction; null without one")
     limit_kmh: float | None = Field(description="its speed limit; null without one")
-    vehicles: tuple[int, ...] = Field(description="ids of the vehicles on it at first")
+    vehicles: tuple[int, ...] = Field(description="ids of the vehicles on it at the start")
 
 
 class Reach(Model):
-    """A lanelet outside junctions that a vehicle can get to: the turns on the way, and how far its beginning is."""
+    """A lanelet outside junctions that a vehicle can reach: the turns on the way, and the distance to its beginning."""
 
     lanelet_id: int
     turns: tuple[str, ...] = Field(description="lane changes and turns on the way")
-    distance_m: float = Field(description="how far its beginning is")
+    distance_m: float = Field(description="distance to its beginning")
 
 
 class MotionMoment(Model):
-    """A vehicle at a moment: how it moves, its lanelet, and the vehicle that it follows with the gap between them."""
+    """A vehicle at one time: its motion, its lanelet, and its leader with the gap between them."""
 
     time_s: float = Field(description="since the ego's start")
-    speed_mps: float = Field(description="along its way")
-    acceleration_mps2: float = Field(description="along its way, braking negative")
+    speed_mps: float = Field(description="along its path")
+    acceleration_mps2: float = Field(description="along its path, negative when braking")
     lanelet: int | None = Field(description="id of its lanelet; null off the road")
     leader: int | None = Field(description="id of the nearest vehicle ahead in its lane; null without one in 100 m")
     gap_m: float | None = Field(description="bumper to bumper; null without a leader")
 
 
 class MotionEvent(Model):
-    """Something that a vehicle does: it brakes, with what lay ahead when it began, or changes lane."""
+    """An event in a vehicle's motion: it brakes, with its reason ahead, or changes lane."""
 
     code: Literal["brakes", "changes_lane"] = Field(description="what it does")
     cause: Literal["", "leader", "crossing", "light", "turn", "limit", "unknown"] = Field(
-        description="what lay ahead when it began to brake"
+        description="what was ahead when it began to brake"
     )
     from_s: float = Field(description="when it begins, since the ego's start")
     until_s: float = Field(description="when it ends")
@@ -328,14 +332,14 @@ class MotionEvent(Model):
 
 
 class DescribedMotion(Model):
-    """The whole recorded motion of a vehicle: some moments evenly spaced, and what it did."""
+    """The whole recorded motion of a vehicle: evenly spaced times, and events."""
 
-    moments: tuple[MotionMoment, ...] = Field(description="the vehicle at some moments, evenly spaced")
-    events: tuple[MotionEvent, ...] = Field(description="what it did, in order")
-    driven_m: float = Field(description="how far it drove")
+    moments: tuple[MotionMoment, ...] = Field(description="the vehicle at evenly spaced times")
+    events: tuple[MotionEvent, ...] = Field(description="events in order")
+    driven_m: float = Field(description="distance driven")
 
     def lines(self) -> list[str]:
-        """Return what it did, then a line a moment."""
+        """Return the events, then one line per time."""
         did = [f"- {_span_s(event)} s: {event.words}" for event in self.events]
         moments = [
             f"- {one.time_s:g} s: {one.speed_mps:.1f} m/s, {one.acceleration_mps2:+.1f} m/s², "
@@ -346,9 +350,9 @@ class DescribedMotion(Model):
         return [
             f"It drives {self.driven_m:g} m; it brakes or changes lane:"
             if did
-            else f"It drives {self.driven_m:g} m, brakes nowhere and keeps its lane.",
+            else f"It drives {self.driven_m:g} m, never brakes and keeps its lane.",
             *did,
-            "Moment by moment:",
+            "Motion over time:",
             *moments,
         ]
 
@@ -358,90 +362,92 @@ def _span_s(event: MotionEvent) -> str:
 
 
 class DescribedFocus(Model):
-    """A vehicle or lanelet that a call asked about: by which word, its recorded way, and where it can drive.
+    """The vehicle or lanelet in focus: the selector that chose it, its recorded route, and where it can drive.
 
-    ``vehicle``: where it is, and how fast, None for a lanelet; ``route``: lanelets of the recording; ``reach``: the
-    nearest lanelets first.
+    ``vehicle`` is its position and speed, or None for a lanelet. ``route`` lists the lanelets of the recording.
+    ``reach``
+    starts with the nearest lanelets.
     """
 
     name: str = Field(description="the vehicle or lanelet")
-    what: str = Field(description="by which word it was meant")
+    what: str = Field(description="the selector that chose it")
     vehicle: DescribedVehicle | None = None
     route: tuple[int, ...] = ()
     reach: tuple[Reach, ...] = ()
     motion: DescribedMotion | None = Field(
-        None,
-        exclude_if=lambda motion: motion is None,
-        description="its whole recorded motion, where detail asks for it",
+        None, exclude_if=lambda motion: motion is None, description="its whole recorded motion, with detail=motion"
     )
 
 
 class Description(Model):
-    """What the scenario's file shows, centred on the focus; ``asked`` says what a focus other than the ego is.
+    """The content of the scenario's file around the focus; ``asked`` describes a focus other than the ego.
 
-    ``time_s``: when the vehicles are there, from the ego's start.
+    ``time_s`` is the time of the described vehicles, from the ego's start.
     """
 
     ego: DescribedEgo | None = Field(description="the planning problem; null if the file has none")
-    focus: str = Field(description="what the list of vehicles and lanelets is centred on")
-    asked: DescribedFocus | None = Field(None, description="the focus, where it is not the ego")
+    focus: str = Field(description="centre of the lists of vehicles and lanelets")
+    asked: DescribedFocus | None = Field(None, description="the focus, if it is not the ego")
     vehicles: tuple[DescribedVehicle, ...] = Field(description="the vehicles near the focus, the nearest first")
     vehicles_total: int = Field(description="vehicles in the scenario, without the one in focus")
     lanelets: tuple[DescribedLanelet, ...] = Field(description="the lanelets near the focus")
     lanelets_total: int = Field(description="lanelets within the radius")
-    checks: tuple[str, ...] = Field((), description="what the checks of the file found")
-    time_s: float = Field(0.0, exclude_if=lambda time_s: time_s == 0, description="when the vehicles are described")
+    checks: tuple[str, ...] = Field((), description="findings of the file's checks")
+    time_s: float = Field(0.0, exclude_if=lambda time_s: time_s == 0, description="time of the described vehicles")
 
 
 class DescribedGeneration(Model):
-    """Site, traffic and checks of a generated scenario, as they were when it was made: asked beside realised.
+    """Site, traffic and checks of a generated scenario when it was generated: requested next to realised.
 
-    ``notes`` (repairs among them), ``network_warnings`` and ``netconvert_warnings`` are listed only where the detail
-    asks for them; their numbers always stand there. ``feasible_share``: of the recorded tracks, in [0, 1].
+    ``notes`` (including repairs), ``network_warnings`` and ``netconvert_warnings`` are listed only if ``detail``
+    requests
+    them, but are always counted. ``feasible_share`` of the recorded tracks is in [0, 1].
     """
 
-    site: SiteFacts = Field(description="where it was cut out")
-    scenario_type_asked: ScenarioType = Field(description="type of site that was asked for")
-    vehicles_asked: int = Field(description="vehicles that were asked for")
-    vehicles_realised: int = Field(description="vehicles that are there")
-    classes_asked: dict[str, int] = Field(description="vehicles that were asked for, by class")
-    classes_realised: dict[str, int] = Field(description="vehicles that are there, by class")
-    density: DensityFacts = Field(description="vehicles per lane-km, wanted and there")
-    duration_asked_s: float = Field(description="length that was asked for")
-    recorded_s: float = Field(description="length of the recording")
+    site: SiteFacts = Field(description="the site")
+    scenario_type_asked: ScenarioType = Field(description="type of site requested")
+    vehicles_asked: int = Field(description="vehicles requested")
+    vehicles_realised: int = Field(description="vehicles realised")
+    classes_asked: dict[str, int] = Field(description="vehicles requested, by class")
+    classes_realised: dict[str, int] = Field(description="vehicles realised, by class")
+    density: DensityFacts = Field(description="vehicles per lane-km, requested and realised")
+    duration_asked_s: float = Field(description="duration requested")
+    recorded_s: float = Field(description="duration of the recording")
     feasible_share: float
-    checks_failed: tuple[str, ...] = Field(description="checks that it did not pass")
-    notes_total: int = Field(description="how many notes there are")
-    warnings_total: int = Field(description="how many warnings of network and netconvert there are")
+    checks_failed: tuple[str, ...] = Field(description="failed checks")
+    notes_total: int = Field(description="number of notes")
+    warnings_total: int = Field(description="number of network and netconvert warnings")
     notes: tuple[str, ...] = ()
-    network_warnings: tuple[str, ...] = Field((), description="warnings of our checks of the network")
+    network_warnings: tuple[str, ...] = Field((), description="warnings of the network checks")
     netconvert_warnings: tuple[str, ...] = Field((), description="warnings of SUMO's netconvert")
-    conditions: tuple[str, ...] = Field((), description="conditions of the traffic, as they were asked for")
+    conditions: tuple[str, ...] = Field((), description="requested conditions of the traffic")
     absences: tuple[VehicleAbsence, ...] = Field(
-        (), exclude_if=lambda absences: not absences, description="asked for and not there as asked, and why"
+        (),
+        exclude_if=lambda absences: not absences,
+        description="requested road users that differ or are missing, and why",
     )
 
     def lines(self) -> list[str]:
-        """Site, traffic and checks in a line, then notes and warnings, one each."""
+        """Return a line on site, traffic and checks, then notes and warnings, one per line."""
         site, density = self.site, self.density
         streets = cited_all(site.streets) or "unnamed roads"
         mark = f", OSM {site.osm_id}" if site.osm_id else ""
-        classes = ", ".join(counted(count, name) for name, count in self.classes_realised.items()) or "the ego alone"
-        asked = "".join(f", with {counted(count, name)}" for name, count in self.classes_asked.items())
-        asked_density = density.at_time or density.wish
+        classes = ", ".join(["the ego", *(counted(count, name) for name, count in self.classes_realised.items())])
+        requested = "".join(f", with {counted(count, name)}" for name, count in self.classes_asked.items())
+        requested_density = density.at_time or density.wish
         under = f"conditions {', '.join(self.conditions)}; " if self.conditions else ""
-        listed = [f"Not as asked: {absence.in_words()}" for absence in self.absences]
+        listed = [f"Not as requested: {absence.in_words()}" for absence in self.absences]
         listed += [f"Generation note: {note}" for note in self.notes]
         listed += [f"Road network: {warning}" for warning in self.network_warnings]
         listed += [f"netconvert: {warning}" for warning in self.netconvert_warnings]
         is_complete = listed or self.notes_total + self.warnings_total == 0
         unlisted = "" if is_complete else f" {self.notes_total} notes, {self.warnings_total} warnings: detail checks."
         first = (
-            f"Generated: {site.scenario_type} (asked: {self.scenario_type_asked}) at {site.latitude:.5f}, "
+            f"Generated: {site.scenario_type} (requested: {self.scenario_type_asked}) at {site.latitude:.5f}, "
             f"{site.longitude:.5f} within {site.radius_m:g} m ({streets}{mark}); vehicles {self.vehicles_realised} "
-            f"(asked: {self.vehicles_asked}{asked}), beside the ego {classes}; {density.at_start_per_lane_km:g} per "
-            f"lane-km at the start, {density.at_end_per_lane_km:g} at the end (asked: {asked_density}, "
-            f"{density.target_per_lane_km:g}); {self.recorded_s:g} s recorded (asked: {self.duration_asked_s:g} s); "
+            f"(requested: {self.vehicles_asked}{requested}): {classes}; {density.at_start_per_lane_km:g} per "
+            f"lane-km at the start, {density.at_end_per_lane_km:g} at the end (requested: {requested_density}, "
+            f"{density.target_per_lane_km:g}); {self.recorded_s:g} s recorded (requested: {self.duration_asked_s:g}); "
             f"{under}{self.feasible_share:.0%} of tracks drivable; "
             f"checks failed: {', '.join(self.checks_failed) or 'none'}."
         )
@@ -449,35 +455,37 @@ class DescribedGeneration(Model):
 
 
 class DescribeScenarioResult(Result):
-    """A scenario in words and ids: all that an edit needs."""
+    """A scenario in words and ids, with everything that an edit needs."""
 
     scenario_id: str
-    origin: Origin = Field(description="where it comes from")
-    place: str = Field(description="the town or region; empty if it is not known")
-    detail: Detail = Field("brief", description="what is told in addition to the summary")
-    tags: tuple[str, ...] = Field(description="tags that it has")
-    features: tuple[str, ...] = Field(description="features that its geometry shows")
+    origin: Origin = Field(description="its origin")
+    place: str = Field(description="the town or region; empty if not known")
+    detail: Detail = Field("brief", description="the section shown in addition to the summary")
+    tags: tuple[str, ...] = Field(description="its tags")
+    features: tuple[str, ...] = Field(description="features computed from its geometry")
     step_s: float = Field(description="length of a time step")
-    duration_s: float = Field(description="length of the recording")
+    duration_s: float = Field(description="duration of the recording")
     counts: dict[str, int] = Field(description="road users by type")
     signs: tuple[str, ...] = Field(description="traffic signs, with their values")
-    description: Description = Field(description="what its file shows around the focus")
-    other_problems: tuple[int, ...] = Field((), description="other planning problems of the file: ID#problem names one")
-    generation: DescribedGeneration | None = Field(None, description="how it was generated; null if it was not")
-    recipe: dict[str, JsonValue] | None = Field(None, description="what makes it again; null if it was not asked for")
+    description: Description = Field(description="content of its file around the focus")
+    other_problems: tuple[int, ...] = Field((), description="other planning problems of the file: use ID#problem")
+    generation: DescribedGeneration | None = Field(None, description="how it was generated; null otherwise")
+    recipe: dict[str, JsonValue] | None = Field(
+        None, description="the call that generates it again; null unless requested"
+    )
 
     def answer(self) -> Answer:
-        """Return what it is, the ego, what was asked about; then the lists that the detail asks for."""
+        """Return the scenario, its ego and the focus, then the lists of ``detail``."""
         shown, total = self.description, sum(self.counts.values())
         kinds = ", ".join(counted(count, kind) for kind, count in self.counts.items())
-        traffic = f"{counted(total, 'road user')} beside the ego ({kinds})" if total else "no traffic"
-        decided = [f"Tags: {', '.join(self.tags) or 'none'}. Computed: {', '.join(self.features) or 'nothing'}."]
+        traffic = f"{counted(total, 'other road user')} ({kinds})" if total else "no traffic"
+        decided = [f"Tags: {', '.join(self.tags) or 'none'}. Computed: {', '.join(self.features) or 'none'}."]
         decided += [f"On the ego's lane: {', '.join(self.signs)}."] if self.signs else []
         decided.append(ego_text(shown.ego) if shown.ego else "No planning problem, so no ego.")
         if self.other_problems:
-            words = ", ".join(f"{self.scenario_id}#{key}" for key in self.other_problems[:_PROBLEMS_SHOWN])
+            problems = ", ".join(f"{self.scenario_id}#{key}" for key in self.other_problems[:_PROBLEMS_SHOWN])
             count = counted(len(self.other_problems), "more planning problem")
-            decided.append(f"The file has {count}, each with an ego of its own: {words}.")
+            decided.append(f"The file has {count}, each with its own ego: {problems}.")
         decided += _focus(shown.asked) if shown.asked else []
         motion = shown.asked.motion.lines() if shown.asked is not None and shown.asked.motion is not None else []
         listed = [*motion, *self._vehicles(), *self._lanelets(), *(f"Check: {check}" for check in shown.checks)]
@@ -494,18 +502,18 @@ class DescribeScenarioResult(Result):
         )
 
     def _vehicles(self) -> list[str]:
-        """Return the vehicles that the detail lists; one that lists none says nothing about them."""
+        """Return the vehicles that ``detail`` lists."""
         shown, most = self.description, VEHICLES_SHOWN[self.detail]
         if not most or not shown.vehicles_total:
             return []
         if not shown.vehicles:
-            return [f"No vehicle within radius_m of {shown.focus}; {shown.vehicles_total} elsewhere: raise radius_m."]
+            return [f"No vehicle within radius_m of {shown.focus}, {shown.vehicles_total} elsewhere; raise radius_m."]
         more = shown.vehicles_total - len(shown.vehicles)
         rest = "raise radius_m" if self.detail == "vehicles" else "detail=vehicles"
-        measured = ", metres along its lane" if shown.focus == "the ego" else ""
-        measured += f", at {shown.time_s:g} s, placed as seen from the ego's start" if shown.time_s else ""
+        measured = ", distances along its lane" if shown.focus == "the ego" else ""
+        measured += f", at {shown.time_s:g} s, relative to the ego's start" if shown.time_s else ""
         others = f" ({more} more: {rest})" if more else ""
-        head = f"Vehicles, in a straight line nearest to {shown.focus} first{measured}{others}:"
+        head = f"Vehicles, nearest to {shown.focus} first{measured}{others}:"
         return [head, *(_vehicle(vehicle, shown.asked) for vehicle in shown.vehicles)]
 
     def _lanelets(self) -> list[str]:
@@ -513,7 +521,7 @@ class DescribeScenarioResult(Result):
         if not shown.lanelets:
             return []
         more = shown.lanelets_total - len(shown.lanelets)
-        head = f"Lanelets near {shown.focus}{f' ({more} more: raise radius_m, or focus)' if more else ''}:"
+        head = f"Lanelets near {shown.focus}{f' ({more} more: raise radius_m or set focus)' if more else ''}:"
         return [head, *(_lanelet(lanelet) for lanelet in shown.lanelets)]
 
 
@@ -533,28 +541,28 @@ LANELETS_SHOWN: Mapping[Detail, int] = {
     "checks": 0,
     "recipe": 0,
 }
-"""How many vehicles and lanelets each detail lists, at most: a description is read by a model (chosen)."""
+"""The maximum number of vehicles and lanelets for each detail (chosen, because a model reads the description)."""
 
 
 def _focus(focus: DescribedFocus) -> list[str]:
-    """Whom the call asked about, where it was recorded to drive, and where it can drive."""
+    """Return the focus, its recorded route, and where it can drive."""
     name = f"{focus.name[0].upper()}{focus.name[1:]}{f' ({focus.what})' if focus.what else ''}"
-    seen = f": {_seen(focus.vehicle)}." if focus.vehicle is not None else "."
-    recorded = f" Recorded way: lanelets {_chain(focus.route)}." if focus.route else ""
+    seen = f": {_vehicle_in_words(focus.vehicle)}." if focus.vehicle is not None else "."
+    recorded = f" Recorded route: lanelets {_chain(focus.route)}." if focus.route else ""
     ways = [(" then ".join(way.turns) or "straight", way) for way in focus.reach]
     reached = [f"{turns} {way.lanelet_id} ({way.distance_m:.0f} m)" for turns, way in ways]
     return [f"{name}{seen}{recorded} Can reach: {', '.join(reached) or 'no other lanelet'}."]
 
 
 _PROBLEMS_SHOWN = 6
-"""Other planning problems that an answer names (chosen)."""
+"""The number of other planning problems that an answer lists (chosen)."""
 
 
 def ego_text(ego: DescribedEgo) -> str:
-    """Where the ego starts, what its goal asks for and its way there, in a line."""
+    """Return a line on the ego's start, its goal and its route there."""
     lanes = f"{ego.lanes} lane{'' if ego.lanes == 1 else 's'} in its direction"
     lanelets = f"lanelet {', '.join(map(str, ego.lanelets))}" if ego.lanelets else "no lanelet"
-    route = f" Way: {ego.way}{f', lanelets {_chain(ego.route)}' if ego.route else ''}."
+    route = f" Route: {ego.way}{f', lanelets {_chain(ego.route)}' if ego.route else ''}."
     what = "" if ego.vehicle_class == "car" else f"{ego.vehicle}. Starts at "
     return f"Ego: {what}{ego.speed_mps:.1f} m/s on {lanelets}, {lanes}. Goal: {ego.goal}.{route}"
 
@@ -565,29 +573,29 @@ def _chain(route: tuple[int, ...]) -> str:
 
 
 def _vehicle(vehicle: DescribedVehicle, focus: DescribedFocus | None) -> str:
-    """Return a vehicle in a line; where something was asked about, by its distance from there too."""
-    away = f"{vehicle.distance_m:.0f} m from {focus.name}; seen from the ego " if focus is not None else ""
-    return f"- {vehicle.vehicle_id} {_seen(vehicle, away)}"
+    """Return a vehicle in one line, with its distance from the focus if there is one."""
+    away = f"{vehicle.distance_m:.0f} m from {focus.name}; relative to the ego: " if focus is not None else ""
+    return f"- {vehicle.vehicle_id} {_vehicle_in_words(vehicle, away)}"
 
 
-def _seen(vehicle: DescribedVehicle, away: str = "") -> str:
-    """Kind, place as seen from the ego, speed, gap and lanelet of a vehicle."""
+def _vehicle_in_words(vehicle: DescribedVehicle, away: str = "") -> str:
+    """Return the type, position relative to the ego, speed, gap and lanelet of a vehicle."""
     gap = f", gap {vehicle.gap_m:.1f} m" if vehicle.gap_m is not None else ""
     lanelet = f", lanelet {vehicle.lanelet}" if vehicle.lanelet is not None else ", on no lanelet"
     when = f", from {vehicle.from_s:g} s" if vehicle.from_s > 0 else ""
-    speed = f"{vehicle.speed_mps:.1f} m/s" if vehicle.moves else "stands"
+    speed = f"{vehicle.speed_mps:.1f} m/s" if vehicle.moves else "standing"
     kind = f"{vehicle.kind} ({vehicle.vehicle_class})" if vehicle.vehicle_class else vehicle.kind
     return f"{kind}: {away}{vehicle.where}, {speed}{gap}{lanelet}{when}"
 
 
 def _lanelet(lanelet: DescribedLanelet) -> str:
-    beside = [f"left {lanelet.left}"] if lanelet.left is not None else []
-    beside += [f"right {lanelet.right}"] if lanelet.right is not None else []
-    beside += [f"opposite {lanelet.opposite}"] if lanelet.opposite is not None else []
+    neighbours = [f"left {lanelet.left}"] if lanelet.left is not None else []
+    neighbours += [f"right {lanelet.right}"] if lanelet.right is not None else []
+    neighbours += [f"opposite {lanelet.opposite}"] if lanelet.opposite is not None else []
     parts = [f"{lanelet.length_m:.0f} m", *([f"edge {shown_name(lanelet.edge)}"] if lanelet.edge else [])]
     parts += [lanelet.role] if lanelet.role else []
     parts += [f"leads {', '.join(lanelet.successors)}" if lanelet.successors else "leads nowhere"]
-    parts += [f"beside {', '.join(beside)}"] if beside else []
+    parts += [f"neighbours {', '.join(neighbours)}"] if neighbours else []
     parts += [f"limit {lanelet.limit_kmh:g} km/h"] if lanelet.limit_kmh else []
     parts += [f"vehicles {', '.join(map(str, lanelet.vehicles))}"] if lanelet.vehicles else []
     return f"- {lanelet.lanelet_id}: {'; '.join(parts)}"
