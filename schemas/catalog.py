@@ -1,4 +1,4 @@
-"""What the catalogue's tools take and answer: facets and searches."""
+"""The arguments and results of the catalogue's tools: facets and searches."""
 
 import re
 from collections.abc import Collection, Mapping
@@ -16,9 +16,9 @@ Method = Literal["funnel", "semantic", "hybrid", "rrf", "bm25"]
 Stage = Literal["location", "tags", "road_net", "obstacles", "velocity"]
 PACKAGED_MODEL, ENGLISH_MODEL = "packaged", "all-MiniLM-L6-v2"
 PACKAGED_MODELS = (PACKAGED_MODEL, ENGLISH_MODEL)
-"""Models that install with the package: two side by side, which read 16 languages, and the English one of them."""
+"""The models that install with the package: two combined, which read 16 languages, and the English one of them."""
 EMBEDDINGS_EXTRA = "plannerforge-mcp[embeddings]"
-"""What pip installs for all other models: sentence-transformers with PyTorch."""
+"""The pip packages that all other models need: sentence-transformers with PyTorch."""
 """The embedding model that installs with the package."""
 STAGES: tuple[Stage, ...] = ("location", "tags", "road_net", "obstacles", "velocity")
 
@@ -27,39 +27,39 @@ class DescribeCatalogArguments(Arguments):
     """What there is, with counts. Read before filtering."""
 
     facet: Facet = "all"
-    """What is counted; `all` tells each in brief, with the state of the server."""
+    """The facet to count; `all` shows each in brief, with the state of the server."""
     within: str | None = Field(None, description="search id, country or place")
     offset: int = Field(0, ge=0)
-    """Entries of the facet to pass over, where it has more than a page."""
+    """Entries of the facet to skip."""
 
 
 class CountryMaps(Model):
-    """The maps of a country: each with its id, place and the sites that can be cut from it, by type."""
+    """The maps of a country, each with its id, place and the number of sites by type."""
 
-    country: str = Field(description="ISO alpha-3; '?' where it is not known")
+    country: str = Field(description="ISO alpha-3; '?' if not known")
     maps: int = Field(description="maps of the country")
-    sites: int = Field(description="sites that can be cut from them")
+    sites: int = Field(description="sites in them")
     listed: tuple[str, ...] = Field((), description="one line a map")
 
 
 class FacetCounts(Model):
-    """Names of one kind with the number of scenarios (or, for maps and planners, of what the note says)."""
+    """Names of one kind with the number of scenarios, or for maps and planners with what the note says."""
 
     facet: str = Field(description="name of the facet")
     counts: dict[str, int] = Field(description="how many scenarios have each value")
-    note: str = Field("", description="what is counted, or what more there is")
+    note: str = Field("", description="what is counted, or what else exists")
 
 
 class DescribeCatalogResult(Result):
     """The facets of the catalogue."""
 
-    scenarios: int = Field(description="scenarios that were counted")
+    scenarios: int = Field(description="scenarios counted")
     facets: tuple[FacetCounts, ...] = Field(description="the counts, by facet")
     maps: tuple[CountryMaps, ...] = Field((), description="with facet maps: this page, by country")
     maps_rest: str = Field("", description="what is not on this page, and the call that shows it")
 
     def answer(self) -> Answer:
-        """Return one line a facet, the most frequent names first; maps country by country, one line a map."""
+        """Return one line per facet, the most frequent names first; maps by country, one line per map."""
         lines = []
         for facet in self.facets:
             note = f" ({facet.note})" if facet.note else ""
@@ -81,7 +81,7 @@ class FindScenariosArguments(Arguments):
 
     country: str | None = Field(None, description="ISO alpha-3")
     city: str | None = None
-    """A town that scenarios lie in, by its name."""
+    """The town of the scenarios."""
     tags: list[str] = Field([], description="in the file, all of them; 'a|b' either, '!a' without")
     features: list[str] = Field([], description="computed: ramp, ego_turns_left, cut_in:truck …, 'ttc<=3s'")
     road_net: list[str] = Field(
@@ -94,24 +94,24 @@ class FindScenariosArguments(Arguments):
     )
     ego_speed: str | None = Field(None, description="'50km/h' (±2 m/s), '10..15m/s', '>=20mph'")
     origin: Origin | None = None
-    """How the motion of the others came about."""
+    """How the motion of the others was created."""
     text: str | None = Field(None, description="only ranks")
     like: str | None = Field(None, description="scenario id")
     within: str | None = Field(None, description="search id")
     method: Method = "funnel"
-    """How text ranks what the conditions leave."""
+    """How text ranks the remaining scenarios."""
     sort: Literal["match", "criticality", "size"] = "match"
-    """The order of the matches: how well they fit, how critical they are, or how many road users they have."""
+    """The order of the matches: by fit, by criticality, or by number of road users."""
     diverse: int | None = Field(None, ge=1, le=100, description="N unlike matches")
     fallback: Literal["nearest", "none"] = "nearest"
-    """Where nothing matches: show the nearest ones, each with what it leaves unmet, or nothing."""
+    """If nothing matches, show the nearest scenarios with their unmet conditions, or nothing."""
     limit: int = Field(5, ge=1, le=50)
-    """How many matches are shown."""
+    """How many matches to show."""
     offset: int = Field(0, ge=0)
-    """Matches to pass over."""
+    """Matches to skip."""
 
     def in_words(self) -> str:
-        """Return the conditions as they were given, with the text; for a list of searches."""
+        """Return the given conditions and the text, for a list of searches."""
         where = [f"{name} {value}" for name in ("country", "city") if (value := getattr(self, name))]
         lists = [f"{name} {', '.join(value)}" for name in _LISTS if (value := getattr(self, name))]
         others = [
@@ -125,31 +125,31 @@ _LISTS = ("tags", "features", "road_net", "obstacles")
 
 
 class FoundScenario(Model):
-    """A scenario of the answer, with the facts behind it; ``unmet`` conditions make it a fallback, never a match."""
+    """A scenario of the answer, with its evidence; with ``unmet`` conditions it is a fallback, never a match."""
 
     scenario_id: str
-    summary: str = Field(description="the scenario in a line")
+    summary: str = Field(description="the scenario in one line")
     counts: dict[str, int] = Field(default_factory=dict, description="road users by type")
     ego_speed_mps: float | None = Field(None, description="speed of the ego at its start; null without an ego")
     satisfied: tuple[str, ...] = Field((), description="conditions that it satisfies, with its own figures")
     unmet: tuple[str, ...] = Field((), description="conditions that it does not satisfy")
-    score: float | None = Field(None, description="likeness of the text, larger is better; None without text")
+    score: float | None = Field(None, description="similarity to the text, larger is better; None without text")
 
 
 class StageCount(Model):
-    """How many scenarios were left after a stage, and the conditions that it applied."""
+    """The number of scenarios left after a stage, and the conditions that it applied."""
 
     stage: Stage = Field(description="name of the stage")
     conditions: tuple[str, ...] = Field(description="the conditions that it applied")
-    left: int = Field(description="scenarios that were left after it")
+    left: int = Field(description="scenarios left after it")
 
 
 class Coverage(Model):
-    """What a diverse choice covers of the values that occur among the matches, in one dimension."""
+    """How much of the matches' values in one dimension a diverse selection covers."""
 
     dimension: str = Field(description="what varies: a place, a tag, …")
-    covered: tuple[str, ...] = Field(description="values that the choice has")
-    missed: tuple[str, ...] = Field(description="values among the matches that it has not")
+    covered: tuple[str, ...] = Field(description="values in the selection")
+    missed: tuple[str, ...] = Field(description="values of other matches only")
 
 
 class Relaxation(Model):
@@ -161,17 +161,17 @@ class Relaxation(Model):
 
 
 class Emptied(Model):
-    """Why nothing is left: the stage, the conditions of it that no candidate satisfied, and values that exist."""
+    """Why nothing is left: the stage, its conditions that no candidate satisfied, and existing values."""
 
-    stage: Stage = Field(description="the stage that left none")
-    conditions: tuple[str, ...] = Field(description="the conditions of it that no candidate satisfies")
+    stage: Stage = Field(description="the stage that left no scenario")
+    conditions: tuple[str, ...] = Field(description="its conditions that no candidate satisfies")
     note: str = Field(description="values that exist")
 
 
 class SearchRecord(Model):
-    """A stored search: what was asked, the ids that satisfy it in order, and the counts on the way.
+    """A stored search: the request, the matching ids in order, and the counts per stage.
 
-    ``total``: how many satisfy it, where those are more than are kept; None if all are.
+    ``total`` is the number of matches if not all are stored, otherwise None.
     """
 
     arguments: FindScenariosArguments
@@ -181,48 +181,48 @@ class SearchRecord(Model):
 
 
 class FindScenariosResult(Result):
-    """Matches, the count after every stage, and why there are none where there are none."""
+    """The matches, the count after every stage, and the reason if there are no matches."""
 
     search_id: str
     method: Method = Field(description="how scenarios were chosen and ranked")
     catalogue: int = Field(description="scenarios searched")
     total: int = Field(description="scenarios that satisfy every condition")
-    stages: tuple[StageCount, ...] = Field(description="how many were left after each stage")
+    stages: tuple[StageCount, ...] = Field(description="number left after each stage")
     matches: tuple[FoundScenario, ...] = Field(description="the scenarios on this page, the best first")
-    coverage: tuple[Coverage, ...] = Field((), description="with diverse: what the chosen ones cover")
-    emptied_by: Emptied | None = Field(None, description="the stage that left none; null if some are left")
-    relaxations: tuple[Relaxation, ...] = Field((), description="what to drop for matches")
+    coverage: tuple[Coverage, ...] = Field((), description="with diverse: what the selection covers")
+    emptied_by: Emptied | None = Field(None, description="the stage that left no scenario; null if some are left")
+    relaxations: tuple[Relaxation, ...] = Field((), description="conditions to drop for matches")
     fallback: tuple[FoundScenario, ...] = Field((), description="not matches: each leaves conditions unmet")
     notes: tuple[str, ...] = ()
 
     def answer(self) -> Answer:
-        """Counts, matches, and the way out of an empty result."""
+        """Return counts and matches, and ways out of an empty result."""
         decided = [*self.notes]
         if self.stages:
             steps = [self._step(stage) for stage in self.stages]
-            decided.append(f"Left after: {' → '.join(steps)}")
-        asked = {condition for stage in self.stages for condition in stage.conditions}
-        lines = [_line(scenario, asked) for scenario in self.matches]
+            decided.append(f"Left after {' → '.join(steps)}")
+        requested = {condition for stage in self.stages for condition in stage.conditions}
+        lines = [_line(scenario, requested) for scenario in self.matches]
         if self.coverage:
-            lines.append(
-                f"Chosen: {len(self.matches)}. They cover {'; '.join(_covered(coverage) for coverage in self.coverage)}"
-            )
+            lines.append(f"Selected {len(self.matches)}, covering {'; '.join(_covered(one) for one in self.coverage)}")
         elif self.total > len(self.matches) > 0:
             lines.append(f"… {self.total - len(self.matches)} more: raise offset or limit.")
         if self.emptied_by:
-            lines.append(f"Emptied at {self.emptied_by.stage}: {self.emptied_by.note}")
-            lines += [f"run_planner takes a stage too: {self.search_id}:{stage.stage}" for stage in self.stages[-2:-1]]
+            lines.append(f"No scenario left after {self.emptied_by.stage}: {self.emptied_by.note}")
+            lines += [
+                f"run_planner also accepts a stage: {self.search_id}:{stage.stage}" for stage in self.stages[-2:-1]
+            ]
         for relaxation in self.relaxations:
             shown = ", ".join(relaxation.examples)
             lines.append(f"Without {' and '.join(relaxation.drop)}: {relaxation.matches} match ({shown})")
         if self.fallback:
-            lines.append("FALLBACK, not matches (unmet conditions named):")
-            lines += [_line(scenario, asked) for scenario in self.fallback]
+            lines.append("FALLBACK, not matches (with their unmet conditions):")
+            lines += [_line(scenario, requested) for scenario in self.fallback]
         headline = f"{self.total} of {self.catalogue} scenarios match ({self.search_id}, {self.method})."
         return Answer(headline, decided, listed=lines)
 
     def _step(self, stage: StageCount) -> str:
-        """Return how many a stage left; its conditions too where they are why nothing is left."""
+        """Return how many a stage left, with its conditions if nothing is left in the end."""
         conditions = f" [{', '.join(stage.conditions)}]" if not self.total else ""
         return f"{stage.stage}{conditions} {stage.left}"
 
@@ -232,16 +232,16 @@ def _covered(coverage: Coverage) -> str:
     return f"{coverage.dimension} {', '.join(coverage.covered)}{missed}"
 
 
-_TOLD_BY_ITSELF = re.compile(r"\w+=\d+|.+, [A-Z]{3}|ego [\d.]+ m/s .*")
+_EVIDENT = re.compile(r"\w+=\d+|.+, [A-Z]{3}|ego [\d.]+ m/s .*")
 """Evidence that a scenario's id and summary show: counts of road users, country and place, the ego's speed."""
 
 
-def _line(scenario: FoundScenario, asked: Collection[str]) -> str:
+def _line(scenario: FoundScenario, requested: Collection[str]) -> str:
     unmet = f" · UNMET: {', '.join(scenario.unmet)}" if scenario.unmet else ""
     more = [
         evidence
         for evidence in scenario.satisfied
-        if evidence.removeprefix("tag ") not in asked and not _TOLD_BY_ITSELF.fullmatch(evidence)
+        if evidence.removeprefix("tag ") not in requested and not _EVIDENT.fullmatch(evidence)
     ]
     satisfied = f" · {'; '.join(more)}" if more else ""
     return f"- {scenario.scenario_id}: {scenario.summary}{satisfied}{unmet}"

@@ -1,4 +1,4 @@
-"""Arguments and answer of the tools that look at long work."""
+"""Arguments and answer of the tools for long work."""
 
 from typing import Literal
 
@@ -7,11 +7,11 @@ from pydantic import Field
 from .base import Answer, Arguments, Result
 
 JobState = Literal["running", "done", "failed", "cancelled", "interrupted"]
-"""``interrupted``: its server ended before it did."""
+"""``interrupted`` means that its server stopped before it was done."""
 
 
 _SHOWN_RESULTS = 5
-"""Ids of what is finished that the brief answer shows (chosen)."""
+"""How many ids of finished results the brief answer shows (chosen)."""
 
 
 class GetJobArguments(Arguments):
@@ -20,7 +20,7 @@ class GetJobArguments(Arguments):
     job_id: str = "latest"
     """The job."""
     wait_s: float = Field(30, ge=0, le=50)
-    """How long the answer may wait for the end of the job, in s."""
+    """How long to wait for the end of the job, in s."""
 
 
 class CancelJobArguments(Arguments):
@@ -31,20 +31,20 @@ class CancelJobArguments(Arguments):
 
 
 class JobResult(Result):
-    """A job: ``share`` done in [0, 1], ids of what is finished, and why it failed where it did."""
+    """A job: the ``share`` done in [0, 1], ids of finished results, and why it failed, if it did."""
 
     job_id: str
     kind: str = Field(description="what kind of work it is")
     state: JobState
-    share: float = Field(description="how much of it is done, from 0 to 1")
-    message: str = Field(description="what it does now, in words")
-    remaining_s: float | None = Field(description="estimated time to its end; null if it is not known")
-    results: tuple[str, ...] = Field(description="ids of what is finished")
+    share: float = Field(description="share done, from 0 to 1")
+    message: str = Field(description="its current work, in words")
+    remaining_s: float | None = Field(description="estimated time to its end; null if not known")
+    results: tuple[str, ...] = Field(description="ids of finished results")
     error: str = Field(description="why it failed; empty if it did not")
     next_step: str
 
     def answer(self) -> Answer:
-        """Return the state, what is finished, why it failed and what to do next."""
+        """Return the state, the finished results, why it failed, and what to do next."""
         left = f", about {self.remaining_s:.0f} s left" if self.remaining_s is not None else ""
         share = "" if self.state == "done" else f", {self.share:.0%} done{left}"
         return Answer(
@@ -56,9 +56,9 @@ class JobResult(Result):
 
     @property
     def _finished(self) -> str:
-        """The batch, which holds its runs; else the newest results, and how many there are beside them."""
+        """The batch, which contains its runs, or else the newest results and the number of earlier ones."""
         batches = [key for key in self.results if key.startswith("batch_")]
         shown = batches or list(self.results[-_SHOWN_RESULTS:])
         more = len(self.results) - len(shown)
-        held = f" with {more} runs" if batches else f" and {more} before"
-        return ", ".join(shown) + (held if more > 0 else "")
+        rest = f" with {more} runs" if batches else f" and {more} earlier"
+        return ", ".join(shown) + (rest if more > 0 else "")

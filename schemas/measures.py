@@ -1,14 +1,14 @@
-"""The measures of a run: what each is, in one place for answers, reports, tables and ``docs/measures.md``.
+"""The measures of a run, defined once for answers, reports, tables and ``docs/measures.md``.
 
-Nearness, time and severity are measured between the ego and others, motion on the ego alone. Those that are fields of
-``RunMetrics`` are stored with every run, and are its *metrics*; the others are computed when they are asked for, from
-the driven steps and the tracks of the others (``engine/analysis/measures.py``).
+Nearness, time and severity are measured between the ego and others, motion on the ego alone. Measures that are fields
+of ``RunMetrics`` are stored with every run and are called *metrics*. The others are computed on request from the driven
+steps and the tracks of the others (``engine/analysis/measures.py``).
 
-To add a measure, define it in ``MEASURES``; to store it with every run, give ``RunMetrics`` a field of its name (None
-by default, because older runs lack it). A figure of the ego's own motion is computed in ``engine/motion_figures.py``,
-for runs and for analysis alike; one of its nearness to others in ``engine/criticality.py`` if it is stored, and in
-``engine/analysis/measures.py``. Names in schemas, comparisons, limits, tables, charts, reports and the Python door are
-derived from the definitions.
+To add a measure, define it in ``MEASURES``. To store it with every run, give ``RunMetrics`` a field of its name (None
+by default, because older runs lack it). Compute figures of the ego's own motion in ``engine/motion_figures.py``, for
+runs and analysis alike. Compute nearness to others in ``engine/criticality.py`` if it is stored, otherwise in
+``engine/analysis/measures.py``. Schemas, comparisons, limits, tables, charts, reports and the Python library take their
+names from the definitions.
 """
 
 import re
@@ -21,12 +21,12 @@ from pydantic import Field, field_validator
 from .base import Model
 
 Relation = Literal["ahead", "behind", "beside", "oncoming", "crossing"]
-"""Where another is, seen from the ego: of those that head within 45° of it, on which side; else how they head."""
+"""The relation of another to the ego: the side if its heading is within 45° of the ego's, otherwise its heading."""
 Basis = Literal["valid", "both_reached_goal"]
-_NOT_AHEAD = "no vehicle ahead on the ego's way"
-_NOBODY_NEAR = "no other came within 60 m"
-_OLD = "the run is of a version before it was measured"
-_NEVER_CLOSING = "never closing in on a vehicle ahead on the ego's way"
+_NOT_AHEAD = "no vehicle ahead on the ego's path"
+_NO_OTHER_NEAR = "no other road user came within 60 m"
+_OLD = "an older version made the run and did not measure it"
+_NEVER_CLOSING = "never closing in on a vehicle ahead on the ego's path"
 _TOO_SHORT = "the run has too few steps"
 
 
@@ -34,16 +34,23 @@ _TOO_SHORT = "the run has too few steps"
 class Measure:
     """One measure of a run.
 
-    ``words``: its name as people say it; ``abbreviation``: that of the field, empty if absent. ``better``:
-    the direction that is better, None if neither is. ``meaning``: for readers who did not make the runs; ``method``:
-    how it is computed, with its parameters; ``source``: where the definition is from. ``span``: what values it can
-    take; ``cap``: the bound beyond which a run has none, or a value is clipped; empty if there is no bound. ``none``:
-    why a run does not have it.
+    - ``words``: its name in prose
+    - ``abbreviation``: the field's abbreviation, or empty
+    - ``better``: the better direction, or None
+    - ``meaning``: an explanation for readers who did not make the runs
+    - ``method``: how it is computed, with parameters
+    - ``source``: the source of the definition
+    - ``span``: its possible values
+    - ``cap``: the bound beyond which it is undefined or clipped, or empty
+    - ``none``: why a run may not have it
 
-    For comparisons, of stored ones: ``basis``: a run that ends in a collision is short and never brakes for its goal,
-    so progress and comfort are compared only where both runs reached the goal; nearness to others counts in every
-    valid run. ``within_one_configuration``: it depends on the weights. ``tolerance``: two values that differ by no more
-    are equal: a hundredth of what is commonly told apart, and less than positions written with centimetres leave open.
+    The rest is for comparisons of stored measures. ``basis`` selects the pairs: progress and comfort count only if both
+    runs reached the goal, because a run that ends in a collision is short and never brakes for its goal. Nearness to
+    others counts in every valid run. ``within_one_configuration`` means that it depends on the weights. Values that
+    differ
+    by at most ``tolerance`` are equal: a hundredth of a commonly visible difference, and less than the error of
+    positions
+    rounded to centimetres.
     """
 
     name: str
@@ -63,22 +70,23 @@ class Measure:
 
     @property
     def stored(self) -> bool:
-        """Return whether every run is stored with it."""
+        """Return whether it is stored with every run."""
         return self.name in RunMetrics.model_fields
 
 
 class MeasuredValue(Model):
-    """A measure of one run: a value, or none and why.
+    """A measure of one run: a value, or the reason why it is undefined.
 
-    ``time_s``: the moment of the run that decides it; ``obstacle_id``, ``obstacle_class``, ``relation``: the other that
-    does; None if none does, as for the ego's own motion. ``note``: what is to be known beside it.
+    ``time_s`` is the decisive time of the run. ``obstacle_id``, ``obstacle_class`` and ``relation`` describe the
+    decisive
+    other road user, or are None, for example for the ego's own motion. ``note`` adds a remark.
     """
 
     name: str = Field(description="name of the measure")
     value: float | None = Field(
         None, description="its value, in the measure's unit (docs/measures.md); null if it is not defined"
     )
-    why: str = Field("", description="why there is none")
+    why: str = Field("", description="why it is undefined")
     time_s: float | None = None
     obstacle_id: int | None = None
     obstacle_class: str = ""
@@ -87,7 +95,7 @@ class MeasuredValue(Model):
 
     @property
     def partner(self) -> str:
-        """``car 39 ahead``; empty without another."""
+        """Return ``car 39 ahead``; empty without another road user."""
         return (
             ""
             if self.obstacle_id is None
@@ -96,17 +104,17 @@ class MeasuredValue(Model):
 
 
 class MeasureSpread(Model):
-    """A measure over several runs: median and range, and the run in which it is worst.
+    """A measure over several runs: median, range, and the run with the worst value.
 
-    ``runs``: in how many it is defined; ``why``: where in none, why.
+    ``runs`` counts the runs in which it is defined. ``why`` gives the reason if there are none.
     """
 
     name: str = Field(description="name of the measure")
     runs: int
-    median: float | None = Field(None, description="median over the runs; null if it is defined in none")
+    median: float | None = Field(None, description="median over the runs; null if no run defines it")
     lowest: float | None = Field(None, description="smallest value of a run")
     highest: float | None = Field(None, description="largest value of a run")
-    worst: MeasuredValue | None = Field(None, description="its value in the run in which it is worst")
+    worst: MeasuredValue | None = Field(None, description="its worst value")
     worst_run_id: str = Field("", description="id of that run")
     why: str = ""
 
@@ -115,42 +123,44 @@ _LARGEST_FIGURE = 1e150
 
 
 class RunMetrics(Model):
-    """The figures of a run that are stored; None if one is not defined (no obstacle met, standing all the time)."""
+    """The stored figures of a run; None if undefined, for example without an obstacle or if the ego always stood."""
 
     duration_s: float
-    """From the first to the last driven state."""
+    """The time from the first to the last driven state."""
     distance_m: float
-    """Length of the driven path."""
+    """The length of the driven path."""
     mean_speed_mps: float
-    """Distance by duration."""
+    """The distance divided by the duration."""
     minimum_distance_m: float | None = Field(description="smallest gap between the ego's and any obstacle's rectangle")
     minimum_time_to_collision_s: float | None
-    """Smallest time to collision with any obstacle."""
+    """The smallest time to collision with any obstacle."""
     minimum_time_headway_s: float | None = Field(None, description="to the vehicle ahead in the ego's path")
     risk_score: int | None = Field(None, description="0 collision … 5 negligible; the most dangerous moment counts")
     minimum_time_gap_s: float | None = Field(
         None, description="to the vehicle ahead in the ego's path, bumper to bumper"
     )
     maximum_jerk_mps3: float
-    """Largest absolute change of the longitudinal acceleration from step to step, that of the initial state first."""
+    """The largest absolute change of the longitudinal acceleration between steps, starting with the initial state."""
     mean_squared_jerk: float
-    """Mean of its square over the steps, in m²/s⁶."""
+    """The mean of its square over the steps, in m²/s⁶."""
     maximum_planar_jerk_mps3: float | None = Field(
         None, description="of the acceleration's vector, lateral part included"
     )
     maximum_braking_mps2: float | None = Field(None, description="largest deceleration, as a positive number")
     maximum_lateral_acceleration_mps2: float
-    """Largest product of speed and yaw rate."""
-    maximum_steering_rate_radps: float | None = Field(None, description="that the driven path asks of the front wheels")
+    """The largest product of speed and yaw rate."""
+    maximum_steering_rate_radps: float | None = Field(
+        None, description="that the driven path requires of the front wheels"
+    )
     mean_total_cost: float | None
-    """Mean weighted cost of the chosen candidates; None for planners without costs."""
+    """The mean weighted cost of the chosen candidates; None for planners without costs."""
 
     @field_validator("*")
     @classmethod
     def _has_a_square(cls, value: float | None) -> float | None:
-        """Refuse a figure without a finite square: an archive's run may state any, and deviations are taken of it."""
+        """Refuse a figure without a finite square: an archive may contain any number, and deviations use squares."""
         if value is not None and abs(value) > _LARGEST_FIGURE:
-            raise ValueError(f"larger than {_LARGEST_FIGURE:g}, no figure of a run")
+            raise ValueError(f"larger than {_LARGEST_FIGURE:g}, so not a figure of a run")
         return value
 
 
@@ -165,7 +175,7 @@ MEASURES: tuple[Measure, ...] = (
         "driven",
         "Eggert 2014 (DCE)",
         "0 to 60",
-        _NOBODY_NEAR,
+        _NO_OTHER_NEAR,
         abbreviation="DCE",
         cap="others whose centre is farther than 60 m from the ego's do not count",
         tolerance=0.01,
@@ -320,7 +330,7 @@ MEASURES: tuple[Measure, ...] = (
         "as an obstacle does not grow",
         "Wachenfeld et al. 2016",
         "0 to 3",
-        _NOBODY_NEAR,
+        _NO_OTHER_NEAR,
         abbreviation="WTTC",
     ),
     Measure(
@@ -406,7 +416,7 @@ MEASURES: tuple[Measure, ...] = (
         "steps",
         "From Words to Collisions (TUM-AVS, ITSC 2025)",
         "0 to 5",
-        f"{_NOBODY_NEAR}, or the ego left the road",
+        f"{_NO_OTHER_NEAR}, or the ego left the road",
     ),
     Measure(
         "duration_s",
@@ -599,7 +609,7 @@ MEASURES: tuple[Measure, ...] = (
         within_one_configuration=True,
     ),
 )
-"""All of them: nearness and time, then severity, then what the ego did."""
+"""All measures: nearness and time, then severity, then the ego's motion."""
 _BY_NAME = {measure.name: measure for measure in MEASURES}
 
 
@@ -609,10 +619,10 @@ def measure_named(name: str) -> Measure | None:
 
 
 def metric_meant(text: str) -> str:
-    """Return the name of the measure that a text is as an answer, a table or a legend prints it; else the text itself.
+    """Return the name of the measure that an answer, table or legend prints as ``text``, otherwise the text itself.
 
-    Printed are the name, its words with and without what explains them in brackets, and the abbreviation of the field;
-    case, spaces and signs do not matter.
+    The printed forms are the name, its words with and without the explanation in brackets, and the abbreviation. Case,
+    spaces and signs do not matter.
     """
     return _BY_PRINTED_NAME.get(_letters(text), text)
 
@@ -633,17 +643,17 @@ def _printed_names(measure: Measure) -> Iterator[str]:
 
 
 _BY_PRINTED_NAME = {_letters(printed): one.name for one in reversed(MEASURES) for printed in _printed_names(one)}
-"""Of two measures that are printed alike the first in the list."""
+"""If two measures have the same printed form, the first in the list counts."""
 
 
 def metric_words(name: str) -> str:
-    """Return the measure's name as people say it."""
+    """Return the measure's name in prose."""
     known = _BY_NAME.get(name)
     return name if known is None else known.words
 
 
 def definition_rows(measures: Sequence[Measure] = MEASURES) -> tuple[tuple[str, ...], ...]:
-    """Return a row for each measure: name, words, unit, method, source, span with its cap, and when a run has none."""
+    """Return a row per measure: name, words, unit, method, source, span with cap, and why it may be undefined."""
     return tuple(
         (
             f"`{one.name}`{', stored' if one.stored else ''}",

@@ -1,4 +1,4 @@
-"""Typed edits of a scenario: what ``modify_scenario`` takes, what its worker is asked, and what comes back."""
+"""Typed edits of a scenario: the arguments of ``modify_scenario``, the worker's request, and the result."""
 
 import re
 from collections import Counter
@@ -34,20 +34,20 @@ EditOperation = Literal[
     "mirror",
 ]
 Letter = Literal["T", "B", "P", "G", "S"]
-"""The paper's kinds of edits: trajectory, behaviour, population, goal; and S: the scene itself."""
+"""The paper's kinds of edits (trajectory, behaviour, population, goal), and S for the scene itself."""
 TrafficAfterEdits = Literal["recorded", "reactive"]
-"""Whether vehicles that no edit names stay as recorded, or are driven anew from their first state on."""
+"""Whether vehicles that no edit names keep their recording or are simulated from their first state."""
 CheckedBy = Literal["closed_form", "drivability_checker"]
 EditDetail = Literal["brief", "checks"]
-"""``checks``: touched motions are judged by the drivability checker too, which takes up to a second each."""
+"""``checks`` also runs the drivability checker on touched motions, which takes up to a second each."""
 
 
 AMBIGUOUS_VEHICLE: Final = "which_vehicle"
-"""The first word of the reason of a refusal of a selector that several vehicles fit; the selector follows it."""
+"""The first word of the reason if a selector matches several vehicles and is refused; the selector follows it."""
 
 
 class EditKind(NamedTuple):
-    """What the tool knows of an operation: the paper's letter, and the arguments that belong to it."""
+    """The tool's knowledge of an operation: the paper's letter, and its arguments."""
 
     letter: Letter
     arguments: tuple[str, ...]
@@ -89,14 +89,14 @@ EDITS: Final[dict[EditOperation, EditKind]] = {
     "crop": EditKind("S", ("time_s", "duration_s", "at", "rectangle_m")),
     "mirror": EditKind("S", ()),
 }
-"""All operations; any argument of another one is refused. The engine's function of an edit has the operation's name."""
+"""All operations. Arguments of another operation are refused. The engine's function of an edit has the same name."""
 
 
 class Edit(Arguments):
     """One change of the traffic or of the ego's goal."""
 
     op: EditOperation
-    """What is done; each takes only the arguments that belong to it."""
+    """The operation. Each takes only its own arguments."""
     vehicles: list[str] = Field(
         default=[],
         description="ids, all (never the ego), one:truck ('the truck'), class:truck, nearest:3, "
@@ -113,14 +113,15 @@ class Edit(Arguments):
         [], description="SUMO's 'tau=0.7'; set_light: 'red=10s'; set_weather: 'rain', 'friction=0.3'"
     )
     vehicle_class: str | None = Field(None, description="added, or the ego's")
-    """The class of what is added, or `pedestrian`; with `set_ego`, what the ego is: `truck`, `bus`, `motorcycle` …"""
+    """The class of the added vehicle, or `pedestrian`; with `set_ego`, the ego's class: `truck`, `bus`, `motorcycle` …
+    """
     count: int | None = Field(None, ge=1, le=20)
-    """How many are added, one behind the other."""
+    """How many to add, one behind the other."""
     spacing_m: float | None = Field(None, ge=0)
-    """Between several that are added, in m."""
+    """The distance between several added vehicles, in m."""
     at: str | None = Field(None, description="where to put: lanelet, edge, ego, vehicle:ID")
     lane: Literal["same", "left", "right", "oncoming"] | None = None
-    """Beside `at`, where that is the ego or a vehicle."""
+    """The side of `at`, if that is the ego or a vehicle."""
     offset_m: float | None = Field(None, description="from at, between centres along the lane; - behind")
     position: str | None = Field(
         None, description="on the lanelet: beginning, quarter, middle, three_quarter, final, 0.66, '35m'"
@@ -133,34 +134,34 @@ class Edit(Arguments):
     when: str | None = Field(None, description="trigger: 'ego@LANELET:35m', 'gap<=2s'; prescribed")
     dodge: bool | None = Field(None, description="brakes for the ego")
     duration_s: float | None = Field(None, ge=0.1)
-    """How long a swerve stays aside, a lane is closed, or a cut-out scenario lasts."""
+    """The duration of a swerve, a lane closure or a cut-out scenario."""
     side: Literal["left", "right"] | None = Field(None, description="swerve to, pedestrian from, parked at this kerb")
     former_ego: Literal["vanish", "traffic"] | None = None
-    """What becomes of the old ego where a recorded car takes its place."""
+    """What happens to the old ego if a recorded car takes its place."""
     rectangle_m: list[float] | None = Field(None, description="goal or crop [length, width]")
     goal_time: str | None = Field(None, description="'8..12s', '<=90steps'")
     goal_speed: str | None = None
-    """Speed at the goal, such as `'5..10m/s'`."""
+    """The speed at the goal, such as `'5..10m/s'`."""
 
     @property
     def given(self) -> tuple[str, ...]:
-        """Names of the arguments that were given beside ``op``."""
+        """The names of the given arguments, without ``op``."""
         return tuple(name for name in type(self).model_fields if name != "op" and getattr(self, name) not in (None, []))
 
     def in_words(self) -> str:
-        """Return the edit in one line: what is done, to whom, and what was given beside it."""
-        whom = f" {' '.join(self.vehicles)}" if self.vehicles else ""
+        """Return the edit in one line: the operation, its vehicles, and its other arguments."""
+        vehicles = f" {' '.join(self.vehicles)}" if self.vehicles else ""
         rest = ", ".join(f"{name} {_as_written(getattr(self, name))}" for name in self.given if name != "vehicles")
-        return f"{self.op}{whom} ({rest})" if rest else f"{self.op}{whom}"
+        return f"{self.op}{vehicles} ({rest})" if rest else f"{self.op}{vehicles}"
 
     @property
     def names_added(self) -> bool:
-        """Return whether it is about a vehicle that another edit adds (``new:K``)."""
+        """Return whether it refers to a vehicle that another edit adds (``new:K``)."""
         words = [*self.vehicles, *self.to, *self.via, *([] if self.at is None else [self.at])]
         return any(re.search(r"\bnew:\d", word) for word in words)
 
     def numbered_after(self, earlier: int) -> "Edit":
-        """Return the edit with every ``new:K`` counted from the first of ``earlier`` edits that it is appended to."""
+        """Return the edit with each ``new:K`` renumbered for its place behind ``earlier`` edits."""
 
         def counted(text: str) -> str:
             return re.sub(r"\bnew:(\d+)", lambda number: f"new:{int(number[1]) + earlier}", text)
@@ -182,126 +183,129 @@ class ModifyScenarioArguments(Arguments):
     """
 
     scenario_id: str = "latest"
-    """The scenario that the edits begin from; it stays as it is."""
+    """The scenario to edit. It stays unchanged."""
     edits: list[Edit] = Field(min_length=1, max_length=50)
-    """The edits, in their order."""
+    """The edits in their order."""
     on_conflict: Literal["report", "refuse"] = "report"
-    """Where edits end in a collision between others: report it, or refuse all of them."""
+    """What to do if edits end in a collision between others: report it, or refuse all edits."""
     traffic: TrafficAfterEdits = Field("recorded", description="reactive: all vehicles driven anew")
     detail: EditDetail = "brief"
-    """Whether the text of the answer tells the checks too."""
+    """Whether the text of the answer includes the checks."""
     dry_run: bool = False
     """Report what the edits would do, and store nothing."""
     seed: int = 0
-    """Of the simulation that drives what the edits touch."""
+    """The seed of the simulation that drives the touched vehicles."""
 
 
 class VehicleRoute(Model):
-    """Where a touched vehicle drives: lanelets in order, and whether it gets where the edit sends it.
+    """The route of a touched vehicle, and whether it arrives where the edit sends it.
 
-    ``arrives`` is None if no target was named; ``reason`` says why it does not arrive, ``advice`` what may help.
+    ``arrives`` is None without a target. ``reason`` says why it does not arrive, and ``advice`` how it could.
     """
 
     vehicle_id: int
     lanelets: tuple[int, ...] = Field(description="ids of the lanelets in their order")
-    arrives: bool | None = Field(None, description="whether it gets to its target; null without one")
+    arrives: bool | None = Field(None, description="whether it reaches its target; null without one")
     reason: str = Field("", description="why it does not arrive")
-    advice: str = Field("", description="what may help it to arrive")
+    advice: str = Field("", description="advice on how it could arrive")
 
 
 class Achieved(Model):
-    """What came out of one quantity that an edit asks for, measured on the motion that was written."""
+    """The result for one quantity that an edit requests, measured on the written motion."""
 
     vehicle_id: int
-    quantity: str = Field(description="what was asked for: speed, gap, lateral_duration …")
-    asked: float | None = Field(None, description="the value asked for; null if the edit leaves it open")
-    value: float = Field(description="the value that came out")
+    quantity: str = Field(description="the quantity requested: speed, gap, lateral_duration …")
+    asked: float | None = Field(None, description="the value requested; null if the edit leaves it open")
+    value: float = Field(description="the value achieved")
     unit: str
-    reached: bool = Field(True, description="whether the value is the one asked for")
+    reached: bool = Field(True, description="whether the value is the one requested")
 
     @property
     def failed(self) -> bool:
-        """Return whether what the edit is about did not happen at all, so that no value could be compared."""
+        """Return whether the requested motion did not happen at all, so there is no value to compare."""
         return self.asked is None and not self.reached
 
 
 class EditReport(Model):
-    """What became of one edit; ``meant``: whom its words for vehicles meant."""
+    """The result of one edit; ``meant`` lists the vehicles that its selectors chose."""
 
     index: int = Field(description="number of the edit in the call, from 0")
-    op: EditOperation = Field(description="what was asked")
+    op: EditOperation = Field(description="the operation")
     letter: Letter = Field(description="kind of edit: T trajectory, B behaviour, P population, G goal")
     done: bool = Field(description="whether it was done")
-    what: str = Field(description="what was done, in one sentence with figures")
+    what: str = Field(description="one sentence on what was done, with figures")
     vehicles: tuple[int, ...] = Field((), description="ids of the vehicles that it edited or added")
-    routes: tuple[VehicleRoute, ...] = Field((), description="where these drive now")
-    achieved: tuple[Achieved, ...] = Field((), description="the values that came out")
+    routes: tuple[VehicleRoute, ...] = Field((), description="their new routes")
+    achieved: tuple[Achieved, ...] = Field((), description="the values achieved")
     meant: str = ""
 
     @property
     def verdict(self) -> str:
-        """``done``, or that nothing is left of it, or that not all get where, or drive as, it tells them."""
+        """``done``, ``without effect``, or how many vehicles reach what the edit requests."""
         if not self.done:
             return "not reached" if any(one.failed for one in self.achieved) else "without effect"
         missing = {route.vehicle_id for route in self.routes if route.arrives is False}
         missing |= {one.vehicle_id for one in self.achieved if not one.reached}
-        asked = {route.vehicle_id for route in self.routes if route.arrives is not None}
-        asked |= {one.vehicle_id for one in self.achieved}
-        missed, sent = len(missing), len(asked)
+        targeted = {route.vehicle_id for route in self.routes if route.arrives is not None}
+        targeted |= {one.vehicle_id for one in self.achieved}
+        missed, sent = len(missing), len(targeted)
         return "done" if not missed else "not reached" if missed == sent else f"reached by {sent - missed} of {sent}"
 
 
 class EditCollision(Model):
-    """Two road users overlap for the first time, which they did not do in the recording."""
+    """The first overlap of two road users that did not overlap in the recording."""
 
     vehicles: tuple[int, int] = Field(description="ids of the two")
-    time_s: float = Field(description="when they overlap first")
+    time_s: float = Field(description="time of the first overlap")
 
 
 class EgoDanger(Model):
-    """The most critical figures of an ego that drives ordinarily; None if no road user is near, or met in 60 s.
+    """The most critical figures of an ordinarily driving ego; None if no road user is near, or none is met within 60 s.
 
-    ``risk_score``: 0 collision, 1 extreme, 2 high, 3 medium, 4 low, 5 negligible (From Words to Collisions).
-    ``most_critical_*``: the road user that it met when the score was lowest (the first collision, else the shortest
-    time to one). ``left_out``: ids of those that are not counted, as they hit it from behind on their recording.
+    ``risk_score`` runs from 0 collision over 1 extreme, 2 high, 3 medium and 4 low to 5 negligible (From Words to
+    Collisions). ``most_critical_*`` describe the road user at the lowest score: the first collision, otherwise the
+    shortest
+    time to collision. ``left_out`` lists those that are not counted because they hit the ego from behind on their
+    recording.
     """
 
-    minimum_distance_m: float | None = Field(description="smallest distance to another")
+    minimum_distance_m: float | None = Field(description="smallest distance to another road user")
     minimum_time_to_collision_s: float | None = Field(description="smallest time to collision")
     risk_score: int | None
     most_critical_id: int | None = Field(None, description="id of the most critical road user")
-    most_critical_time_s: float | None = Field(None, description="when that was")
+    most_critical_time_s: float | None = Field(None, description="time of that")
     left_out: tuple[int, ...] = ()
 
 
 class TouchedVehicle(Model):
-    """A vehicle whose motion was computed anew, and whether a car can drive it (judged as ``checked_by`` says).
+    """A vehicle with a newly computed motion, and whether a car can drive it (judged by ``checked_by``).
 
-    ``reason``: whom a vehicle that no edit names would have hit, and when. ``handover_*``: differences between the
-    recorded state at the hand-over and the first new step, beyond what the speed explains; ``moved_m``: the largest
-    distance from where it was recorded at the same moment. None for vehicles that were not recorded.
+    ``reason`` states whom and when a vehicle would have hit, if no edit names it. ``handover_*`` are the jumps between
+    the recorded state at the hand-over and the first new step, beyond those explained by speed. ``moved_m`` is the
+    largest
+    distance from its recorded position at the same time. Both are None for vehicles without a recording.
     """
 
     vehicle_id: int
-    cause: Literal["edited", "added", "shifted", "handed_over"] = Field(description="why it moves otherwise")
-    from_time_s: float = Field(description="when its new motion begins")
-    until_time_s: float = Field(description="when its new motion ends")
-    leaves_network: bool = Field(description="whether it drives out of the network before the end")
+    cause: Literal["edited", "added", "shifted", "handed_over"] = Field(description="why its motion changed")
+    from_time_s: float = Field(description="start of its new motion")
+    until_time_s: float = Field(description="end of its new motion")
+    leaves_network: bool = Field(description="whether it leaves the network before the end")
     feasible: bool = Field(description="whether a vehicle of its class can drive it")
-    feasible_share: float = Field(description="share of its steps that can be driven, from 0 to 1")
+    feasible_share: float = Field(description="share of its steps that are drivable, from 0 to 1")
     handover_jump_m: float | None = Field(
-        None, description="how far it jumps at the hand-over, beyond what its speed explains"
+        None, description="jump of its position at the hand-over, beyond what its speed explains"
     )
-    handover_speed_step_mps: float | None = Field(None, description="how much its speed jumps at the hand-over")
+    handover_speed_step_mps: float | None = Field(None, description="jump of its speed at the hand-over")
     moved_m: float | None = None
-    stood_until_s: float | None = Field(None, description="until when it stood in the recording, where it drives now")
+    stood_until_s: float | None = Field(None, description="until when it stood in the recording, if it moves now")
     reason: str = ""
 
 
 class ModificationRequest(Model):
-    """What the worker needs: the base file, the planning problem (None: the first), all edits, and where to write.
+    """The worker's request: the base file, the planning problem (None: the first), all edits, and the output path.
 
-    ``earlier``: how many of the edits come from the scenario that is edited further; they are applied, not reported.
+    ``earlier`` counts the edits of the scenario that is edited further. They are applied, but not reported.
     """
 
     xml: Path
@@ -314,12 +318,12 @@ class ModificationRequest(Model):
     traffic: TrafficAfterEdits = "recorded"
     detail: EditDetail = "brief"
     dry_run: bool = False
-    keep_simulation: bool = Field(False, description="leave SUMO's vehicle types and driven routes in output too")
+    keep_simulation: bool = Field(False, description="also write SUMO's vehicle types and driven routes to output")
     seed: int = 0
 
 
 class ModificationOutcome(Model):
-    """Files (None for a dry run) and everything that the edits did."""
+    """The files (None for a dry run) and all effects of the edits."""
 
     xml: Path | None
     net: Path | None
@@ -330,50 +334,50 @@ class ModificationOutcome(Model):
     ego_before: EgoDanger | None = None
     ego_after: EgoDanger | None = None
     checked_by: CheckedBy = "closed_form"
-    checkers_agree: int | None = Field(None, description="touched motions that both checks judge alike")
+    checkers_agree: int | None = Field(None, description="touched motions on which both checks agree")
     untouched: int = Field(0, description="vehicles that stay exactly as recorded")
     planners_refuse: str = ""
     warnings: tuple[str, ...] = ()
 
     @property
     def handed_over(self) -> tuple[int, ...]:
-        """Vehicles that no edit names: they would have hit one that an edit moved, or all traffic reacts."""
+        """Vehicles that no edit names, but that would have hit an edited one, or that react with all traffic."""
         return tuple(vehicle.vehicle_id for vehicle in self.touched if vehicle.cause == "handed_over")
 
 
 class ModifyScenarioResult(Result):
-    """The new scenario and what the edits did; no id where nothing was stored.
+    """The new scenario and the effects of the edits; without an id if nothing was stored.
 
-    ``traffic``: whether all others react or stay as recorded; ``detail``: how much of it the text tells.
+    ``traffic`` states whether all others react or keep their recording. ``detail`` sets the length of the text.
     """
 
     scenario_id: str | None = Field(description="id of the new scenario; null if nothing was stored")
     base_id: str = Field(description="id of the scenario that was edited")
-    reused: bool = Field(False, description="whether the same edits had made it before")
+    reused: bool = Field(False, description="whether the same edits had created it already")
     traffic: TrafficAfterEdits = "recorded"
     detail: EditDetail = "brief"
-    edits: tuple[EditReport, ...] = Field(description="what became of each edit")
-    touched: tuple[TouchedVehicle, ...] = Field(description="vehicles whose motion was computed anew")
-    removed: tuple[int, ...] = Field(description="ids of vehicles that were taken out")
+    edits: tuple[EditReport, ...] = Field(description="the result of each edit")
+    touched: tuple[TouchedVehicle, ...] = Field(description="vehicles with a newly computed motion")
+    removed: tuple[int, ...] = Field(description="ids of removed vehicles")
     handed_over: tuple[int, ...] = Field(
-        description="ids of vehicles that no edit names and that were driven so as not to collide"
+        description="ids of vehicles that no edit names, simulated so that they do not collide"
     )
-    collisions: tuple[EditCollision, ...] = Field(description="road users that now overlap and did not before")
+    collisions: tuple[EditCollision, ...] = Field(description="overlaps of road users that are new")
     ego_before: EgoDanger | None = Field(
-        description="how critical it was for an ordinary ego; null without a planning problem"
+        description="criticality for an ordinary ego before; null without a planning problem"
     )
-    ego_after: EgoDanger | None = Field(description="how critical it is now")
-    checked_by: CheckedBy = Field(description="what judged whether motions can be driven")
+    ego_after: EgoDanger | None = Field(description="criticality now")
+    checked_by: CheckedBy = Field(description="which check judged drivability")
     checkers_agree: int | None = Field(
-        description="motions on which closed form and drivability checker agree; null if only one was asked"
+        description="motions on which closed form and drivability checker agree; null if only one was used"
     )
-    untouched: int = Field(description="vehicles that are exactly as recorded")
+    untouched: int = Field(description="vehicles exactly as recorded")
     planners_refuse: str = Field("", description="why the built-in planners refuse this ego; empty if they drive it")
-    warnings: tuple[str, ...] = Field(description="what needs an act, a sentence each")
+    warnings: tuple[str, ...] = Field(description="warnings, one sentence each")
 
     def answer(self) -> Answer:
-        """Return what was done, whether it is reached, who reacts, what is new for the ego and what was so before."""
-        stored = f"{self.scenario_id} (from {self.base_id}{', made before' if self.reused else ''})"
+        """Return what was done and reached, which vehicles react, and what is new for the ego."""
+        stored = f"{self.scenario_id} (from {self.base_id}{', already stored' if self.reused else ''})"
         head = stored if self.scenario_id else f"Dry run on {self.base_id}, nothing stored"
         hits = [f"{hit.vehicles[0]} hits {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in self.collisions]
         collisions = [f"new collision: {'; '.join(first_of(hits, *self._most(_MOST_COLLISIONS)))}"] if hits else []
@@ -385,11 +389,11 @@ class ModifyScenarioResult(Result):
                 if not vehicle.feasible
             )
         ]
-        warnings = [*collisions, *infeasible[:_MOST_INFEASIBLE], *self._told(self.warnings, _NOTES_CHARACTERS)]
+        warnings = [*collisions, *infeasible[:_MOST_INFEASIBLE], *self._shortened(self.warnings, _NOTES_CHARACTERS)]
         refusal = [self.planners_refuse] if self.planners_refuse else []
         warnings = [*refusal, *warnings]
         ready = DRIVEN_OTHERWISE if refusal else "run_planner"
-        following = ready if self.scenario_id else "the same without dry_run"
+        following = ready if self.scenario_id else "repeat without dry_run"
         advice = next((route.advice for edit in self.edits for route in edit.routes if route.advice), following)
         return Answer(
             headline=f"{head}: {_verdicts(self.edits)}.",
@@ -400,23 +404,23 @@ class ModifyScenarioResult(Result):
         )
 
     def _most(self, brief: int) -> tuple[int, str]:
-        """Return how many items of a list are told, and the call that tells of the others."""
+        """Return how many items of a list to show, and the call that shows the others."""
         if self.detail == "brief":
             return brief, "modify_scenario with detail=checks"
         return _MOST_IN_DETAIL, "the structured answer has all"
 
-    def _told(self, sentences: Sequence[str], characters: int) -> list[str]:
+    def _shortened(self, sentences: Sequence[str], characters: int) -> list[str]:
         return _within(sentences, characters * (3 if self.detail == "checks" else 1))
 
     def _edit_lines(self) -> Iterator[str]:
-        """An edit a line, with whether it is reached, and routes: of vehicles that an edit sends somewhere, or all."""
+        """Yield one line per edit with its verdict, and the routes of vehicles that it sends somewhere, or of all."""
         most, rest = self._most(_MOST_EDITS)
-        sentences = self._told([edit.what for edit in self.edits[:most]], _EDITS_CHARACTERS)
+        sentences = self._shortened([edit.what for edit in self.edits[:most]], _EDITS_CHARACTERS)
         for edit, what in zip(self.edits, sentences, strict=False):
             number = f"{edit.index} " if len(self.edits) > 1 else ""
             verdict = f", {edit.verdict}" if edit.verdict != "done" else ""
-            who = f" ({edit.meant})" if edit.meant else ""
-            yield f"{number}{edit.op}{verdict}: {what}{who}"
+            selected = f" ({edit.meant})" if edit.meant else ""
+            yield f"{number}{edit.op}{verdict}: {what}{selected}"
             routes = [route for route in edit.routes if route.arrives is not None or self.detail == "checks"]
             grouped = _grouped((route.vehicle_id, _route_text(route)) for route in routes)
             lines = [f"  {_ids(keys)} {text}" for text, keys in grouped]
@@ -424,43 +428,43 @@ class ModifyScenarioResult(Result):
             yield from first_of(lines, max(shown // len(self.edits), _MOST_ROUTES), others)
         undone = [edit.index for edit in self.edits[most:] if edit.verdict != "done"]
         if self.edits[most:]:
-            yield f"… {len(self.edits) - most} more edits, not done or not reached: {_ids(undone)}: {rest}"
+            yield f"… {len(self.edits) - most} more edits, not done or not reached: {_ids(undone)} ({rest})"
 
     def _others(self) -> list[str]:
-        """Who reacts besides, and why; and how many stay as they were."""
+        """Return which vehicles react in addition, and why, and how many keep their recording."""
         reacting = [vehicle for vehicle in self.touched if vehicle.cause == "handed_over"]
         lines = []
         if self.traffic == "reactive":
-            lines.append(f"All traffic reacts: {counted(len(reacting), 'more vehicle')} driven anew.")
+            lines.append(f"All traffic reacts: {counted(len(reacting), 'more vehicle')} simulated.")
         elif reacting:
-            named = [f"{vehicle.vehicle_id}{f' ({vehicle.reason})' * bool(vehicle.reason)}" for vehicle in reacting]
+            labels = [f"{vehicle.vehicle_id}{f' ({vehicle.reason})' * bool(vehicle.reason)}" for vehicle in reacting]
             most, _ = self._most(_MOST_TOUCHED)
-            more = f" and {len(named) - most} more" if len(named) > most else ""
-            lines.append(f"Driven besides, to react: {', '.join(named[:most])}{more}.")
+            more = f" and {len(labels) - most} more" if len(labels) > most else ""
+            lines.append(f"Also simulated, to avoid a collision: {', '.join(labels[:most])}{more}.")
         lines += [*self._moved(), *self._standing_before()]
         if self.detail == "checks":
             lines += first_of([_touched_text(vehicle) for vehicle in self.touched], *self._most(0))
         return [*lines, f"{counted(self.untouched, 'vehicle')} exactly as recorded."]
 
     def _moved(self) -> list[str]:
-        """Return how far the edits moved the vehicles that they name: the farthest first."""
+        """Return the largest displacements of the edited vehicles, the farthest first."""
         moved = sorted(
             (vehicle for vehicle in self.touched if vehicle.cause == "edited" and vehicle.moved_m is not None),
             key=lambda vehicle: (-(vehicle.moved_m or 0.0), vehicle.vehicle_id),
         )
         most, _ = self._most(_MOST_TOUCHED)
-        told = ", ".join(f"{vehicle.vehicle_id} {vehicle.moved_m:.3g} m" for vehicle in moved[:most])
+        distances = ", ".join(f"{vehicle.vehicle_id} {vehicle.moved_m:.3g} m" for vehicle in moved[:most])
         least = f" and {len(moved) - most} more by less" if len(moved) > most else ""
-        return [f"Away from where it was recorded, at most: {told}{least}."] if moved else []
+        return [f"Largest distance from the recording: {distances}{least}."] if moved else []
 
     def _standing_before(self) -> list[str]:
-        """Who stood in the recording, at a light that the file does not tell of perhaps, and drives now."""
+        """Return the vehicles that stood in the recording, perhaps at a light missing in the file, and move now."""
         stood = [(one.vehicle_id, one.stood_until_s) for one in self.touched if one.stood_until_s is not None]
         most, _ = self._most(_MOST_TOUCHED)
-        told = ", ".join(f"{key} (until {until_s:.1f} s)" for key, until_s in stood[:most])
+        vehicles = ", ".join(f"{key} (until {until_s:.1f} s)" for key, until_s in stood[:most])
         more = f" and {len(stood) - most} more" if len(stood) > most else ""
         drive = "drives" if len(stood) == 1 else "drive"
-        return [f"Stood in the recording, now {drive}: {told}{more}."] if stood else []
+        return [f"Stood in the recording, now {drive}: {vehicles}{more}."] if stood else []
 
     def _judged(self) -> list[str]:
         if self.checkers_agree is None:
@@ -472,13 +476,13 @@ class ModifyScenarioResult(Result):
 _MOST_EDITS, _MOST_TOUCHED, _MOST_COLLISIONS, _MOST_NOTES, _MOST_IDS, _MOST_INFEASIBLE = 6, 4, 3, 3, 8, 2
 _MOST_ROUTES, _MOST_LANELETS, _MOST_IN_DETAIL = 3, 8, 20
 _EDITS_CHARACTERS, _NOTES_CHARACTERS = 900, 450
-"""What the text shows of long lists, and characters of all its sentences together, beyond which each is cut to an even
-share; chosen so that a brief answer of an ordinary request stays below 250 tokens."""
+"""How much of long lists the text shows, and the characters of all its sentences together. Beyond that, each sentence
+is cut to an equal share. Chosen so that a brief answer to an ordinary request stays below 250 tokens."""
 Key = TypeVar("Key", bound=Hashable)
 
 
 def _verdicts(edits: Sequence[EditReport]) -> str:
-    """Return how many edits were done, reached, or come to nothing."""
+    """Return how many edits were done, reached, or had no effect."""
     counts = Counter(edit.verdict for edit in edits)
     if len(edits) == 1:
         return f"the edit is {edits[0].verdict}"
@@ -486,7 +490,7 @@ def _verdicts(edits: Sequence[EditReport]) -> str:
 
 
 def _grouped(items: Iterable[tuple[int, Key]]) -> list[tuple[Key, list[int]]]:
-    """Return what is the same of several vehicles once, with their ids."""
+    """Return each shared property once, with the ids of its vehicles."""
     groups: dict[Key, list[int]] = {}
     for key, value in items:
         groups.setdefault(value, []).append(key)
@@ -499,13 +503,14 @@ def _route_text(route: VehicleRoute) -> str:
         lanelets[_MOST_LANELETS - 1 : -1] = "…"
     driven = f"lanelets {' → '.join(map(str, lanelets))}"
     if route.arrives is False:
-        return f"does not get there: {route.reason} ({driven})"
-    return f"gets there: {driven}" if route.arrives else f"drives {driven}"
+        return f"does not arrive: {route.reason} ({driven})"
+    return f"arrives: {driven}" if route.arrives else f"drives {driven}"
 
 
 def _within(sentences: Sequence[str], characters: int) -> list[str]:
-    """The sentences, together no longer than ``characters``: of long ones the beginning, and the end, which says why an
-    edit is not done.
+    """Return the sentences within a total length. A long one keeps its beginning and its end.
+
+    The end says why an edit is not done.
     """
     share = characters // max(len(sentences), 1)
     if sum(map(len, sentences)) <= characters:
@@ -514,22 +519,22 @@ def _within(sentences: Sequence[str], characters: int) -> list[str]:
 
 
 def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bool) -> list[str]:
-    """Return what is new for an ego that drives ordinarily; figures that cannot be had say why."""
+    """Return what changes for an ordinarily driving ego; undefined figures have a reason."""
     if before is None or after is None:
-        return ["Ego's danger: none, as no ordinary drive of an ego can be simulated here."]
+        return ["Ego's danger: unknown, because no ordinary drive of an ego can be simulated here."]
     was, now = _danger_figures(before), _danger_figures(after)
     new = [f"{word} {was.get(word, 'none')} → {now[word]}" for word in now if was.get(word) != now[word]]
     if not new:
-        return [f"Nothing new for the ego: {_RISK} {now[_RISK]}."]
+        return [f"No change for the ego: {_RISK} {now[_RISK]}."]
     blindness = " (it does not see the edited traffic)" if blind else ""
-    return [f"New for the ego{blindness}: {', '.join(new)}."]
+    return [f"Change for the ego{blindness}: {', '.join(new)}."]
 
 
 _RISK = "risk score (0 worst, 5 best)"
 
 
 def _danger_figures(danger: EgoDanger) -> dict[str, str]:
-    """Return the figures as they are told, by their names."""
+    """Return the figures as text, by name."""
     figures = {
         "nearest": _figure(danger.minimum_distance_m, " m"),
         "time to collision": _figure(danger.minimum_time_to_collision_s, " s"),
@@ -543,12 +548,12 @@ def _danger_figures(danger: EgoDanger) -> dict[str, str]:
 
 def _figure(value: float | None, unit: str) -> str:
     if value is None:
-        return "none within 60 s" if unit == " s" else "none, nobody is near"
+        return "none within 60 s" if unit == " s" else "no other near"
     return f"{value:.3g}{unit}"
 
 
 def _is_recording(vehicle: TouchedVehicle) -> bool:
-    """Return whether the motion is the recorded one, moved in time."""
+    """Return whether the motion is the recorded one, only shifted in time."""
     return vehicle.cause == "shifted" and vehicle.handover_jump_m is None
 
 
@@ -558,7 +563,7 @@ def _touched_text(vehicle: TouchedVehicle) -> str:
     is_driven = vehicle.cause == "shifted" and not _is_recording(vehicle)
     cause = f"{vehicle.cause.replace('_', ' ')}{' and driven' if is_driven else ''}"
     times = f"from {vehicle.from_time_s:.1f} to {vehicle.until_time_s:.1f} s"
-    end = " where it leaves the map" if vehicle.leaves_network else ""
+    end = " when it leaves the map" if vehicle.leaves_network else ""
     return f"{vehicle.vehicle_id} {cause} {times}{end}, {verdict}"
 
 

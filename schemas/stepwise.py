@@ -1,8 +1,8 @@
-"""The stepwise protocol between the run loop and a planner that is a program: one JSON object a line, each way.
+"""The stepwise protocol between the run loop and a planner program: one JSON object per line in each direction.
 
-The loop writes :class:`StartMessage` once a run and :class:`StepMessage` once a planning step to the program's standard
-input. The program answers each of them with one line on standard output: :class:`ReadyMessage`, then
-:class:`PlanMessage`. Lengths are in m, angles in rad, speeds in m/s; positions are those of a body's centre.
+The loop writes :class:`StartMessage` once per run and :class:`StepMessage` once per planning step to the program's
+standard input. The program answers each with one line on standard output: :class:`ReadyMessage`, then
+:class:`PlanMessage`. Lengths are in m, angles in rad, speeds in m/s. Positions are those of a body's centre.
 """
 
 from typing import Annotated, Any, Literal
@@ -14,16 +14,16 @@ from .planning import MOST_TERMS, CommandTrajectory, PrintedName
 from .runs import MOST_DEBUG_POINTS, MOST_DEBUG_POLYGONS, MOST_DEBUG_VALUES, Bounded, BoundedCost
 
 PROTOCOL = 1
-"""The version of the messages in this module; it changes when a program for an older one would no longer work."""
+"""The version of these messages. It changes if a program for an older version would no longer work."""
 MOST_SHOWN_CANDIDATES, MOST_CANDIDATE_POINTS = 16, 200
-"""Other candidates that a plan may show, and the points of each: as many as the player draws."""
+"""The maximum number of other candidates that a plan may show, and of points of each: as many as the player draws."""
 MOST_STATES = 10_000
-"""States of a plan: 1,000 s in steps of 0.1 s, longer than any recording, so that no answer is an endless one."""
+"""The maximum number of states of a plan: 1,000 s in steps of 0.1 s, which is longer than any recording."""
 _Step = Annotated[int, Field(ge=0)]
 
 
 class Line(Model):
-    """A line or the outline of an area: the same number of x and y."""
+    """A line or the outline of an area, with equally many x and y."""
 
     x_m: tuple[float, ...]
     y_m: tuple[float, ...]
@@ -39,21 +39,21 @@ class Line(Model):
 
 
 class Candidate(Line):
-    """A candidate that was not chosen, for the player; one point for each time step or fewer."""
+    """A rejected candidate for the player, with at most one point per time step."""
 
     x_m: tuple[float, ...] = Field(min_length=2, max_length=MOST_CANDIDATE_POINTS)
     y_m: tuple[float, ...] = Field(min_length=2, max_length=MOST_CANDIDATE_POINTS)
 
 
 class Polygon(Line):
-    """The outline of an area that the planner wants to show; the player closes it."""
+    """The outline of an area that the planner wants to show. The player closes it."""
 
     x_m: tuple[float, ...] = Field(min_length=2, max_length=MOST_DEBUG_POINTS)
     y_m: tuple[float, ...] = Field(min_length=2, max_length=MOST_DEBUG_POINTS)
 
 
 class PlannedStates(CommandTrajectory):
-    """A planned trajectory: one state for each time step, from the present one on. All lists have the same length."""
+    """A planned trajectory with one state per time step from the present on. All lists have the same length."""
 
     x_m: tuple[Bounded, ...] = Field(max_length=MOST_STATES)
     y_m: tuple[Bounded, ...] = Field(max_length=MOST_STATES)
@@ -62,35 +62,37 @@ class PlannedStates(CommandTrajectory):
 
 
 class LaneletMessage(Model):
-    """A lanelet near the route: its bounds in driving direction, its neighbours, what is posted on it."""
+    """A lanelet near the route: its bounds in driving direction, its neighbours, its speed limit and lights."""
 
     id: int
     left: Line
     right: Line
     successors: tuple[int, ...] = ()
-    left_neighbour: int | None = Field(None, description="lanelet to its left, whatever its direction")
+    left_neighbour: int | None = Field(None, description="lanelet to its left, in any direction")
     left_same_direction: bool = Field(False, description="whether that one leads in the same direction")
-    right_neighbour: int | None = Field(None, description="lanelet to its right, whatever its direction")
+    right_neighbour: int | None = Field(None, description="lanelet to its right, in any direction")
     right_same_direction: bool = Field(False, description="whether that one leads in the same direction")
-    speed_limit_mps: float | None = Field(None, description="posted limit; null if nothing is posted")
+    speed_limit_mps: float | None = Field(None, description="posted limit; null if none is posted")
     signals: tuple[int, ...] = Field((), description="ids of the traffic lights at its end")
 
 
 class GoalMessage(Model):
-    """A goal state; reaching one of them ends the run as a success. What is null may have any value."""
+    """A goal state. Reaching one of them ends the run as a success. A null field accepts any value."""
 
     first_step: int
     last_step: int
-    areas: tuple[Line, ...] | None = Field(description="outlines; the ego's centre has to be in one of them")
+    areas: tuple[Line, ...] | None = Field(description="outlines; the ego's centre must be in one of them")
     heading_rad: tuple[float, float] | None = Field(description="smallest and largest heading")
     speed_mps: tuple[float, float] | None = Field(description="smallest and largest speed")
 
 
 class StartMessage(Model):
-    """A run begins, or begins anew: the program forgets the run before and answers with ``ready``.
+    """The start of a run. The program forgets any previous run and answers with ``ready``.
 
-    ``vehicle``: size and limits of the ego. ``goals``: the route leads to the first one. ``reference``: the path of the
-    route, from behind the ego to beyond the goal, with a point about every metre. ``lanelets``: those near that path.
+    ``vehicle`` gives the ego's size and limits. The route leads to the first of the ``goals``. ``reference`` is the
+    path of
+    the route, from behind the ego to beyond the goal, with a point about every metre. ``lanelets`` are those near that
+    path.
     """
 
     type: Literal["start"] = "start"
@@ -100,23 +102,23 @@ class StartMessage(Model):
     planner: str
     config_id: str
     weights: dict[str, float]
-    settings: dict[str, float] = Field(description="settings of the configuration that are numbers")
+    settings: dict[str, float] = Field(description="numeric settings of the configuration")
     vehicle: dict[str, float] = Field(
         description="length_m, width_m, wheelbase_m, rear_axle_behind_center_m, maximum_acceleration_mps2 (friction: "
         "along and across together), maximum_speed_mps, switching_speed_mps (above it the engine's power limits the "
         "acceleration), maximum_steering_rad, maximum_steering_rate_radps"
     )
-    ego_class: str = Field("car", description="what the ego is: car, truck, bus, motorcycle …")
+    ego_class: str = Field("car", description="class of the ego: car, truck, bus, motorcycle …")
     friction: float | None = Field(
         None,
         exclude_if=lambda friction: friction is None,
-        description="coefficient of friction of the road, which the vehicle's largest acceleration contains; null or "
+        description="coefficient of friction of the road, which already limits maximum_acceleration_mps2; null or "
         "missing: the scenario does not state it",
     )
     step_s: float = Field(description="time step of the scenario and of every plan")
-    first_step: int = Field(description="step at which the run begins")
+    first_step: int = Field(description="first step of the run")
     last_step: int = Field(description="last step of the goal's time")
-    replan_steps: int = Field(description="steps of each plan that are driven before the next plan is asked for")
+    replan_steps: int = Field(description="steps of each plan that are driven before the next plan is requested")
     horizon_steps: int = Field(description="steps over which others are predicted")
     goals: tuple[GoalMessage, ...]
     reference: Line
@@ -125,14 +127,14 @@ class StartMessage(Model):
 
 
 class ReadyMessage(Model):
-    """The program is ready to plan; its answer to ``start``."""
+    """The program's answer to ``start``: it is ready to plan."""
 
     type: Literal["ready"] = "ready"
-    protocol: int = Field(description="the version that the program speaks: 1")
+    protocol: int = Field(description="the version that the program supports: 1")
 
 
 class EgoMessage(Model):
-    """The ego at the step; a plan begins here."""
+    """The ego at this step, where a plan begins."""
 
     x_m: float
     y_m: float
@@ -143,11 +145,12 @@ class EgoMessage(Model):
 
 
 class PredictedMessage(Model):
-    """Where another is expected: one entry for each step, the present first.
+    """The predicted positions of another road user, one entry per step, the present first.
 
-    ``heading_rad`` and ``covariance_m2`` (xx, xy and yy of the position) have a single entry if it holds for all steps,
-    which is most of what a message for many road users would hold otherwise. ``length_m`` and ``width_m``
-    contain the safety margin of the prediction.
+    ``heading_rad`` and ``covariance_m2`` (xx, xy and yy of the position) have a single entry if it is valid for all
+    steps,
+    which keeps messages with many road users short. ``length_m`` and ``width_m`` include the prediction's safety
+    margin.
     """
 
     x_m: tuple[float, ...]
@@ -159,7 +162,7 @@ class PredictedMessage(Model):
 
 
 class OtherMessage(Model):
-    """Another road user as it is observed, rounded to 0.1 mm, and as it is predicted."""
+    """Another road user as observed, rounded to 0.1 mm, and as predicted."""
 
     id: int
     kind: str = Field(description="CommonRoad obstacle type, such as car, truck, pedestrian")
@@ -173,31 +176,32 @@ class OtherMessage(Model):
 
 
 class SignalMessage(Model):
-    """A traffic light at the route ahead, as it is at the step."""
+    """A traffic light on the route ahead at this step."""
 
     id: int
-    lanelet: int = Field(description="lanelet of the route that it ends")
+    lanelet: int = Field(description="lanelet of the route at the end of which it is")
     state: str = Field(description="red, redYellow, yellow, green or inactive, as CommonRoad writes it")
     ahead_m: float = Field(description="along the route from the ego's centre to the end of that lanelet")
 
 
 class RouteMessage(Model):
-    """Where the ego is on its reference path.
+    """The ego's position relative to its reference path.
 
-    ``offset_m``: to the left of the path; ``to_goal_m``: along the path to the first goal, negative behind it, null for
-    a goal without a place.
+    ``offset_m`` is positive to the left of the path. ``to_goal_m`` is measured along the path to the first goal,
+    negative
+    behind it, and null for a goal without a position.
     """
 
     station_m: float
     offset_m: float
     heading_error_rad: float
     to_goal_m: float | None
-    desired_speed_mps: float = Field(description="what the built-in planners aim at")
-    desired_speed_reason: str = Field(description="why: goal_mean, goal_end, goal_interval, speed_limit or curve")
+    desired_speed_mps: float = Field(description="target speed of the built-in planners")
+    desired_speed_reason: str = Field(description="reason: goal_mean, goal_end, goal_interval, speed_limit or curve")
 
 
 class StepMessage(Model):
-    """A plan is asked for; the program answers with ``plan`` for the same step."""
+    """The request for a plan. The program answers with ``plan`` for the same step."""
 
     type: Literal["step"] = "step"
     step: _Step
@@ -209,7 +213,7 @@ class StepMessage(Model):
 
 
 class DebugMessage(Model):
-    """What the planner wants to keep of this step, by name; shown in the player and exported with the run."""
+    """Values that the planner reports for this step, by name. The player shows them, and exports include them."""
 
     numbers: dict[PrintedName, float] = Field(default_factory=dict, max_length=MOST_DEBUG_VALUES)
     texts: dict[PrintedName, Annotated[str, StringConstraints(max_length=2000)]] = Field(
@@ -221,12 +225,13 @@ class DebugMessage(Model):
 class PlanMessage(Model):
     """The program's answer to ``step``.
 
-    ``trajectory``: one state for each time step, the present first, at least a second long; null if nothing can be
-    driven, which ends the run as infeasible, with ``rejected`` saying why.
+    ``trajectory`` has one state per time step, the present first, and covers at least 1 s. Null means that no
+    trajectory is
+    drivable, which ends the run as infeasible; ``rejected`` then says why.
     """
 
     type: Literal["plan"] = "plan"
-    step: _Step = Field(description="as in the question")
+    step: _Step = Field(description="as in the request")
     trajectory: PlannedStates | None
     costs: dict[PrintedName, BoundedCost] = Field(
         default_factory=dict, max_length=MOST_TERMS, description="weighted cost term: value"
@@ -234,6 +239,6 @@ class PlanMessage(Model):
     rejected: dict[PrintedName, Annotated[int, Field(ge=0)]] = Field(
         default_factory=dict, max_length=MOST_TERMS, description="constraint: candidates that it rejected"
     )
-    candidates: int = Field(1, ge=0, description="how many were looked at")
+    candidates: int = Field(1, ge=0, description="number of candidates examined")
     shown: tuple[Candidate, ...] = Field((), max_length=MOST_SHOWN_CANDIDATES, description="other candidates")
     debug: DebugMessage = DebugMessage()

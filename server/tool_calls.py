@@ -189,7 +189,7 @@ def refusal(error: PlannerForgeError, following: NextCall | None = None) -> Call
 
     The next step is a call if there is one that helps; programs find it in the metadata.
     """
-    text = printable(error.told(following))
+    text = printable(error.text_with(following))
     meta = None
     if following is not None:
         meta = {NEXT_CALL_KEY: {"tool": following.tool, "arguments": dict(following.arguments)}}

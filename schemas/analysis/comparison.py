@@ -1,4 +1,4 @@
-"""Paired comparison of planner runs: arguments, results and the tests they are made of; then the answer's text."""
+"""Paired comparison of planner runs: arguments, result with its tests, and the text of the answer."""
 
 from typing import Annotated, Literal
 
@@ -24,30 +24,32 @@ HeadlineCode = Literal[
     "flips_too_few",
     "no_difference_shown",
 ]
-"""What the pairs say of success.
+"""What the pairs show about success.
 
-``better``, ``worse``: shown by the exact test after Holm's adjustment; ``mixed``: shown, but the sign turns under some
-prediction or traffic mode; ``tie``: no pair flipped; ``alike``: pairs flipped, and the 95 % interval of the difference
-lies within ten points of 0; ``flips_too_few``: so few scenarios differ that no test can show anything;
-``no_difference_shown``: a test was possible and shows nothing.
-"""
+- ``better``, ``worse``: shown by the exact test after Holm's adjustment
+- ``mixed``: shown, but the sign changes with the prediction or traffic mode
+- ``tie``: no pair flipped
+- ``alike``: pairs flipped, and the 95 % interval of the difference is within ten points of 0
+- ``flips_too_few``: so few scenarios differ that no test can show anything
+- ``no_difference_shown``: a test was possible and shows nothing"""
 MetricsCode = Literal["untested", "none", "better", "worse", "mixed", "changed"]
-"""What those metrics say that differ after Holm's adjustment and by more than their resolution.
+"""What the metrics show that differ after Holm's adjustment and by more than their resolution.
 
-``better``, ``worse``: all that have a better direction say so; ``mixed``: both occur; ``changed``: only metrics without
-a better direction differ; ``none``: no metric does; ``untested``: there were too few pairs.
-"""
+- ``better``, ``worse``: all metrics with a better direction agree
+- ``mixed``: both occur
+- ``changed``: only metrics without a better direction differ
+- ``none``: no metric differs
+- ``untested``: there were too few pairs"""
 
 
-def _meant(value: object) -> object:
+def _metric_name(value: object) -> object:
     return metric_meant(value) if isinstance(value, str) else value
 
 
-UnlistedMetric = Annotated[MetricName, BeforeValidator(_meant), WithJsonSchema({"type": "string"})]
-"""A metric. The schema leaves the names out, to stay small; a refusal lists them all.
+UnlistedMetric = Annotated[MetricName, BeforeValidator(_metric_name), WithJsonSchema({"type": "string"})]
+"""A metric. The schema omits the names to stay small, and a refusal lists them all.
 
-Taken is every name of it that an answer, a table or a legend prints.
-"""
+Every name that an answer, a table or a legend prints is accepted."""
 
 
 class CompareResultsArguments(Arguments):
@@ -63,21 +65,22 @@ class CompareResultsArguments(Arguments):
 
 
 class Side(Model):
-    """One of the compared sets: a run, or the runs of one configuration and planner version in a batch."""
+    """One compared set: a run, or the runs of one configuration and planner version in a batch."""
 
     label: str = Field(description="name of the side, by which comparisons call it")
     config_id: str = Field(description="id of its configuration")
     config_name: str = Field(description="name of its configuration")
     run_ids: tuple[str, ...] = Field(description="ids of its runs")
-    result_id: str = Field("", description="the run or batch that was named; empty for runs named one by one")
-    planner_version: str = Field("", description="version of the planner that drove; empty if it is not known")
+    result_id: str = Field("", description="the given run or batch; empty for runs given one by one")
+    planner_version: str = Field("", description="version of its planner; empty if not known")
 
 
 class CompareRequest(Model):
-    """What the comparison operation needs: the sides in order, the baseline first; ``lineage``: of edited scenarios.
+    """The request of the comparison operation: the sides in order, the baseline first; ``lineage`` of edited scenarios.
 
-    ``couples``: which sides are compared, as places in ``sides``, the baseline of each first; empty: every side with
-    the first one.
+    ``couples`` lists the pairs of sides to compare, as indices into ``sides``, the baseline first. Empty means every
+    side
+    against the first one.
     """
 
     sides: tuple[Side, ...]
@@ -91,41 +94,39 @@ class CompareRequest(Model):
 
 
 class EditedPair(Model):
-    """Two scenarios that were paired by lineage; the edits that one of them has and the other has not."""
+    """Two scenarios paired by lineage, and the edits that only one of them has."""
 
     before: str = Field(description="id of the baseline's scenario")
     after: str = Field(description="id of the other side's scenario")
-    common: str = Field(description="the scenario that both come from, or that one of them is")
+    common: str = Field(description="their common ancestor, which may be one of them")
     undone: tuple[str, ...] = Field((), description="edits that only the baseline's scenario has")
     done: tuple[str, ...] = Field((), description="edits that only the other side's scenario has")
 
 
 class PairedRun(Model):
-    """One side of a single pair: how its run ended, and its decisive moments."""
+    """One side of a single pair: the outcome of its run, and its key times."""
 
     run_id: str
     outcome: Outcome
-    reason: str = Field(description="why it ended so, in words")
-    review: RunReview = Field(description="its decisive moments")
+    reason: str = Field(description="reason for the outcome")
+    review: RunReview = Field(description="its key times")
 
     def in_words(self) -> str:
-        """Return the run, and how it ended."""
+        """Return the run and its outcome."""
         return f"{ending(self.outcome, self.reason, self.review)} ({self.run_id})"
 
 
 class Flip(Model):
-    """A scenario that one side mastered and the other did not; ``why``: of a collision, who hit whom and what prevents
-    it.
-    """
+    """A scenario that only one side mastered; ``why`` says who hit whom in a collision, and what prevents it."""
 
     scenario_id: str
-    before: Outcome = Field(description="how the baseline's run ended")
-    after: Outcome = Field(description="how the other side's run ended")
+    before: Outcome = Field(description="outcome of the baseline's run")
+    after: Outcome = Field(description="outcome of the other side's run")
     before_run: str = Field(description="id of the baseline's run")
     after_run: str = Field(description="id of the other side's run")
-    after_scenario_id: str = Field("", description="where another version of the scenario was run after")
+    after_scenario_id: str = Field("", description="the other side's scenario, if it is another version")
     why: str = ""
-    contact: Contact | None = Field(None, description="what `why` tells of")
+    contact: Contact | None = Field(None, description="the contact that `why` describes")
 
 
 class WeightChange(Model):
@@ -137,15 +138,16 @@ class WeightChange(Model):
 
 
 class SuccessTest(Model):
-    """The pairs by success, the paired difference of the success rates with its 95 % interval, and its exact p.
+    """The pairs by success, the paired difference of success rates with its 95 % interval, and its exact p.
 
-    The scenario is the unit: pairs of one scenario count as far as they differ (docs/statistics.md). ``needed``: how
-    many scenarios would show ten points, where nothing is shown.
+    The scenario is the unit: pairs of one scenario count only by their difference (docs/statistics.md). ``needed`` is
+    the
+    number of scenarios that would show ten points, if nothing is shown.
     """
 
     pairs: int = Field(description="pairs of runs")
     scenarios: int = Field(0, description="scenarios behind them")
-    differing: int = Field(0, description="scenarios in which more pairs flip one way than the other")
+    differing: int = Field(0, description="scenarios in which more pairs flip in one direction")
     both: int = Field(description="pairs in which both reach the goal")
     only_before: int = Field(description="pairs in which only the baseline does")
     only_after: int = Field(description="pairs in which only the other side does")
@@ -156,59 +158,60 @@ class SuccessTest(Model):
     low: float | None = Field(description="lower end of its 95 % interval, of this test alone")
     high: float | None = Field(description="upper end of its 95 % interval, of this test alone")
     p: float | None = Field(description="exact two-sided p; null without pairs")
-    p_holm: float | None = Field(description="p after Holm's adjustment; null of a test that could show nothing")
+    p_holm: float | None = Field(description="p after Holm's adjustment; null if the test could show nothing")
     needed: int | None = None
 
     @property
     def excludes_zero_alone(self) -> bool:
-        """Whether the interval excludes 0 although the test adjusted for all tests of the answer shows nothing."""
+        """Return whether the interval excludes 0 although the test, adjusted for all tests, shows nothing."""
         if self.low is None or self.high is None or self.low <= 0 <= self.high:
             return False
         return self.p_holm is None or self.p_holm >= SIGNIFICANCE_LEVEL
 
 
 class Stratum(Model):
-    """The pairs under one prediction and traffic mode, of sides that have several."""
+    """The pairs with one prediction and traffic mode, if the sides have several."""
 
     name: str = Field(description="the prediction and traffic mode")
-    pairs: int = Field(description="pairs of runs under it")
+    pairs: int = Field(description="pairs of runs with it")
     only_before: int = Field(description="pairs in which only the baseline reaches the goal")
     only_after: int = Field(description="pairs in which only the other side does")
     difference: float = Field(description="difference of the success rates, after − before, from -1 to 1")
 
 
 class MetricTest(Model):
-    """Wilcoxon's signed-rank test of after − before, the pairs of a scenario averaged to one; ``pairs``: how many there
-    were, ``scenarios``: how many were tested.
+    """Wilcoxon's signed-rank test of after − before on scenario averages of pairs.
 
-    ``shift`` is the Hodges–Lehmann estimate with its 95 % interval (None under six differing pairs), ``effect`` the
-    matched-pairs rank-biserial correlation in [−1, 1]; ``higher`` and ``lower``: scenarios in which the metric rises
-    and falls; ``better`` names the side that did better, None if neither: it is named only where p is below 5 % after
-    Holm's adjustment and the shift is above the metric's resolution. ``run_ids``: of a metric that differs so, the pair
-    that differs most.
-    ``direction``: of a single pair, from before to after, no test behind it; ``changed`` where neither is better,
-    ``same`` where the first three digits are alike.
+    ``pairs`` counts the pairs and ``scenarios`` the tested averages. ``shift`` is the Hodges–Lehmann estimate with its
+    95 %
+    interval (None below six differing pairs). ``effect`` is the matched-pairs rank-biserial correlation in [−1, 1].
+    ``higher`` and ``lower`` count scenarios in which the metric rises and falls. ``better`` is the better side if p is
+    below 5 % after Holm's adjustment and the shift exceeds the metric's resolution, otherwise None. ``run_ids`` is then
+    the
+    pair with the largest difference. For a single pair, ``direction`` compares the two values without a test:
+    ``changed``
+    if the metric has no better direction, ``same`` if the first three digits agree.
     """
 
     name: MetricName = Field(description="the metric")
     unit: str
     pairs: int
-    scenarios: int = Field(0, description="scenarios that were tested")
+    scenarios: int = Field(0, description="scenarios tested")
     basis: Literal["valid", "both_reached_goal"] = Field(
-        description="which pairs count: those of valid runs, or those in which both reached the goal"
+        description="which pairs count: all valid ones, or those in which both reached the goal"
     )
     median_before: float | None = Field(description="median of the baseline over the scenarios, in `unit`")
     median_after: float | None = Field(description="median of the other side, in `unit`")
     shift: float | None = Field(
-        description="Hodges–Lehmann estimate of after − before, in `unit`; null under six differing pairs"
+        description="Hodges–Lehmann estimate of after − before, in `unit`; null below six differing pairs"
     )
     low: float | None = Field(description="lower end of its 95 % interval, of this test alone, in `unit`")
     high: float | None = Field(description="upper end of its 95 % interval, of this test alone, in `unit`")
     effect: float | None = Field(description="matched-pairs rank-biserial correlation, from -1 to 1")
-    p: float | None = Field(description="two-sided p of Wilcoxon's signed-rank test; null if it was not made")
-    p_holm: float | None = Field(description="p after Holm's adjustment; null of a test that could show nothing")
+    p: float | None = Field(description="two-sided p of Wilcoxon's signed-rank test; null if not tested")
+    p_holm: float | None = Field(description="p after Holm's adjustment; null if the test could show nothing")
     better: Literal["before", "after"] | None = Field(
-        description="the side that did better, beyond resolution and chance; null if neither is shown to"
+        description="the side that did better, beyond resolution and chance; null if not shown"
     )
     higher: int = Field(0, description="scenarios in which the metric rises")
     lower: int = 0
@@ -217,7 +220,7 @@ class MetricTest(Model):
 
 
 class UncomparedCost(Model):
-    """The mean total cost of both sides, medians over their valid runs, and why it tells neither better nor worse."""
+    """The mean total cost of both sides, as medians over valid runs, and why the two are not comparable."""
 
     before: float = Field(description="median of the baseline's mean total cost")
     after: float = Field(description="median of the other side's")
@@ -225,64 +228,59 @@ class UncomparedCost(Model):
 
 
 class Comparison(Model):
-    """One side against the baseline."""
+    """One side compared with the baseline."""
 
     before: str = Field(description="label of the baseline")
     after: str = Field(description="label of the other side")
-    success: SuccessTest = Field(description="who reaches the goal how often")
-    metrics: tuple[MetricTest, ...] = Field(description="each metric that was tested")
-    cost: UncomparedCost | None = Field(None, description="where mean_total_cost is no measure of both sides alike")
-    to_success: tuple[Flip, ...] = Field(
-        description="scenarios that only the other side masters, as many as were asked for"
-    )
-    to_success_count: int = Field(description="how many there are of these")
-    to_failure: tuple[Flip, ...] = Field(
-        description="scenarios that only the baseline masters, as many as were asked for"
-    )
-    to_failure_count: int = Field(description="how many there are of these")
+    success: SuccessTest = Field(description="how often each side reaches the goal")
+    metrics: tuple[MetricTest, ...] = Field(description="each metric tested")
+    cost: UncomparedCost | None = Field(None, description="if mean_total_cost is not comparable between the sides")
+    to_success: tuple[Flip, ...] = Field(description="scenarios that only the other side masters, up to the limit")
+    to_success_count: int = Field(description="number of these")
+    to_failure: tuple[Flip, ...] = Field(description="scenarios that only the baseline masters, up to the limit")
+    to_failure_count: int = Field(description="number of these")
     weights: tuple[WeightChange, ...] = Field(description="cost weights that differ")
-    conditions: tuple[str, ...] = Field(description="what else differs between the sides as a whole")
-    strata: tuple[Stratum, ...] = Field((), description="where a side has several predictions or traffic modes")
+    conditions: tuple[str, ...] = Field(description="other differences between the sides")
+    strata: tuple[Stratum, ...] = Field((), description="if a side has several predictions or traffic modes")
     unpaired: int = Field(description="runs of either side without a partner")
     invalid_pairs: int = Field(description="pairs in which a run could not be attempted")
-    headline_code: HeadlineCode = Field(description="stable code of what the pairs say of success")
-    metrics_code: MetricsCode = Field("untested", description="stable code of what the metrics say")
-    verdict: str = Field(description="the headline: what happened, then what the tests allow to say")
-    run_ids: tuple[str, ...] = Field(
-        (), description="runs by which it can be checked: flipped pairs first, at most eight"
-    )
+    headline_code: HeadlineCode = Field(description="stable code of what the pairs show about success")
+    metrics_code: MetricsCode = Field("untested", description="stable code of what the metrics show")
+    verdict: str = Field(description="the headline: what happened, then what the tests show")
+    run_ids: tuple[str, ...] = Field((), description="runs to check it with: flipped pairs first, at most eight")
     run_count: int = Field(0, description="runs of all pairs")
-    least_differing: int = Field(0, description="scenarios that have to differ for a test to show anything")
-    paired: str = Field("", description="what was paired with what, where several results were named")
+    least_differing: int = Field(0, description="scenarios that must differ for a test to show anything")
+    paired: str = Field("", description="how results were paired, if several were given")
     edited: tuple[EditedPair, ...] = Field((), description="pairs by lineage: at most ten")
     edited_count: int = Field(0, description="pairs of a scenario and an edited one")
-    single: tuple[PairedRun, PairedRun] | None = Field(None, description="before and after, where there is one pair")
+    single: tuple[PairedRun, PairedRun] | None = Field(None, description="before and after, if there is only one pair")
 
 
 class RankedSide(Model):
-    """A side of several by its success; sides that no test tells apart from all above them share their rank.
+    """One of several sides, ranked by success; sides that no test distinguishes from all above share a rank.
 
-    ``rank``: 1 and how many sides reach the goal significantly more often, by the tests of all pairs of sides with
-    Holm's adjustment.
+    ``rank`` is 1 plus the number of sides that reach the goal significantly more often, by Holm-adjusted tests of all
+    pairs
+    of sides.
     """
 
     label: str = Field(description="name of the side")
     rank: int
     success: Rate = Field(description="its share of runs that reach the goal")
-    worse_than: tuple[str, ...] = Field((), description="labels of the sides that do so significantly more often")
+    worse_than: tuple[str, ...] = Field((), description="labels of the sides that reach it significantly more often")
 
 
 class CompareResultsResult(Result):
-    """Paired comparisons of every side with the first; of three and more sides their ranking."""
+    """Paired comparisons of every side with the first one; a ranking if there are three sides or more."""
 
-    sides: tuple[Side, ...] = Field(description="what is compared, the baseline first")
+    sides: tuple[Side, ...] = Field(description="the compared sides, the baseline first")
     comparisons: tuple[Comparison, ...] = Field(description="each other side against the baseline")
     ranking: tuple[RankedSide, ...] = Field((), description="of three and more sides, the best first")
-    flips_asked: int | None = Field(None, description="how many flips were asked to be listed")
+    flips_asked: int | None = Field(None, description="number of flips to list")
     notes: tuple[str, ...] = ()
 
     def answer(self) -> Answer:
-        """Return one block a comparison, the verdict first."""
+        """Return one block per comparison, the verdict first."""
         shown = _SHOWN_FLIPS if self.flips_asked is None else self.flips_asked
         lines = [line for comparison in self.comparisons for line in _comparison(comparison, shown)]
         lines += _ranking(self.ranking)
@@ -290,19 +288,19 @@ class CompareResultsResult(Result):
 
 
 _SHOWN_EDITED, _SHOWN_EDITS, _SHOWN_FLIPS, _SHOWN_RUNS = 2, 6, 3, 4
-"""Entries of the brief answer (chosen)."""
+"""How many entries the brief answer shows (chosen)."""
 
 
 def _ranking(sides: tuple[RankedSide, ...]) -> list[str]:
     """Return the sides by rank in one line."""
     parts = [f"{side.rank}. {side.label} {side.success.count}/{side.success.of}" for side in sides]
     tied = len({side.rank for side in sides}) == 1
-    told = "; no two of them are told apart" if tied else "; equal ranks are not told apart"
-    return [f"- by success, all pairs tested (Holm): {', '.join(parts)}{told}"] if parts else []
+    note = "; no difference between them is shown" if tied else "; no difference between equal ranks is shown"
+    return [f"- by success, all pairs tested (Holm): {', '.join(parts)}{note}"] if parts else []
 
 
 def _comparison(comparison: Comparison, shown_flips: int) -> list[str]:
-    lines = [f"{comparison.after} against {comparison.before}: {comparison.verdict}"]
+    lines = [f"{comparison.after} compared with {comparison.before}: {comparison.verdict}"]
     if comparison.single is not None:
         before, after = comparison.single
         lines += [f"- before: {before.in_words()}", f"- after: {after.in_words()}"]
@@ -330,7 +328,7 @@ def _comparison(comparison: Comparison, shown_flips: int) -> list[str]:
 
 
 def _checked_by(comparison: Comparison) -> list[str]:
-    """Return the runs by which a headline can be checked, where no flip above names any."""
+    """Return the runs that confirm a headline, if no flip above shows them."""
     if comparison.to_success_count + comparison.to_failure_count or not comparison.run_ids:
         return []
     more = 2 * comparison.success.pairs - len(comparison.run_ids[:_SHOWN_RUNS])
@@ -347,7 +345,7 @@ def _cost(cost: UncomparedCost | None) -> list[str]:
 
 
 def _weights(changes: tuple[WeightChange, ...]) -> list[str]:
-    """Return what changed, in one line; of two planners, what both have, and how much only one has."""
+    """Return the changed weights in one line; for two planners, the shared ones, and the number of others."""
     one_sided = [change for change in changes if change.before is None or change.after is None]
     shown = [change for change in changes if change not in one_sided] if len(one_sided) > _SHOWN_EDITS else changes
     parts = [f"{change.weight} {_or_default(change.before)} → {_or_default(change.after)}" for change in shown]
@@ -361,7 +359,7 @@ def _or_default(value: float | None) -> str:
 
 
 def _success(test: SuccessTest) -> list[str]:
-    """Return the pairs by success, with the difference and its test where there was anything to test."""
+    """Return the pairs by success, with the difference and its test if there was one."""
     if not test.pairs:
         return []
     counts = {
@@ -385,14 +383,14 @@ def _success(test: SuccessTest) -> list[str]:
     return [line]
 
 
-_ALONE = "the interval is that of this test alone: with all tests of this answer counted (Holm), no difference is shown"
-"""For a difference whose 95 % interval excludes 0 although the adjusted test does not show it."""
+_ALONE = "the interval is for this test alone; adjusted for all tests of this answer (Holm), no difference is shown"
+"""The note for a difference with a 95 % interval that excludes 0, although the adjusted test does not show it."""
 
 
 def _strata(comparison: Comparison) -> list[str]:
-    """Return the difference under each prediction and traffic mode, where there are several."""
-    parts = [f"{one.name} {100 * one.difference:+.0f} points of {one.pairs} pairs" for one in comparison.strata]
-    return [f"- apart: {', '.join(parts)}"] if parts else []
+    """Return the difference under each prediction and traffic mode, if there are several."""
+    parts = [f"{one.name} {100 * one.difference:+.0f} points in {one.pairs} pairs" for one in comparison.strata]
+    return [f"- separately: {', '.join(parts)}"] if parts else []
 
 
 def _edited(comparison: Comparison) -> list[str]:
@@ -403,8 +401,12 @@ def _edited(comparison: Comparison) -> list[str]:
     for pair in comparison.edited[:_SHOWN_EDITED]:
         parts = [*(f"without {edit}" for edit in pair.undone), *pair.done]
         more = len(parts) - _SHOWN_EDITS
-        said = "; ".join(parts[:_SHOWN_EDITS]) + (f"; {more} more: describe_scenario detail=recipe" if more > 0 else "")
-        lines.append(f"- edited ({pair.before} → {pair.after}): {said or 'made anew with another seed or traffic'}")
+        changes = "; ".join(parts[:_SHOWN_EDITS]) + (
+            f"; {more} more: describe_scenario detail=recipe" if more > 0 else ""
+        )
+        lines.append(
+            f"- edited ({pair.before} → {pair.after}): {changes or 'generated again with another seed or traffic'}"
+        )
     more = comparison.edited_count - len(lines)
     return [*lines, *([f"- {more} more pairs of a scenario and its edited version"] if more > 0 else [])]
 
@@ -422,7 +424,7 @@ def _flips(title: str, flips: tuple[Flip, ...], count: int, most: int) -> list[s
 
 
 def _directions(metrics: tuple[MetricTest, ...]) -> list[str]:
-    """Return the metrics of a single pair by direction; those alike in three digits are the same to a reader."""
+    """Return the metrics of a single pair by direction; equal to three digits counts as the same."""
     groups: dict[str, list[str]] = {"better": [], "worse": [], "changed": [], "same": [], "none": []}
     for metric in metrics:
         words, before, after = metric_words(metric.name), measured(metric.median_before), measured(metric.median_after)
@@ -435,8 +437,8 @@ def _directions(metrics: tuple[MetricTest, ...]) -> list[str]:
     titles = {
         "better": "better in this pair",
         "worse": "worse in this pair",
-        "same": "same (three digits)",
-        "none": "none: not defined in both, or only where both reach the goal",
+        "same": "same to three digits",
+        "none": "not compared: undefined in one run, or comparable only if both reach the goal",
     }
     return [f"- {titles.get(name, name)}: {', '.join(items)}" for name, items in groups.items() if items]
 
@@ -455,7 +457,7 @@ def _tested(metrics: tuple[MetricTest, ...]) -> list[str]:
         ]
         lines += [f"- {title}: {', '.join(medians)}"] if medians else []
     absent = [metric_words(metric.name) for metric in others if not metric.pairs]
-    return lines + ([f"- none: defined on no pair: {', '.join(absent)}"] if absent else [])
+    return lines + ([f"- undefined in every pair: {', '.join(absent)}"] if absent else [])
 
 
 def _medians(metric: MetricTest) -> str:
@@ -464,11 +466,11 @@ def _medians(metric: MetricTest) -> str:
 
 
 def _metric(metric: MetricTest) -> str:
-    over = "pairs that both reached the goal" if metric.basis == "both_reached_goal" else "valid pairs"
+    over = "pairs in which both reached the goal" if metric.basis == "both_reached_goal" else "valid pairs"
     interval = ""
     if metric.low is not None and metric.high is not None:
         interval = f" (95 %: {measured(metric.low)} to {measured(metric.high)})"
-    scenarios = "" if metric.scenarios in (0, metric.pairs) else f" of {metric.scenarios} scenarios"
+    scenarios = "" if metric.scenarios in (0, metric.pairs) else f" in {metric.scenarios} scenarios"
     better = f"; {metric.better} is better" if metric.better else ""
     return (
         f"- {metric_words(metric.name)}: median {_medians(metric)}, "

@@ -1,4 +1,4 @@
-"""Searches for better configurations: arguments, what workers are asked, the record of a study, the answer."""
+"""Searches for better configurations: arguments, worker requests, the record of a study, and the answer."""
 
 from typing import Literal
 
@@ -15,15 +15,14 @@ from .comparison import HeadlineCode
 StudyCode = Literal[
     "better", "worse", "no_gain_shown", "nothing_better", "not_judged", "effects_shown", "no_effect_shown"
 ]
-"""What a study shows.
+"""The result of a study.
 
-Of a search: the found configuration on scenarios that it had not seen, or that nothing was better in training, or that
-``max_trials`` left no look at the others; of a sensitivity analysis, whether a weight matters.
-"""
+For a search: the found configuration on unseen scenarios, or that nothing was better in training, or that
+``max_trials`` left no runs for unseen scenarios. For a sensitivity analysis: whether a weight matters."""
 SearchMethod = Literal["tpe", "cmaes", "random"]
-"""How new candidates are drawn: tree-structured Parzen estimators, covariance matrix adaptation, or evenly."""
+"""How candidates are drawn: tree-structured Parzen estimators, covariance matrix adaptation, or uniformly."""
 _SHOWN = 5
-"""Changes, weights or front members that the brief answer names (chosen)."""
+"""How many changes, weights or front members the brief answer shows (chosen)."""
 
 
 class OptimizePlannerArguments(Arguments):
@@ -38,30 +37,30 @@ class OptimizePlannerArguments(Arguments):
     constraints: list[str] = Field([], description="'success>=base', 'collisions<=0.1'")
     vary: list[str] = Field([], description="'jerk', 'horizon_s=2..5'; default: all weights")
     method: Literal["tpe", "cmaes", "random", "morris", "sobol"] = "tpe"
-    """How candidates are drawn; `morris` and `sobol` search nothing and tell which weights matter."""
+    """How to draw candidates; `morris` and `sobol` do not search, but show which weights matter."""
     max_trials: int = Field(40, ge=1, le=2000)
-    """How many configurations are driven at most: candidates, changes taken back, and both on the held-out half."""
+    """The maximum number of configurations to run: candidates, reverted changes, and both on the held-out half."""
     prediction: Prediction = "constant_velocity"
     """As in `run_planner`."""
     traffic: Traffic = "recorded"
     """As in `run_planner`."""
     wait_s: float = Field(45, ge=0, le=50)
-    """How long the answer may wait for the study, in s; after that it names the job."""
+    """How long to wait for the study, in s. Afterwards the answer gives the job's id."""
     seed: int = 0
-    """Of the division into halves and of what the method draws."""
+    """The seed of the split into halves and of the method's draws."""
 
 
-class ToldTrial(Model):
-    """A candidate that was tried: its place in [0, 1] for each dimension, its objectives (higher is better)."""
+class EvaluatedTrial(Model):
+    """An evaluated candidate: its position in [0, 1] per dimension, and its objectives (higher is better)."""
 
     point: tuple[float, ...]
     values: tuple[float, ...]
 
 
 class ProposeRequest(Model):
-    """What is known of a search: ``enqueued`` points are tried first; ``rounds``: what was told, round by round.
+    """The state of a search: ``enqueued`` points are tried first, and ``rounds`` holds the results round by round.
 
-    ``start``: the point of the base; ``count``: how many new points are asked for; ``objectives``: how many there are.
+    ``start`` is the point of the base, ``count`` the number of new points requested, ``objectives`` their number.
     """
 
     method: SearchMethod
@@ -69,19 +68,19 @@ class ProposeRequest(Model):
     names: tuple[str, ...]
     start: tuple[float, ...]
     objectives: int
-    enqueued: tuple[ToldTrial, ...]
-    rounds: tuple[tuple[ToldTrial, ...], ...]
+    enqueued: tuple[EvaluatedTrial, ...]
+    rounds: tuple[tuple[EvaluatedTrial, ...], ...]
     count: int
 
 
 class Proposals(Model):
-    """Points in [0, 1], a number for each dimension."""
+    """Points in [0, 1], one number per dimension."""
 
     points: tuple[tuple[float, ...], ...]
 
 
 class DesignRequest(Model):
-    """A design for a sensitivity analysis with at most ``most`` points, but those of the smallest design."""
+    """A design for a sensitivity analysis with at most ``most`` points, or the smallest possible design."""
 
     method: Literal["morris", "sobol"]
     names: tuple[str, ...]
@@ -92,8 +91,9 @@ class DesignRequest(Model):
 class EffectsRequest(Model):
     """The objective at the points of a design, in their order.
 
-    ``scores``: the objective of each scenario at each point, None if absent; ``units``: for each scenario the
-    one that it counts for. Without them the scenarios are not tested.
+    ``scores`` holds the objective of each scenario at each point, None if absent. ``units`` maps each scenario to the
+    one
+    it counts for. Without them, the scenarios are not tested.
     """
 
     design: DesignRequest
@@ -105,11 +105,13 @@ class EffectsRequest(Model):
 class Effect(Model):
     """How much a weight matters to the objective on these scenarios.
 
-    ``effect``: Morris: μ*, the mean absolute change over the weight's range; Sobol: the total index. ``margin``: half
-    of its 95 % interval (bootstrap). ``p``: how often signs of scenarios by chance give as much; ``p_adjusted``: for as
-    many weights as were tested. ``verdict``: ``matters`` where that is below 5 % and the interval, as wide as so many
-    weights ask for, lies above 0; ``none`` where no change of the weight changed anything. ``largest``: the two points
-    and the scenario between which it changed most, ``run_ids``: their runs.
+    ``effect`` is Morris's μ* (the mean absolute change over the weight's range) or Sobol's total index. ``margin`` is
+    half
+    of its 95 % interval (bootstrap). ``p`` is the chance that random signs of scenarios give as much, and
+    ``p_adjusted``
+    accounts for the number of tested weights. ``verdict`` is ``matters`` if that is below 5 % and the adjusted interval
+    is above 0, and ``none`` if no change of the weight had an effect. ``largest`` gives the two points and the scenario
+    with the largest change, and ``run_ids`` their runs.
     """
 
     name: str = Field(description="the weight or setting")
@@ -123,67 +125,67 @@ class Effect(Model):
 
 
 class Effects(Model):
-    """The weights, what matters most first."""
+    """The weights, the most important first."""
 
     effects: tuple[Effect, ...]
 
 
 class GainRequest(Model):
-    """Differences of an objective on held-out scenarios, each with the scenario that counts as one."""
+    """Differences of an objective on held-out scenarios, each with the scenario that it counts for."""
 
     differences: tuple[tuple[str, float], ...]
 
 
 class Gain(Model):
-    """Mean difference over scenarios with its 95 % interval; without spread both ends are the mean."""
+    """The mean difference over scenarios with its 95 % interval; without spread, both ends are the mean."""
 
     difference: float = Field(description="mean of after − before, in the objective's unit")
     low: float = Field(description="lower end of its 95 % interval")
     high: float = Field(description="upper end of its 95 % interval")
-    scenarios: int = Field(description="scenarios that were averaged")
+    scenarios: int = Field(description="scenarios averaged")
 
 
 class TrialLine(Model):
-    """One candidate: its configuration, mean objectives over the training scenarios, and how many runs were made.
+    """One candidate: its configuration, mean objectives over the training scenarios, and number of runs.
 
-    ``pruned``: given up before all training scenarios: its values are the base's and the difference on those that were
-    run; ``within``: no constraint is broken.
+    ``pruned`` means that it was abandoned before all training scenarios; its values are then the base's plus the
+    difference on the scenarios that it ran. ``within`` means that it breaks no constraint.
     """
 
     number: int = Field(description="number of the trial, from 0")
     config_id: str = Field(description="id of its configuration")
     name: str = Field(description="name of its configuration")
     values: tuple[float, ...] = Field(description="mean of each objective over the training scenarios, in their order")
-    runs: int = Field(description="runs that were made of it")
+    runs: int = Field(description="number of its runs")
     pruned: bool
     within: bool
 
 
 class ChangeShare(Model):
-    """A change of the found configuration, and what of the training gain is lost where it alone is taken back."""
+    """A change of the found configuration, and the training gain that is lost if only this change is reverted."""
 
-    change: WeightChange = Field(description="the weight or setting that was changed")
+    change: WeightChange = Field(description="the changed weight or setting")
     gain: float = Field(
-        description="what of the first objective's training gain is lost without it, in the objective's unit"
+        description="training gain of the first objective that is lost without it, in the objective's unit"
     )
 
 
 class HeldOut(Model):
-    """The one look at the scenarios that the search had not seen: base against found, by compare_results' tests."""
+    """The single look at the unseen scenarios: base against found configuration, with compare_results' tests."""
 
     batch_id: str = Field(description="id of the batch of the held-out runs")
-    scenarios: int = Field(description="held-out scenarios that were compared")
+    scenarios: int = Field(description="held-out scenarios compared")
     gain: Gain = Field(description="difference of the objective, found − base")
     success_difference: float | None = Field(description="difference of the success rates, found − base, from -1 to 1")
     success_low: float | None = Field(description="lower end of its 95 % interval")
     success_high: float | None = Field(description="upper end of its 95 % interval")
     p: float | None = Field(description="exact two-sided p of the difference of success")
     collisions_before: int = Field(description="runs of the base that ended in a collision")
-    collisions_after: int = Field(description="runs of the found configuration that did")
-    verdict: str = Field(description="what it says, in a sentence")
-    headline_code: HeadlineCode | None = Field(None, description="code of what the pairs say of success")
-    run_ids: tuple[str, ...] = Field((), description="runs by which it can be checked, at most eight")
-    shown: bool = Field(True, description="false where the comparison does not show it once all its tests are counted")
+    collisions_after: int = Field(description="the same of the found configuration")
+    verdict: str = Field(description="the verdict in one sentence")
+    headline_code: HeadlineCode | None = Field(None, description="code of what the pairs show about success")
+    run_ids: tuple[str, ...] = Field((), description="runs to check it with, at most eight")
+    shown: bool = Field(True, description="false if the comparison does not show it after adjusting for all its tests")
 
     @property
     def is_better(self) -> bool:
@@ -197,39 +199,38 @@ class HeldOut(Model):
 
 
 class StudyRecord(Model):
-    """A search or a sensitivity analysis: what was tried and what came out.
+    """A search or a sensitivity analysis: the evaluated candidates and the result.
 
-    ``training``, ``held_out_places``: the places (or maps) of either part. ``best``: the found configuration, the base
-    itself where nothing was better in training.
+    ``training`` and ``held_out_places`` are the places (or maps) of the two parts. ``best`` is the found configuration,
+    or
+    the base if nothing was better in training.
     """
 
     study_id: str
     method: str = Field(description="how candidates were chosen")
-    objective: tuple[str, ...] = Field(description="what was made better, the first first")
-    constraints: tuple[str, ...] = Field(description="what no candidate may break")
+    objective: tuple[str, ...] = Field(description="objectives, the most important first")
+    constraints: tuple[str, ...] = Field(description="constraints on every candidate")
     prediction: Prediction
     traffic: Traffic
-    base_id: str = Field(description="id of the configuration that it began from")
-    base_name: str = Field(description="name of that")
+    base_id: str = Field(description="id of the initial configuration")
+    base_name: str = Field(description="its name")
     best_id: str = Field(description="id of the found configuration")
     best_name: str = Field(description="name of the found configuration")
-    training_scenarios: int = Field(description="scenarios that the search saw")
-    training: tuple[str, ...] = Field(description="places (or maps) of these")
+    training_scenarios: int = Field(description="scenarios used by the search")
+    training: tuple[str, ...] = Field(description="their places (or maps)")
     held_out_places: tuple[str, ...]
     trials: tuple[TrialLine, ...] = Field(description="all candidates in their order")
-    changes: tuple[ChangeShare, ...] = Field((), description="what each change of the found configuration is worth")
-    held_out: HeldOut | None = Field(
-        None, description="the look at scenarios that the search had not seen; null without one"
-    )
-    front: tuple[TrialLine, ...] = Field((), description="candidates that none other beats in all objectives")
-    effects: tuple[Effect, ...] = Field((), description="how much each weight matters; of a sensitivity analysis")
+    changes: tuple[ChangeShare, ...] = Field((), description="gain of each change of the found configuration")
+    held_out: HeldOut | None = Field(None, description="the comparison on unseen scenarios; null without one")
+    front: tuple[TrialLine, ...] = Field((), description="candidates that no other beats in all objectives")
+    effects: tuple[Effect, ...] = Field((), description="effect of each weight; only for a sensitivity analysis")
     notes: tuple[str, ...] = ()
-    driven: int = Field(0, description="configurations that were driven; 0: the study is of a version before")
-    max_trials: int = Field(0, description="how many could have been driven")
+    driven: int = Field(0, description="configurations run; 0: an older version made the study")
+    max_trials: int = Field(0, description="the maximum number of these")
 
     @property
     def headline_code(self) -> StudyCode:
-        """What came out, as a code."""
+        """The result as a code."""
         if self.effects:
             return "effects_shown" if any(one.verdict == "matters" for one in self.effects) else "no_effect_shown"
         if self.held_out is not None:
@@ -240,25 +241,25 @@ class StudyRecord(Model):
 
 
 class OptimizePlannerResult(Result):
-    """The study when it is done; until then the job and the best candidate so far."""
+    """The finished study, or the job and the best candidate so far."""
 
     state: JobState
     job_id: str | None = None
-    study: StudyRecord | None = Field(None, description="what was tried and what came out; null until it is done")
-    headline_code: StudyCode | None = Field(None, description="stable code of what came out; null until it is done")
+    study: StudyRecord | None = Field(None, description="the study; null until it is done")
+    headline_code: StudyCode | None = Field(None, description="stable code of the result; null until it is done")
     best_so_far: str | None = Field(None, description="configuration id")
-    message: str = Field("", description="how far it is, in words")
+    message: str = Field("", description="progress in words")
     next_step: str
 
     def answer(self) -> Answer:
-        """Return what was found and whether it holds on scenarios that the search had not seen."""
+        """Return what was found and whether it holds on unseen scenarios."""
         if self.study is None:
             found = [] if self.best_so_far is None else [f"Best so far: {self.best_so_far}."]
             return Answer(f"{self.job_id}: {self.state}; {self.message}", decided=found, next_step=self.next_step)
         study = self.study
         notes = [f"Note: {note}" for note in study.notes]
         if study.effects:
-            return Answer(_told_effects(study), figures=_effects(study), listed=notes, next_step=self.next_step)
+            return Answer(_effects_headline(study), figures=_effects(study), listed=notes, next_step=self.next_step)
         return Answer(
             _headline(study),
             decided=[_searched(study)],
@@ -277,22 +278,22 @@ def _headline(study: StudyRecord) -> str:
     found = f"{study.best_id} ({study.best_name})"
     if held_out is None:
         if code == "not_judged":
-            told = "scored higher in training, but max_trials left no runs for the held-out half, so no gain is shown"
-            return f"{study.study_id}: {found} {told}."
+            result = "scored higher in training, but max_trials left no runs for the held-out half, so no gain is shown"
+            return f"{study.study_id}: {found} {result}."
         return f"{study.study_id}: nothing better than {study.base_name} was found in training."
-    told = {"better": "is better than", "worse": "is worse than"}.get(code, "is not shown to be better than")
+    result = {"better": "is better than", "worse": "is worse than"}.get(code, "is not shown to be better than")
     gain = held_out.gain
     return (
-        f"{study.study_id}: {found} {told} {study.base_name} on {held_out.scenarios} held-out scenarios: objective"
+        f"{study.study_id}: {found} {result} {study.base_name} on {held_out.scenarios} held-out scenarios: objective"
         f" {gain.difference:+.3f} (95 % {gain.low:+.3f} to {gain.high:+.3f})."
     )
 
 
 def _searched(study: StudyRecord) -> str:
     pruned = sum(trial.pruned for trial in study.trials)
-    driven = f"; {study.driven} of at most {study.max_trials} configurations driven" if study.driven else ""
+    driven = f"; {study.driven} of at most {study.max_trials} configurations run" if study.driven else ""
     return (
-        f"{counted(len(study.trials), 'candidate')} ({pruned} given up early) by {study.method} on"
+        f"{counted(len(study.trials), 'candidate')} ({pruned} abandoned early) by {study.method} on"
         f" {counted(study.training_scenarios, 'scenario')} of {counted(len(study.training), 'place')} for"
         f" {' + '.join(study.objective)}; held out: {counted(len(study.held_out_places), 'other place')}{driven}."
     )
@@ -309,40 +310,40 @@ def _figures(study: StudyRecord) -> list[str]:
         lines.append(f"Held out ({held_out.batch_id}): {held_out.verdict.rstrip('.')}; {collisions}.")
     if study.changes:
         shown = sorted(study.changes, key=lambda share: -share.gain)[:_SHOWN]
-        words = [f"{one.change.name} {one.change.before:g} → {one.change.after:g} ({one.gain:+.3f})" for one in shown]
+        changes = [f"{one.change.name} {one.change.before:g} → {one.change.after:g} ({one.gain:+.3f})" for one in shown]
         more = len(study.changes) - len(shown)
         rest = f" and {more} more" if more else ""
-        lines.append(f"Changes, with the training score that each brings: {', '.join(words)}{rest}.")
+        lines.append(f"Changes, with the training score each adds: {', '.join(changes)}{rest}.")
     if study.front:
         members = [f"{one.config_id} {', '.join(figure(value) for value in one.values)}" for one in study.front]
         lines.append(f"Front ({len(members)}): {'; '.join(members[:_SHOWN])}.")
     return lines
 
 
-def _told_effects(study: StudyRecord) -> str:
+def _effects_headline(study: StudyRecord) -> str:
     matters = [one.name for one in study.effects if one.verdict == "matters"]
     verb = "matters" if len(matters) == 1 else "matter"
-    told = f"{', '.join(matters)} {verb}" if matters else "no weight is shown to matter"
+    result = f"{', '.join(matters)} {verb}" if matters else "no weight is shown to matter"
     most = f" of at most {study.max_trials}" if study.max_trials else ""
     return (
-        f"{study.study_id}: on {counted(study.training_scenarios, 'scenario')} {told} to {' + '.join(study.objective)}"
-        f" ({study.method}, {len(study.trials)}{most} configurations)."
+        f"{study.study_id}: on {counted(study.training_scenarios, 'scenario')} {result} to"
+        f" {' + '.join(study.objective)} ({study.method}, {len(study.trials)}{most} configurations)."
     )
 
 
 def _effects(study: StudyRecord) -> list[str]:
     name = "μ*" if study.method == "morris" else "total index"
 
-    def told(one: Effect) -> str:
+    def line(one: Effect) -> str:
         p = "" if one.p_adjusted is None else f", {p_in_words(one.p_adjusted)}"
         runs = f"; {' '.join(one.run_ids)}" if one.run_ids and one.verdict == "matters" else ""
         return f"{one.name} {figure(one.effect)} ± {figure(one.margin)} (95 %{p}{runs})"
 
-    shown = [told(one) for one in study.effects if one.verdict == "matters"]
-    unclear = [told(one) for one in study.effects if one.verdict == "unclear"]
+    shown = [line(one) for one in study.effects if one.verdict == "matters"]
+    unclear = [line(one) for one in study.effects if one.verdict == "unclear"]
     idle = [one.name for one in study.effects if one.verdict == "none"]
     return [
-        *([f"{name} of what matters: {', '.join(shown)}."] if shown else []),
-        *([f"{name} whose effect may be chance: {', '.join(unclear)}."] if unclear else []),
-        *([f"Did nothing: {', '.join(idle)}."] if idle else []),
+        *([f"{name} of weights that matter: {', '.join(shown)}."] if shown else []),
+        *([f"{name} of weights with an unclear effect: {', '.join(unclear)}."] if unclear else []),
+        *([f"No effect: {', '.join(idle)}."] if idle else []),
     ]

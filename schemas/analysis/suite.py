@@ -1,6 +1,6 @@
-"""Test suites for planners: what is run, what must hold of it, and what came out.
+"""Test suites for planners: what to run, which limits must hold, and the result.
 
-A suite is a YAML file that people write and keep beside their code (``docs/gate.md``).
+A suite is a YAML file that people write and keep next to their code (``docs/gate.md``).
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from ..runs import LostCell, Outcome, Prediction, RunRecord, Traffic
 
 
 class SuiteFile(Model):
-    """A suite as it is written; what an entry in the form of a mapping means is read apart."""
+    """A suite file as written; entries in the form of a mapping are parsed separately."""
 
     name: str = "suite"
     scenarios: tuple[str | dict[str, Any], ...] = Field(min_length=1)
@@ -28,22 +28,22 @@ class SuiteFile(Model):
 
 
 class SuiteFiles(Model):
-    """A CommonRoad file, or a folder of them, beside the suite."""
+    """A CommonRoad file, or a folder of them, next to the suite."""
 
     path: str
 
 
 class SuiteConfiguration(Model):
-    """A configuration of a planner that is made for the suite; ``name``: for limits and reports."""
+    """A planner configuration created for the suite; ``name`` identifies it in limits and reports."""
 
     name: str
     arguments: ConfigurePlannerArguments
 
 
 class Suite(Model):
-    """A test suite: scenarios × configurations, and limits on what comes out.
+    """A test suite: scenarios × configurations, and limits on the results.
 
-    A scenario is a word that ``run_planner`` takes, files, what a search finds, or what is generated.
+    A scenario is an argument of ``run_planner``, files, the result of a search, or a generated scenario.
     """
 
     name: str
@@ -56,14 +56,14 @@ class Suite(Model):
 
 
 class SuiteBaseline(Model):
-    """Runs of a suite that later ones are held against, kept as a file beside it."""
+    """Runs of a suite to compare later runs with, kept as a file next to it."""
 
     suite: str
     configurations: Mapping[str, tuple[RunRecord, ...]] = Field(description="by name in the suite")
 
 
 class SuiteCase(Model):
-    """One run of a suite, or why there is none; ``ended``: how it ended in words."""
+    """One run of a suite, or why it is missing; ``ended`` is its outcome in words."""
 
     configuration: str
     scenario_id: str
@@ -75,7 +75,7 @@ class SuiteCase(Model):
 
 
 class LimitVerdict(Model):
-    """Whether a limit holds for a configuration; ``observed``: what was seen, ``run_ids``: the runs against it."""
+    """Whether a limit holds for a configuration; ``observed`` is the value, ``run_ids`` the runs that break it."""
 
     limit: str
     configuration: str
@@ -85,16 +85,16 @@ class LimitVerdict(Model):
 
 
 class SuiteReport(Model):
-    """What came out of a suite."""
+    """The result of a suite."""
 
     suite: str
     batch_id: str
     cases: tuple[SuiteCase, ...]
     verdicts: tuple[LimitVerdict, ...]
-    reused: int = Field(description="runs that were stored before")
+    reused: int = Field(description="runs already stored")
     lost: tuple[LostCell, ...] = ()
     notes: tuple[str, ...] = ()
-    runs: SuiteBaseline = Field(description="to be kept as a baseline")
+    runs: SuiteBaseline = Field(description="runs to keep as a baseline")
 
     @property
     def passed(self) -> bool:

@@ -1,4 +1,4 @@
-"""The errors that a caller may see, and what mends the calls that they refuse."""
+"""The errors that a caller may see, and the remedies for the calls that they refuse."""
 
 from .kinds import (
     Faults,

@@ -1,19 +1,19 @@
 """The errors of PlannerForge.
 
     PlannerForgeError
-    ├── InvalidRequest      the caller asked for something that cannot be meant      (caller corrects the call)
+    ├── InvalidRequest      the request is invalid                                   (caller corrects the call)
     │   ├── UnknownName     an id, tag, preset, weight … that does not exist
     │   ├── OutsideRoots    a path outside the allowed roots
-    │   └── NotPossible     understood, but the scenario, map or network does not allow it
+    │   └── NotPossible     valid, but the scenario, map or network does not allow it
     ├── UnsafeInput         a file that is malformed, hostile or too large
-    ├── ResourceFailure     disk, database or memory gave up                         (nothing was lost)
-    ├── ServiceFailure      a service on the net did not answer as it should         (nothing was made)
-    ├── PlannerFailure      a planner that is not ours broke its contract            (an error of that run alone)
+    ├── ResourceFailure     disk, database or memory failed                          (nothing was lost)
+    ├── ServiceFailure      a network service did not answer as it should            (nothing was created)
+    ├── PlannerFailure      an external planner broke its contract                   (an error of that run alone)
     ├── WorkerFailure       native code in a worker process died
-    │   └── WorkerTimeout   … or ran past its limit
-    └── UnexpectedFailure   a defect of ours; logged with an incident number         (never shown with a traceback)
+    │   └── WorkerTimeout   … or exceeded its time limit
+    └── UnexpectedFailure   an internal defect, logged with an incident number       (never shown with a traceback)
 
-Every error carries a stable code, what was wrong, the valid values and the next step, and its text says all of them,
+Every error has a stable code, what was wrong, the valid values, and the next step. Its text states all of them,
 because a host may show the model nothing else.
 """
 
@@ -30,30 +30,31 @@ from .remedies import NextCall, Place, Remedy, assignments, instead, misspelling
 
 
 class PlannerForgeError(Exception):
-    """Base of all errors that a caller may see.
+    """The base of all errors that a caller may see.
 
     Args:
-        message: what was wrong, naming the value that was given.
+        message: what was wrong, with the given value.
         valid: the values that would be accepted, most useful first (at most twelve are shown).
-        next_step: what to call or change next; by default what usually helps (``usual_step`` of the class).
-        reason: a stable word for the kind of refusal, for code that decides by it; shown with ``shows_reason`` alone.
-        given: the word of the call that is wrong, if one of ``valid`` can stand in its place as it is written there.
-        remedies: ways to mend the call, the most useful first; the server writes the first that fits as a call. By
-            default they are read from ``valid``: names that a quoted word may misspell (``names_valid``), and fields
-            with values, as ``lane=left``.
-        complete: whether ``valid`` names all that would be accepted, or its form, so that no call lists more of it.
+        next_step: what to call or change next; by default the usual remedy (``usual_step`` of the class).
+        reason: a stable word for the kind of refusal, for code that depends on it; shown only with ``shows_reason``.
+        given: the wrong word of the call, if one of ``valid`` can replace it as written.
+        remedies: ways to correct the call, the most useful first; the server writes the first applicable one as a
+            call. By
+            default they come from ``valid``: names that a quoted word may misspell (``names_valid``), and fields with
+            values, as in ``lane=left``.
+        complete: whether ``valid`` lists everything that would be accepted, or its form, so no call lists more.
     """
 
     code: ClassVar[str] = "error"
-    usual_step: ClassVar[str] = "correct what is named and call again"
+    usual_step: ClassVar[str] = "correct the call and repeat it"
     shown_values: ClassVar[int] = 12
     tried_values: ClassVar[int] = 3
-    """Valid values that are offered in the place of a wrong one, one after the other (chosen)."""
+    """How many valid values are offered as replacements of a wrong one (chosen)."""
     names_valid: ClassVar[bool] = False
-    """Whether ``valid`` holds names that a quoted word may misspell."""
+    """Whether ``valid`` contains names that a quoted word may misspell."""
     shows_reason: ClassVar[bool] = False
     longest_message: ClassVar[int] = 2000
-    """Characters; chosen: the longest of our own, with a dozen problems, has half as many."""
+    """The maximum length in characters (chosen: our longest message, with a dozen problems, has half as many)."""
 
     def __init__(
         self,
@@ -80,12 +81,12 @@ class PlannerForgeError(Exception):
         super().__init__(self.text)
 
     def also(self, *remedies: Remedy) -> Self:
-        """Return the same error with further remedies, which come last."""
+        """Return the same error with further remedies at the end."""
         self.remedies = (*self.remedies, *remedies)
         return self
 
     def with_valid(self, *values: str) -> Self:
-        """Return the same refusal with further valid values, which come first; its remedies stay."""
+        """Return the same refusal with further valid values at the front. Its remedies stay."""
         return type(self)(
             self.message,
             valid=[*values, *self.valid],
@@ -98,10 +99,10 @@ class PlannerForgeError(Exception):
     @property
     def text(self) -> str:
         """The whole error in one line: ``[code] what. Valid: …. Next: ….``"""
-        return self.told()
+        return self.text_with()
 
-    def told(self, following: NextCall | None = None) -> str:
-        """Return the whole error in one line, with the call that mends it if there is one."""
+    def text_with(self, following: NextCall | None = None) -> str:
+        """Return the whole error in one line, with the call that corrects the request if there is one."""
         reason = f" ({self.reason})" if self.shows_reason and self.reason else ""
         parts = [f"[{self.code}] {self.message.rstrip('.')}{reason}."]
         if self.valid:
@@ -115,36 +116,36 @@ class PlannerForgeError(Exception):
 
 
 class InvalidRequest(PlannerForgeError):
-    """The arguments contradict each other or cannot be meant; ``faults``: those that are told together, if several."""
+    """The arguments are invalid or contradict each other; ``faults`` lists them if there are several."""
 
     code = "invalid_request"
     faults: "tuple[InvalidRequest, ...]" = ()
 
 
 class UnknownName(InvalidRequest):
-    """A name or id that does not exist; ``valid`` holds the nearest ones first."""
+    """A name or id that does not exist; ``valid`` lists the nearest ones first."""
 
     code = "unknown_name"
     names_valid = True
-    usual_step = "take a name that exists, spelled as it is listed"
+    usual_step = "use an existing name, spelled as listed"
 
 
 class OutsideRoots(InvalidRequest):
     """A path outside the folders that the server may read or write."""
 
     code = "outside_roots"
-    usual_step = "move the file, or name its folder in --roots"
+    usual_step = "move the file, or add its folder to --roots"
 
 
 class NotPossible(InvalidRequest):
-    """A request that was understood but that the scenario, the map or the network does not allow."""
+    """A valid request that the scenario, the map or the network does not allow."""
 
     code = "not_possible"
-    usual_step = "ask for something that is possible there, or elsewhere"
+    usual_step = "request something that is possible there, or choose another scenario or map"
 
 
 class Faults:
-    """What is wrong with a call, collected, so that all of it is told at once and not the first alone."""
+    """The faults of a call, collected so that one error reports them all."""
 
     _MOST_VALUES: ClassVar[int] = 5
     _MOST_TOLD: ClassVar[int] = 8
@@ -156,30 +157,30 @@ class Faults:
         return bool(self._found)
 
     def collecting(self, where: str = "", place: Place = ()) -> "_Collecting":
-        """Return a block; if it is refused, the refusal is kept for later.
+        """Return a context that keeps a refusal for later.
 
         Args:
-            where: stands before its message.
-            place: the part of the arguments that it is about, for its remedies.
+            where: a prefix of its message.
+            place: the part of the arguments that it refers to, for its remedies.
         """
         return _Collecting(self._found, where, place)
 
     def raise_all(self) -> None:
-        """Raise what was collected as one error; nothing where nothing was.
+        """Raise the collected faults as one error, if there are any.
 
         Raises:
-            InvalidRequest: of the class and with the reason of the first fault; each with its own valid values.
+            InvalidRequest: with the class and reason of the first fault, and the valid values of each.
         """
         if not self._found:
             return
         first = self._found[0]
         if len(self._found) == 1:
             raise first
-        told = [self._told(error) for error in self._found[: self._MOST_TOLD]]
-        more = len(self._found) - len(told)
+        shown = [self._fault_text(error) for error in self._found[: self._MOST_TOLD]]
+        more = len(self._found) - len(shown)
         steps = dict.fromkeys(error.next_step for error in self._found[: self._MOST_TOLD])
         together = type(first)(
-            f"{len(self._found)} faults: {'; '.join(told)}{f'; and {more} more' if more else ''}",
+            f"{len(self._found)} faults: {'; '.join(shown)}{f'; and {more} more' if more else ''}",
             next_step="; ".join(steps),
             reason=first.reason,
             remedies=_mending_all(self._found),
@@ -188,7 +189,7 @@ class Faults:
         together.faults = tuple(self._found)
         raise together from first
 
-    def _told(self, error: "InvalidRequest") -> str:
+    def _fault_text(self, error: "InvalidRequest") -> str:
         more = len(error.valid) - self._MOST_VALUES
         rest = f" and {more} more" if more > 0 else ""
         valid = f" (valid: {', '.join(error.valid[: self._MOST_VALUES])}{rest})" if error.valid else ""
@@ -222,7 +223,7 @@ class _Collecting:
 
 
 def _mending_all(faults: Sequence[InvalidRequest]) -> list[Remedy]:
-    """One remedy for all faults: the first change that each of them names; else the first call that one names."""
+    """Return one remedy for all faults: the first change from each of them, otherwise the first call."""
     changing = [next((remedy for remedy in fault.remedies if remedy.changes), None) for fault in faults]
     if all(remedy is not None for remedy in changing):
         return [Remedy(tuple(change for remedy in changing if remedy is not None for change in remedy.changes))]
@@ -233,50 +234,50 @@ class UnsafeInput(PlannerForgeError):
     """A file that is malformed, hostile or larger than the limits."""
 
     code = "unsafe_input"
-    usual_step = "mend the file, or take another; nothing of it was taken in"
+    usual_step = "correct the file or use another one; nothing was imported"
 
 
 class ResourceFailure(PlannerForgeError):
-    """Disk, database or memory failed; what was stored before is intact."""
+    """Disk, database or memory failed. What was stored before is intact."""
 
     code = "resource_failure"
-    usual_step = "free disk space, or ask for less at once"
+    usual_step = "free disk space, or request less at once"
 
 
 class ServiceFailure(PlannerForgeError):
-    """A service on the net could not be reached or did not answer as it should; nothing was made of what it sent."""
+    """A network service could not be reached or gave an invalid answer. Nothing was created from it."""
 
     code = "service_failure"
     usual_step = "call again later, or import an .osm extract of the place with import_files"
 
 
 class PlannerFailure(PlannerForgeError):
-    """A planner that is not part of this program broke its contract: it crashed, hung, or answered nonsense.
+    """An external planner broke its contract: it crashed, hung, or gave an invalid answer.
 
-    Its text names the reason, one of those in ``docs/own_planner.md``.
+    Its text contains the reason, one of those in ``docs/own_planner.md``.
     """
 
     code = "planner_failure"
     shows_reason = True
-    usual_step = "mend the planner; `plannerforge planner check` says what it breaks"
+    usual_step = "correct the planner; `plannerforge planner check` reports what is wrong"
 
 
 class WorkerFailure(PlannerForgeError):
-    """A worker process died while it did the work; the next call gets a fresh one."""
+    """A worker process died during the work. The next call gets a new one."""
 
     code = "worker_failure"
-    usual_step = "call again: a fresh worker takes over"
+    usual_step = "call again: a new worker takes over"
 
 
 class WorkerTimeout(WorkerFailure):
-    """A worker process ran past its time limit and was ended."""
+    """A worker process exceeded its time limit and was stopped."""
 
     code = "worker_timeout"
-    usual_step = "ask for less at once, or raise operation_timeout_s"
+    usual_step = "request less at once, or raise operation_timeout_s"
 
 
 class UnexpectedFailure(PlannerForgeError):
-    """A defect of ours. The details are logged under an incident number, which is all that a caller sees.
+    """An internal defect. Its details are logged under an incident number, and the caller sees only that.
 
     Args:
         what: the tool or operation that failed.
@@ -289,15 +290,15 @@ class UnexpectedFailure(PlannerForgeError):
         self.details = details
         self.incident = hashlib.sha256(f"{what}\n{details}".encode()).hexdigest()[:8]
         super().__init__(
-            f"{what} failed through a defect of the server (incident {self.incident})",
+            f"{what} failed because of a server defect (incident {self.incident})",
             next_step="try other arguments, and report the incident with the server's log",
         )
 
 
 def as_told(raised: Exception, what: str) -> PlannerForgeError:
-    """What a caller is told of whatever was raised: the error itself, a failed disk or memory, or a defect of ours.
+    """Return the error to report for an exception: itself, a failed disk or memory, or a defect.
 
-    Of errors that tasks raised together it is the first that says something to the caller.
+    From errors that tasks raised together, return the first that helps the caller.
 
     Args:
         what: the tool, job or file that failed, for the incident of a defect.
@@ -308,7 +309,7 @@ def as_told(raised: Exception, what: str) -> PlannerForgeError:
             return leaf
     for leaf in leaves:
         if isinstance(leaf, OSError) and leaf.errno == errno.ENAMETOOLONG:
-            return InvalidRequest("a name has more characters than the file system takes", next_step="shorten it")
+            return InvalidRequest("a name is longer than the file system allows", next_step="shorten it")
         if isinstance(leaf, OSError):
             return ResourceFailure(
                 f"the operating system refused: {leaf.strerror or leaf}",
@@ -318,28 +319,28 @@ def as_told(raised: Exception, what: str) -> PlannerForgeError:
             return ResourceFailure(f"the workspace database cannot be used: {leaf}", next_step="free disk space")
         if isinstance(leaf, RuntimeError) and str(leaf) == _NO_THREAD:
             return ResourceFailure(
-                "the operating system starts no more threads for the server: its memory, or the number of its "
-                "processes, is at the limit",
-                next_step="call again when less is under way, or raise server_memory_mb or the limit of processes",
+                "the operating system does not start more threads for the server: its memory or its number of "
+                "processes is at the limit",
+                next_step="call again when less is running, or raise server_memory_mb or the limit of processes",
             )
         if isinstance(leaf, MemoryError):
-            return ResourceFailure("the memory of the server was not enough", next_step="ask for less at once")
+            return ResourceFailure("the server ran out of memory", next_step="request less at once")
     return UnexpectedFailure(what, "".join(traceback.format_exception(raised)))
 
 
 _NO_THREAD = "can't start new thread"
-"""What Python says if a thread cannot be started; the error has no class of its own."""
+"""Python's message if a thread cannot be started; the error has no class of its own."""
 
 
 def leaves_of(raised: Exception) -> list[Exception]:
-    """Return the errors that a group holds, at any depth; an error that is no group is its own."""
+    """Return the errors in a group, at any depth, or the error itself."""
     if isinstance(raised, ExceptionGroup):
         return [leaf for part in raised.exceptions for leaf in leaves_of(part)]
     return [raised]
 
 
 def error_classes() -> dict[str, type[PlannerForgeError]]:
-    """Return all error classes by their code; codes are unique (a test holds it)."""
+    """Return all error classes by code; codes are unique (a test checks it)."""
     by_code: dict[str, type[PlannerForgeError]] = {}
     waiting: list[type[PlannerForgeError]] = [PlannerForgeError]
     while waiting:
@@ -352,9 +353,9 @@ def error_classes() -> dict[str, type[PlannerForgeError]]:
 def rebuild(
     code: str, message: str, valid: Sequence[str], next_step: str, reason: str = "", remedies: Sequence[Remedy] = ()
 ) -> PlannerForgeError:
-    """Return the error that a worker process reported, made again in the server's process.
+    """Return the error that a worker process reported, recreated in the server's process.
 
-    A defect (``unexpected``) takes its message as the details to log; an unknown code gives the base class.
+    A defect (``unexpected``) gets its message as the details to log. An unknown code gives the base class.
     """
     if code == UnexpectedFailure.code:
         return UnexpectedFailure("an operation", message)
@@ -364,13 +365,13 @@ def rebuild(
 
 
 _COMPARED = 2000
-"""Known words that are compared with one; chosen: with 200 characters each it takes less than a tenth of a second."""
+"""How many known words are compared with one; with 200 characters each this takes under 0.1 s (chosen)."""
 
 
 def closest(word: str, known: Iterable[str], limit: int = 12) -> list[str]:
-    """Known words ordered by likeness to ``word`` (case and accents ignored), the nearest first.
+    """Return known words, the most similar to ``word`` first (case and accents ignored).
 
-    At most 200 characters of each of the first 2,000 are compared, so that no name holds up the server.
+    Only 200 characters of each of the first 2,000 words are compared, so that no name slows down the server.
     """
     from rapidfuzz import fuzz, process, utils
 

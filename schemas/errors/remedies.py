@@ -1,8 +1,7 @@
-"""What mends a refused call, as changes of its arguments or as another call, so that a program can follow it.
+"""Remedies for a refused call, as changes of its arguments or as another call, so that a program can follow them.
 
-An error names ways to mend the call (:class:`Remedy`) without knowing the whole call: it says which word should be
-another one, or which values of an edit to set. The server puts them into the call that was refused
-(:func:`followed`), and both its text and a program get the call that comes out.
+An error gives remedies (:class:`Remedy`) without knowing the whole call: which word to replace, or which values of an
+edit to set. The server applies them to the refused call (:func:`followed`). Its text and programs get the new call.
 """
 
 import copy
@@ -16,16 +15,16 @@ from typing import Any
 from ..text import cited_parts
 
 SHOWN_CALL = 400
-"""Characters of a call that a refusal writes out; of a longer one it writes the parts that change (chosen)."""
+"""The maximum length of a call that a refusal writes out. Of a longer one, only the changes are written (chosen)."""
 Place = tuple[str | int, ...]
-"""Where an object stands in the arguments: ``("edits", 0)`` is the first edit, ``()`` the arguments themselves."""
+"""The position of an object in the arguments: ``("edits", 0)`` is the first edit, ``()`` the arguments themselves."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """A change of the arguments at a place: values that are set (None leaves one out), and words that become others.
+    """A change of the arguments at a place: new values (None removes one), and replaced words.
 
-    ``fields``: the fields that hold the words; empty if it is not known which do.
+    ``fields`` are the fields that contain the words, or empty if not known.
     """
 
     place: Place = ()
@@ -36,9 +35,9 @@ class Change:
 
 @dataclass(frozen=True)
 class Remedy:
-    """Changes of the refused call, in order; or another call: ``tool`` with ``arguments``.
+    """Changes of the refused call, in order, or another call: ``tool`` with ``arguments``.
 
-    ``carried``: names of arguments that the other call takes over from the refused one.
+    ``carried`` lists the arguments that the other call takes from the refused one.
     """
 
     changes: tuple[Change, ...] = ()
@@ -47,12 +46,12 @@ class Remedy:
     carried: tuple[str, ...] = ()
 
     def at(self, place: Place) -> "Remedy":
-        """Return the same with its changes at a place, which is put before their own."""
+        """Return the same remedy with its changes moved to a place."""
         changes = tuple(replace(change, place=(*place, *change.place)) for change in self.changes)
         return replace(self, changes=changes)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values, which :meth:`of_json` reads."""
+        """Return plain values, which :meth:`of_json` reads."""
         return asdict(self)
 
     @classmethod
@@ -65,39 +64,38 @@ class Remedy:
 
 
 def instead(word: str, other: object, *fields: str) -> Remedy:
-    """The call again, with another word in the place of one; ``fields``: the only ones that it stands in, if known."""
+    """Return the call with a word replaced; ``fields`` are the only ones that contain it, if known."""
     return Remedy((Change(words={word: str(other)}, fields=fields),))
 
 
 def with_values(**values: Any) -> Remedy:
-    """Return the call again, with other values of fields; None leaves a field out."""
+    """Return the call with other values of fields; None removes a field."""
     return Remedy((Change(values=values),))
 
 
 def calling(tool: str, *carried: str, **arguments: Any) -> Remedy:
-    """Another call; ``carried``: what it takes over from the refused one."""
+    """Return another call; ``carried`` lists the arguments that it takes from the refused one."""
     return Remedy((), tool, arguments, carried)
 
 
 VEHICLES_LISTED = calling("describe_scenario", "scenario_id", detail="vehicles")
 LANELETS_LISTED = calling("describe_scenario", "scenario_id", detail="lanelets")
-"""What a refused edit is to be written from."""
+"""The description that helps to correct a refused edit."""
 
 _ALIKE, _ALIKE_IDS = 0.75, 0.9
-"""Likeness (difflib's ratio) from which a word is taken for a misspelling of another one; chosen.
+"""The similarity (difflib's ratio) from which a word counts as a misspelling of another one (chosen).
 
-Ids of random digits are alike by chance, so that one has to be almost the same.
-"""
+Ids of random digits are similar by chance, so they must be almost equal."""
 _RANDOM_ID = re.compile(r"[a-z]+_[0-9a-f]{12}")
 _SHORTEST_PART = 4
-"""A word of so many letters that is a part of a valid one may be meant as that one (chosen)."""
+"""A word of at least this length that is part of a valid one may mean that one (chosen)."""
 
 
 _ASSIGNED = re.compile(r"([a-z]\w*)=('[^']*'|\[[^\]]*\]|[\w.:+-]+)")
 
 
 def assignments(valid: Iterable[str]) -> list[Remedy]:
-    """Remedies that valid values are if they are fields with values, as in ``at=156 position='137.2m'``."""
+    """Return the valid values that are fields with values, as in ``at=156 position='137.2m'``, as remedies."""
     found = []
     for text in valid:
         parts = _ASSIGNED.findall(text)
@@ -107,21 +105,21 @@ def assignments(valid: Iterable[str]) -> list[Remedy]:
 
 
 def _value(text: str) -> Any:
-    """Return a value as text, which the arguments' model reads as what its field takes."""
+    """Return a value as text, which the arguments' model parses."""
     return [_value(part.strip()) for part in text[1:-1].split(",")] if text.startswith("[") else text.strip("'")
 
 
 def misspellings(message: str, valid: Iterable[str]) -> list[Remedy]:
-    """Replacements of the words that a message quotes by the valid ones that they may be misspellings of.
+    """Return replacements of words that a message quotes by the valid names that they may misspell.
 
-    Numbers are none: another number is another thing. What stands behind a valid name in brackets explains it.
+    Numbers are excluded, because another number is another thing. Brackets after a valid name explain it.
     """
     names = [re.sub(r" (?:\(|in [\[(]).*$", "", text) for text in valid]
     return [remedy for word in re.findall(r"'([^']+)'", message) for remedy in misspelt(word, names)]
 
 
 def misspelt(word: str, names: Iterable[str], *fields: str) -> list[Remedy]:
-    """Replacements of a word, in the given fields or in all, by the names that it may be a misspelling of."""
+    """Return replacements of a word, in the given fields or in all, by the names that it may misspell."""
     if re.fullmatch(r"[\d.]+", word):
         return []
     return [instead(word, name, *fields) for name in names if _may_mean(word.strip().lower(), name.lower())]
@@ -136,7 +134,7 @@ def _may_mean(word: str, name: str) -> bool:
 
 @dataclass(frozen=True)
 class NextCall:
-    """A whole call; ``changed``: the parts of the refused one that differ, by their paths (None: left out)."""
+    """A whole call; ``changed`` lists the differences from the refused one, by path (None if removed)."""
 
     tool: str
     arguments: Mapping[str, Any]
@@ -144,7 +142,7 @@ class NextCall:
 
     @property
     def text(self) -> str:
-        """The call in words: ``call again with {…}``, or ``call describe_scenario with {…}``."""
+        """Return the call in words: ``call again with {…}``, or ``call describe_scenario with {…}``."""
         name = "again" if self.changed is not None else self.tool
         arguments = cited_parts(dict(self.arguments))
         if self.changed is not None:  # what the caller wrote stays as it was written
@@ -169,7 +167,7 @@ def _texts(value: Any) -> Iterator[str]:
 
 
 def _where_new(value: Any, cited: Any, new: set[str]) -> Any:
-    """Return a JSON value with those of its texts cited that are new."""
+    """Return a JSON value with its new texts cited."""
     if isinstance(value, Mapping):
         pairs = zip(value.items(), cited.values(), strict=True)
         return {name: _where_new(part, other, new) for (name, part), other in pairs}
@@ -179,7 +177,7 @@ def _where_new(value: Any, cited: Any, new: set[str]) -> Any:
 
 
 def followed(remedy: Remedy, tool: str, given: Mapping[str, Any]) -> NextCall | None:
-    """The call that a remedy means after a refused call; None if it does not fit that call or is the same call."""
+    """Return the call that a remedy gives after a refused call, or None if it does not fit or changes nothing."""
     if remedy.tool:
         carried = {name: given[name] for name in remedy.carried if name in given}
         following = {**carried, **remedy.arguments}
@@ -214,7 +212,7 @@ def followed(remedy: Remedy, tool: str, given: Mapping[str, Any]) -> NextCall | 
 
 
 def differences(before: Any, after: Any, path: str = "") -> list[tuple[str, Any]]:
-    """Return the parts that differ, by their paths such as ``edits[0].preset``; None for what is left out."""
+    """Return the differences, by paths such as ``edits[0].preset``, with None for a removed part."""
     if before == after:
         return []
     if isinstance(before, Mapping) and isinstance(after, Mapping):
@@ -230,7 +228,7 @@ def differences(before: Any, after: Any, path: str = "") -> list[tuple[str, Any]
 
 
 def _with_word(value: Any, word: str, other: str) -> Any:
-    """The value with a whole word of its texts replaced; numbers and parts of numbers in texts stay as they are."""
+    """Return the value with a whole word of its texts replaced; numbers and parts of numbers stay unchanged."""
     if isinstance(value, dict):
         return {name: _with_word(part, word, other) for name, part in value.items()}
     if isinstance(value, list):

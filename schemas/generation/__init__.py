@@ -1,4 +1,4 @@
-"""Generation of scenarios from maps: arguments and result of the tool, and what the engine is asked and answers."""
+"""Generation of scenarios from maps: the tool's arguments and result, and the engine's requests and responses."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -45,15 +45,15 @@ from .specification import VehicleDemand as VehicleDemand
 from .specification import Weather as Weather
 
 _SHOWN, _MOST_NOTES = 10, 2
-"""Scenarios of many, and notes on one, that an answer shows (chosen)."""
+"""How many of several scenarios, and notes on one, an answer shows (chosen)."""
 _SHOWN_PLACES, _SHOWN_CANNOT = 5, 3
-"""Places of a plan, and combinations that cannot be or are left, that an answer shows (chosen)."""
+"""How many places of a plan, and impossible or open combinations, an answer shows (chosen)."""
 
 
 class PlaceArea(Model):
-    """A settlement or a part of one inside a map: OSM's kind, all names, centre in degrees and reach around it.
+    """A settlement, or a part of one, inside a map: OSM's kind, all names, centre in degrees, and radius.
 
-    ``radius_m`` comes from the outline where the map has one, otherwise from the kind and the places around it.
+    ``radius_m`` comes from the map's outline if there is one, otherwise from the kind and the nearby places.
     """
 
     name: str
@@ -65,17 +65,21 @@ class PlaceArea(Model):
 
 
 MAP_FACTS_VERSION = 4
-"""Raised when more is read of a map than before, or its sites are counted otherwise: what a workspace keeps of a map is
-then read anew."""
+"""The version of map facts. Raise it if more is read of a map, or if sites are counted differently: workspaces then
+read their maps again."""
 
 
 class MapSource(Model):
-    """Where a fetched map comes from.
+    """The origin of a downloaded map.
 
-    ``place``: what was fetched, in words; ``osm_id``: as OpenStreetMap numbers it, empty for a box. ``core``: where its
-    roads are whole. ``query``: what was sent to ``service`` (a host), ``data_time``: the time of its data, as it states
-    it. ``beside``: a person fetched it to have it beside them, so that it counts like a map of their own; otherwise it
-    was fetched for one request, which alone uses it while the net is there.
+    - ``place``: what was downloaded, in words
+    - ``osm_id``: its id in OpenStreetMap, empty for a box
+    - ``core``: the area with complete roads
+    - ``query``: the query sent to ``service`` (a host)
+    - ``data_time``: the time of the data, as the service states it
+    - ``beside``: True if the user downloaded it, so that it counts like a local map; otherwise it was downloaded for
+      one
+      request, and only that request uses it while the network is available
     """
 
     place: str
@@ -88,13 +92,13 @@ class MapSource(Model):
 
 
 INDEX_NAME = "extract.sqlite"
-"""The index of an extract of a country, in its folder."""
+"""The file name of the index of a country extract, in its folder."""
 
 
 class ExtractSize(Model):
-    """How much an extract of a country holds that is kept by tiles; a node at a border of tiles may count for each.
+    """The size of a country extract that is stored in tiles; a node at a tile border may count once per tile.
 
-    ``data_time``: as the file states it, empty if it does not.
+    ``data_time`` is the time that the file states, or empty.
     """
 
     places: int
@@ -106,19 +110,22 @@ class ExtractSize(Model):
 
 
 class MapFacts(Model):
-    """What a map shows: read from the file, nothing guessed.
+    """The content of a map as read from the file, without guesses.
 
-    ``country`` is None if neither the file nor the caller names it; ``countries_near`` are then those that it may
-    lie in (none: nothing is known). ``sites`` counts sites by scenario type. ``road_names``: for roads that have
-    several names the one of ``streets`` or ``refs``, then the others; ``areas``: places that the map shows in part of
-    itself. ``source``: where a fetched map comes from. ``extract``: of an extract of a country, which is
-    kept by tiles; scenarios are made from parts of it, whose ``cut_of`` is its id. ``places`` then names the largest,
-    and streets are looked up in its index.
+    ``country`` is None if neither the file nor the caller gives it. ``countries_near`` then lists the candidates, and
+    is
+    empty if there is no evidence. ``sites`` counts sites by scenario type. ``road_names`` holds, for a road with
+    several
+    names, the one of ``streets`` or ``refs`` first. ``areas`` are places that cover a part of the map. ``source`` is
+    the
+    origin of a downloaded map. ``extract`` describes a country extract, which is stored in tiles. Scenarios are
+    generated
+    from parts of it, with its id in ``cut_of``. Its ``places`` are the largest ones, and its index holds the streets.
     """
 
     map_id: str
     file_name: str
-    place: str = Field(description="name for the map; the file's own where no place is known")
+    place: str = Field(description="name for the map; the file's own if no place is known")
     places: tuple[str, ...]
     country: str | None
     countries_near: tuple[str, ...] = ()
@@ -140,13 +147,13 @@ class MapFacts(Model):
 
 
 class MapList(Model):
-    """Maps with what they show."""
+    """Maps with their content."""
 
     maps: tuple[MapFacts, ...]
 
 
 class ReadMapRequest(Model):
-    """A map file to be read; place and country as the caller knows them (None: what the file says)."""
+    """A map file to read, with the place and country that the caller gives (None means those of the file)."""
 
     path: str
     map_id: str | None = None
@@ -156,16 +163,16 @@ class ReadMapRequest(Model):
 
 
 class ConvertMapRequest(Model):
-    """A map in another format that is to be written in one that is read, into a folder."""
+    """A map in another format to convert into a readable one, in a folder."""
 
     path: str
     folder: str
 
 
 class ConvertedMap(Model):
-    """The map as XML, and what was lost on the way, in words.
+    """The map as XML, and what the conversion lost, in words.
 
-    ``too_large``: it holds more than is read at once, and the file is not there.
+    ``too_large`` means that it exceeds what is read at once, so there is no file.
     """
 
     path: str
@@ -174,7 +181,7 @@ class ConvertedMap(Model):
 
 
 class FetchMapRequest(Model):
-    """Roads about a place or in a box, to be fetched, with room for a type of site; ``count``: sites to be had."""
+    """A request for the roads around a place or in a box, with ``count`` sites of a type."""
 
     services: MapServices
     folder: str
@@ -187,11 +194,10 @@ class FetchMapRequest(Model):
 
 
 class FetchedMap(Model):
-    """A map that was fetched into a folder: its file, what it shows and where its roads are whole.
+    """A map downloaded into a folder: its file, its content, and the area with complete roads.
 
-    ``core``: sites are taken from inside only, since beyond it roads are cut off. ``query``: what was asked, as it was
-    sent; ``service``: the host that answered; ``data_time``: of which time its data is; ``kept``: the answer was kept
-    from an earlier request.
+    Sites are taken only from ``core``, because roads are cut off beyond it. ``query`` was sent to ``service`` (a host).
+    ``data_time`` is the time of the data. ``kept`` means that the answer comes from an earlier request.
     """
 
     path: str
@@ -204,16 +210,16 @@ class FetchedMap(Model):
 
 
 class FetchedMaps(Model):
-    """The maps that were fetched for a request, the best first, and what did not go as planned, a sentence each."""
+    """The maps downloaded for a request, the best first, and what went wrong, one sentence each."""
 
     maps: tuple[FetchedMap, ...]
     notes: tuple[str, ...] = ()
 
 
 class IndexExtractRequest(Model):
-    """An extract in OpenStreetMap's binary format that is to be read into tiles.
+    """An extract in OpenStreetMap's binary format, to be split into tiles.
 
-    ``folder`` keeps what was done when the work breaks off: the same request goes on there.
+    ``folder`` keeps finished parts if the work stops, and the same request resumes there.
     """
 
     path: str
@@ -224,16 +230,17 @@ class IndexExtractRequest(Model):
 
 
 class IndexedExtract(Model):
-    """The index of an extract as a file, and what it holds."""
+    """The index file of an extract, and the extract's size."""
 
     index: str
     facts: MapFacts
 
 
 class CutExtractRequest(Model):
-    """A part of an extract that is to become a map: the words for it, or a box, or any with such a site.
+    """A part of an extract to cut out as a map: the words for it, or a box, or any part with such a site.
 
-    ``seed`` chooses among several that fit; ``facts``: those of the extract, by whose names it may be called.
+    ``seed`` chooses among several matches. ``facts`` are those of the extract, with the names that the words may
+    contain.
     """
 
     index: str
@@ -246,10 +253,11 @@ class CutExtractRequest(Model):
 
 
 class CutOfExtract(Model):
-    """A part of an extract as a map file, and what it shows; empty and None if the extract shows nothing such.
+    """A part of an extract as a map file, and its content; empty and None if the extract has no match.
 
-    ``core``: where its roads are whole and sites are to be looked for; ``label``: what it is about, in words;
-    ``words``: of the request, what names something on the map itself (empty: all of it named the extract).
+    ``core`` is the area with complete roads, in which to look for sites. ``label`` describes the part. ``words`` are
+    those
+    words of the request that refer to something in the map, and empty if all of them refer to the extract.
     """
 
     path: str = ""
@@ -260,11 +268,11 @@ class CutOfExtract(Model):
 
 
 Combination = tuple[tuple[int, int], ...]
-"""Levels of some factors of a coverage plan together: (index of the factor, index of its level), ascending."""
+"""Levels of several factors of a coverage plan: (index of the factor, index of its level), ascending."""
 
 
 class PlanFactor(Model):
-    """Something that a coverage plan varies, and the levels that it takes, as they are written in a call."""
+    """A factor that a coverage plan varies, and its levels as a call writes them."""
 
     name: str
     levels: tuple[str, ...]
@@ -275,11 +283,11 @@ class PlanFactor(Model):
 
 
 class CoverageRequest(Model):
-    """How far a coverage plan has come; the next ``most`` rows of it are asked for.
+    """The progress of a coverage plan, and a request for its next ``most`` rows.
 
-    ``strength``: how many factors a combination joins. ``barred``: combinations of any size that no map holds;
-    ``covered``: those that were made; ``refused``: how often others were, by combination. ``lap``: how often all was
-    covered already, for rows beyond that.
+    ``strength`` is the number of factors in a combination. ``barred`` are combinations of any size that no map has.
+    ``covered`` are finished ones. ``refused`` counts refusals by combination. ``lap`` counts how often everything was
+    already covered, for rows beyond that.
     """
 
     factors: tuple[PlanFactor, ...]
@@ -292,10 +300,10 @@ class CoverageRequest(Model):
 
 
 class CoverageReport(Model):
-    """How far a coverage plan has come, and its next rows: a level of each factor, by index.
+    """The progress of a coverage plan, and its next rows as one level per factor, by index.
 
-    ``allowed``: combinations that can be; ``covered`` and ``left`` of them; ``cannot``: those that were tried often
-    enough, and those that can only be together with such a one.
+    ``allowed`` counts the possible combinations, ``covered`` and ``left`` those of them. ``cannot`` are those that were
+    tried often enough, and those that imply such a combination.
     """
 
     rows: tuple[tuple[int, ...], ...]
@@ -306,26 +314,26 @@ class CoverageReport(Model):
 
 
 class SiteCount(Model):
-    """How many different sites fit a request."""
+    """The number of different sites that match a request."""
 
     count: int
 
 
 class SiteFacts(Model):
-    """Where a scenario was cut out: type, middle in degrees, streets, radius; ``osm_id``: node or way that marks it."""
+    """The site of a scenario: type, centre in degrees, streets, radius; ``osm_id`` is the node or way that marks it."""
 
     scenario_type: SiteType = Field(description="type of the site")
-    latitude: float = Field(description="of its middle, in degrees")
-    longitude: float = Field(description="of its middle, in degrees")
+    latitude: float = Field(description="latitude of its centre, in degrees")
+    longitude: float = Field(description="longitude of its centre, in degrees")
     streets: tuple[str, ...] = Field(description="streets that meet there")
     radius_m: float = Field(description="radius of the cut")
     osm_id: str = ""
 
 
 class GeneratedEgo(Model):
-    """The ego's start and goal: step and distance on its own recorded path, speed, the goal's lanelet and window.
+    """The ego's start and goal: step and distance on its recorded path, speed, and the goal's lanelet and time.
 
-    ``cars_to_choose_from``: how many vehicles of its class there are, which is a car unless another was asked for.
+    ``cars_to_choose_from`` counts the vehicles of its class, which is a car unless the call requests another class.
     """
 
     vehicle: str
@@ -340,34 +348,36 @@ class GeneratedEgo(Model):
 
 
 class DensityFacts(Model):
-    """Vehicles per lane-kilometre of the cut: wanted, there at step 0, and there at the last step.
+    """Vehicles per lane-kilometre of the cut: requested, at step 0, and at the last step.
 
-    CommonRoad's schema lets obstacles begin at step 0 only, so that traffic thins out as vehicles leave.
-    ``paper_trips``: what the paper's scenarios of that density have. ``at_time``: the time of day that set what is
-    wanted in the place of ``wish``; empty if none did.
+    CommonRoad's schema lets obstacles begin only at step 0, so traffic thins out as vehicles leave. ``paper_trips`` is
+    the
+    number in the paper's scenarios of that density. ``at_time`` is the time of day that set the density instead of
+    ``wish``, or empty.
     """
 
-    wish: Density = Field(description="the density that was asked for")
+    wish: Density = Field(description="the density requested")
     paper_trips: int
     lane_km: float = Field(description="length of all lanes in the cut")
-    target_per_lane_km: float = Field(description="vehicles per lane-km that were wanted")
+    target_per_lane_km: float = Field(description="vehicles per lane-km requested")
     at_start_per_lane_km: float = Field(description="vehicles per lane-km at the first step")
     at_end_per_lane_km: float = Field(description="vehicles per lane-km at the last step")
     at_time: str = ""
 
     @property
     def asked(self) -> str:
-        """What set the wanted density: a word, or a time."""
+        """What set the requested density: a word, or a time of day."""
         return self.at_time or f"{self.wish} density"
 
 
 class Checks(Model):
-    """What was checked on the written file.
+    """The checks of the written file.
 
-    ``centers_on_lanelets`` and ``feasible_share`` are shares in [0, 1] over all recorded positions and all tracks;
+    ``centers_on_lanelets`` and ``feasible_share`` are shares in [0, 1] of all recorded positions and of all tracks.
     ``network_errors`` and ``network_warnings`` are the broken rules for road networks, with the first place of each.
-    ``recorded_ego_collision_free`` is None if others were scripted after the ego was recorded: an ordinary driver in
-    its place was checked instead.
+    ``recorded_ego_collision_free`` is None if others were scripted after the ego was recorded. An ordinary driver in
+    its
+    place was checked instead.
     """
 
     schema_valid: bool
@@ -388,44 +398,46 @@ AbsenceCode = Literal[
 ]
 ABSENCE_REASONS: Mapping[AbsenceCode, str] = MappingProxyType(
     {
-        "no_room": "there was no room for it at the site by the start, or it had left by then",
-        "file_too_large": "a recording of so many vehicles is too large for a file",
-        "not_drivable": "the motion that SUMO gave it cannot be driven by a vehicle of its class",
+        "no_room": "there was no room for it at the site at the start, or it had already left",
+        "file_too_large": "a recording with that many vehicles is too large for a file",
+        "not_drivable": "a vehicle of its class cannot drive the motion that SUMO gave it",
         "overlap": "it would overlap another road user",
-        "no_such_goal": "it has no such goal on its way, so a car after it is the ego",
-        "no_ego_class": "no ego can be of this class, so a car is the ego; it drives in the traffic",
-        "scripted": "an edit put the actor of the manoeuvre that was asked for in its place",
+        "no_such_goal": "it has no such goal on its route, so a later car is the ego",
+        "no_ego_class": "an ego cannot have this class, so a car is the ego and this one is in the traffic",
+        "scripted": "an edit replaced it by the actor of the requested manoeuvre",
     }
 )
-"""Why a road user that was asked for is not there as asked; docs/generation.md lists them."""
+"""Why a requested road user is missing or different; docs/generation.md lists the codes."""
 
 
 class VehicleAbsence(Model):
-    """Road users of a class that were asked for and are not there as asked, and why.
+    """Requested road users of one class that are missing or different, and why.
 
-    ``fate``: they were never there at the start, were left out of what SUMO recorded, or were replaced. ``vehicles``:
-    SUMO's ids of those that were there, otherwise empty.
+    ``fate`` says whether they were missing at the start, were left out of SUMO's recording, or were replaced.
+    ``vehicles``
+    are SUMO's ids of those that were there, otherwise empty.
     """
 
-    fate: AbsenceFate = Field(description="what became of them")
-    code: AbsenceCode = Field(description="why, as a code")
-    vehicle_class: str = Field(description="the class that was asked for")
-    count: int = Field(description="how many of them")
+    fate: AbsenceFate = Field(description="what happened to them")
+    code: AbsenceCode = Field(description="reason as a code")
+    vehicle_class: str = Field(description="the class requested")
+    count: int = Field(description="their number")
     vehicles: tuple[str, ...] = ()
-    reason: str = Field(description="why, in words")
+    reason: str = Field(description="reason in words")
 
     def in_words(self) -> str:
-        """Return the number and class, what became of them, and why."""
+        """Return the number and class, what happened to them, and why."""
         return f"{counted(self.count, self.vehicle_class)} {self.fate.replace('_', ' ')} ({self.code}): {self.reason}"
 
 
 class GeneratedScenario(Model):
-    """One scenario: files, and what was asked beside what came out.
+    """One scenario: its files, and the requested values next to the realised ones.
 
-    ``vehicle_classes``: the class of the request by CommonRoad's obstacle id, because CommonRoad has fewer types.
-    ``unsigned_limits_kmh``: posted limits by lanelet, where CommonRoad has no sign for them in the country.
-    ``others``: the manoeuvre that was asked for of another road user: who makes it, when, and how it came about.
-    ``absences``: why those that were asked for are not there as asked.
+    ``vehicle_classes`` maps CommonRoad's obstacle id to the requested class, because CommonRoad has fewer types.
+    ``unsigned_limits_kmh`` maps a lanelet to its limit if CommonRoad has no sign for it in the country. ``others``
+    describes the requested manoeuvre of another road user: which one, when, and how it was created. ``absences``
+    explain
+    missing road users.
     """
 
     benchmark_id: str
@@ -457,10 +469,10 @@ class GenerateScenariosArguments(Arguments):
     country: str | None = Field(None, description="ISO alpha-3")
     bbox: list[float] | None = Field(None, description="south, west, north, east")
     scenario_type: ScenarioType = "any"
-    """The type of site that is looked for on the map."""
+    """The type of site to look for on the map."""
     road_classes: list[str] | None = Field(None, description="roads, link, all or OSM highway values")
     density: Density = USUAL_DENSITY
-    """How much traffic, in vehicles per kilometre of lane."""
+    """The amount of traffic, in vehicles per kilometre of lane."""
     vehicles: list[str] = Field(
         [],
         description=(
@@ -469,7 +481,7 @@ class GenerateScenariosArguments(Arguments):
         ),
     )
     duration_s: float = Field(USUAL_DURATION_S, ge=5, le=120)
-    """How long the scenario lasts, in s."""
+    """The duration of the scenario, in s."""
     ego: str = Field(USUAL_EGO, description="first, index:N (cars, from 0), type:CLASS")
     goal: str = Field(
         USUAL_GOAL,
@@ -477,7 +489,7 @@ class GenerateScenariosArguments(Arguments):
         "lanelet:ID:POSITION",
     )
     count: int = Field(1, ge=1, le=5000)
-    """How many scenarios; each is made at another site or with other traffic."""
+    """How many scenarios. Each has another site or other traffic."""
     seed: int = 0
     """The same arguments with the same seed give the same bytes."""
     trial_run: bool = Field(False, description="run a planner too")
@@ -489,71 +501,73 @@ class GenerateScenariosArguments(Arguments):
 
 
 class ScenarioSummary(Model):
-    """One generated scenario in the answer; asked beside realised."""
+    """One generated scenario in the answer, requested next to realised."""
 
     scenario_id: str
-    reused: bool = Field(description="whether the same request had made it before")
+    reused: bool = Field(description="whether the same request had created it already")
     map_id: str
     place: str = Field(description="the town or region")
     site: str = Field(description="type of site and streets, in words")
-    latitude: float = Field(description="of the site's middle, in degrees")
-    longitude: float = Field(description="of the site's middle, in degrees")
+    latitude: float = Field(description="latitude of the site's centre, in degrees")
+    longitude: float = Field(description="longitude of the site's centre, in degrees")
     osm_id: str = Field(description="OpenStreetMap's node or way that marks the site")
-    vehicles_asked: int = Field(description="vehicles that were asked for")
-    vehicles_realised: int = Field(description="vehicles that are there")
-    classes_asked: dict[str, int] = Field(description="vehicles that were asked for, by class")
-    classes_realised: dict[str, int] = Field(description="vehicles that are there, by class")
-    density: str = Field(description="traffic per lane-km beside what was wanted, in words")
-    recorded_s: float = Field(description="length of the recording")
+    vehicles_asked: int = Field(description="vehicles requested")
+    vehicles_realised: int = Field(description="vehicles realised")
+    classes_asked: dict[str, int] = Field(description="vehicles requested, by class")
+    classes_realised: dict[str, int] = Field(description="vehicles realised, by class")
+    density: str = Field(description="traffic per lane-km, realised and requested, in words")
+    recorded_s: float = Field(description="duration of the recording")
     ego: str = Field(description="start of the ego, in words")
     goal: str = Field(description="the goal, in words")
     ego_speed_mps: float | None = Field(None, description="speed of the ego at its start")
     goal_lanelet: int | None = Field(None, description="id of the lanelet of the goal")
-    goal_distance_m: float | None = Field(None, description="how far the goal is ahead, along the ego's recorded way")
-    goal_time_s: tuple[float, float] | None = Field(None, description="when the goal has to be reached")
+    goal_distance_m: float | None = Field(None, description="distance to the goal along the ego's recorded path")
+    goal_time_s: tuple[float, float] | None = Field(None, description="time window of the goal")
     feasible_share: float = Field(description="share of the recorded tracks that a vehicle can drive, from 0 to 1")
-    checks_passed: list[str] = Field(description="checks that it passes")
-    checks_failed: list[str] = Field(description="checks that it does not pass")
+    checks_passed: list[str] = Field(description="passed checks")
+    checks_failed: list[str] = Field(description="failed checks")
     planners_refuse: str = Field("", description="why the built-in planners refuse this ego; empty if they drive it")
-    trial_run: str = Field("", description="outcome of the default planner, where asked")
+    trial_run: str = Field("", description="outcome of the default planner, if requested")
     others: str = Field(
         "",
         exclude_if=lambda words: not words,
-        description="who makes the manoeuvre asked of others, when, and whether scripted",
+        description="the requested manoeuvre of others: actor, time, and whether it is scripted",
     )
     absences: tuple[VehicleAbsence, ...] = Field(
-        (), exclude_if=lambda absences: not absences, description="asked for and not there as asked, and why"
+        (),
+        exclude_if=lambda absences: not absences,
+        description="requested road users that differ or are missing, and why",
     )
     notes: list[str]
 
     @property
     def traffic(self) -> str:
-        """The ego and the others by class; beside how many the request comes to where those are not as many."""
+        """Return the ego and the others by class, and the number requested if it differs."""
         on_foot = self.classes_realised.get("pedestrian", 0)
         vehicles = {name: count for name, count in self.classes_realised.items() if name != "pedestrian"}
         classes = ", ".join(["the ego", *(counted(count, name) for name, count in vehicles.items())])
-        beside = f"; {counted(on_foot, 'pedestrian')}" if on_foot else ""
+        on_foot_too = f"; {counted(on_foot, 'pedestrian')}" if on_foot else ""
         differs = self.vehicles_realised != self.vehicles_asked
-        wanted = f" of {self.vehicles_asked} that the request comes to" if differs else ""
-        return f"{counted(self.vehicles_realised, 'vehicle')}{wanted}: {classes}{beside}"
+        wanted = f" of {self.vehicles_asked} requested" if differs else ""
+        return f"{counted(self.vehicles_realised, 'vehicle')}{wanted}: {classes}{on_foot_too}"
 
     @property
     def missing(self) -> list[str]:
-        """Why some that were asked for are not there, a line each; those that another one replaced are not missing."""
+        """Return why requested road users are missing, one line each. Replaced ones are not missing."""
         return [f"Missing: {absence.in_words()}." for absence in self.absences if absence.fate != "replaced"]
 
     @property
     def where(self) -> str:
-        """The site, its map, and its place on earth."""
+        """Return the site, its map, and its coordinates."""
         osm = f", OSM {self.osm_id}" if self.osm_id else ""
         return f"{self.site}, {cited(self.place)} ({self.map_id}, {self.latitude:.5f}, {self.longitude:.5f}{osm})"
 
     def answer(self) -> Answer:
-        """Return one scenario: where it is, its traffic, the ego's task; what failed or came out otherwise."""
+        """Return one scenario: its site, traffic and ego; then failures and deviations."""
         remarks = [f"trial run: {self.trial_run}"] if self.trial_run else []
         notes = first_of(self.notes, _MOST_NOTES, f"describe_scenario of {self.scenario_id}, detail=checks")
         return Answer(
-            headline=f"{self.scenario_id}{' (made before)' if self.reused else ''}: {self.where}.",
+            headline=f"{self.scenario_id}{' (already stored)' if self.reused else ''}: {self.where}.",
             decided=[
                 f"{self.recorded_s:g} s, {self.traffic}.",
                 f"{self.ego[0].upper()}{self.ego[1:]}; goal {self.goal}.",
@@ -568,10 +582,10 @@ class ScenarioSummary(Model):
         )
 
     def line(self) -> str:
-        """Return the same in a line, for one of many."""
+        """Return the scenario in one line, for a list of several."""
         failed = f"; FAILED: {', '.join(self.checks_failed)}" if self.checks_failed else ""
         tried = f"; trial run: {self.trial_run}" if self.trial_run else ""
-        made = f"- {self.scenario_id}{' (made before)' if self.reused else ''}"
+        made = f"- {self.scenario_id}{' (already stored)' if self.reused else ''}"
         refused = f"; {self.planners_refuse}" if self.planners_refuse else ""
         others = f"; {self.others}" if self.others else ""
         shown = f"{self.recorded_s:g} s, {self.traffic}; {self.density}"
@@ -579,10 +593,11 @@ class ScenarioSummary(Model):
 
 
 class PlanRecord(Model):
-    """A coverage plan: what it varies, and where its scenarios may lie.
+    """A coverage plan: its factors, and the sites of its scenarios.
 
-    ``barred``: combinations that the maps do not hold, with the reason; ``spots``: for each group of sites, by its
-    words, the maps that hold such sites and how many.
+    ``barred`` maps combinations that the maps do not have to the reason. ``spots`` lists for each group of sites, by
+    its
+    words, the maps with such sites and their number.
     """
 
     plan_id: str
@@ -594,37 +609,39 @@ class PlanRecord(Model):
 
 
 class CannotBe(Model):
-    """A combination that cannot be made, and why."""
+    """A combination that cannot be generated, and why."""
 
-    combination: str = Field(description="values that were asked for together")
-    reason: str = Field(description="why they cannot be")
+    combination: str = Field(description="values requested together")
+    reason: str = Field(description="why it is impossible")
 
 
 class PlanSummary(Model):
-    """How far a coverage plan has come.
+    """The progress of a coverage plan.
 
-    ``asked``: scenarios; None: as many as the combinations need. ``made``: by this plan, ``reused`` of them before it.
-    Combinations: ``allowed`` by the maps, ``covered`` of them; the first of those ``left`` and of those that cannot be.
+    ``asked`` is the number of scenarios, or None for as many as the combinations need. ``made`` counts the plan's
+    scenarios, including ``reused`` older ones. Of the combinations ``allowed`` by the maps, ``covered`` have a
+    scenario.
+    ``left`` and ``cannot`` show the first of the open and of the impossible ones.
     """
 
     plan_id: str
-    strength: int = Field(description="how many factors a combination joins")
+    strength: int = Field(description="number of factors in a combination")
     asked: int | None
     made: int
-    reused: int = Field(description="scenarios of it that were there before")
+    reused: int = Field(description="its scenarios that already existed")
     refused: int = Field(description="rows that no map or traffic allows")
     failed: int = Field(description="rows that failed")
-    waiting: int = Field(description="rows that are still to be made")
+    waiting: int = Field(description="rows still to be generated")
     allowed: int = Field(description="combinations that the maps allow")
-    covered: int = Field(description="combinations that scenarios have")
-    left_total: int = Field(description="combinations that are still to be covered")
+    covered: int = Field(description="combinations with a scenario")
+    left_total: int = Field(description="combinations still to be covered")
     left: tuple[str, ...] = Field(description="the first of these, in words")
-    cannot_total: int = Field(description="combinations that cannot be made")
+    cannot_total: int = Field(description="impossible combinations")
     cannot: tuple[CannotBe, ...] = Field(description="the first of these, and why")
     places: dict[str, int] = Field(description="scenarios by place")
 
     def lines(self) -> list[str]:
-        """Return what was made where, what cannot be, and what is left, a line each."""
+        """Return what was generated where, what is impossible, and what is left, one line each."""
         tried = [f"{counted(self.refused, 'try')} refused"] if self.refused else []
         lost = [f"{self.failed} failed"] if self.failed else []
         where = [f"{shown_name(place)} {count}" for place, count in list(self.places.items())[:_SHOWN_PLACES]]
@@ -634,15 +651,15 @@ class PlanSummary(Model):
         cannot = [f"{one.combination} ({one.reason})" for one in self.cannot[:_SHOWN_CANNOT]]
         return [
             *([f"Made {made}."] if made else []),
-            *([_cut("Cannot be", cannot, self.cannot_total)] if cannot else []),
+            *([_cut("Impossible", cannot, self.cannot_total)] if cannot else []),
             *([_cut("Left", list(self.left[:_SHOWN_CANNOT]), self.left_total)] if self.left else []),
         ]
 
     @property
     def headline(self) -> str:
-        """How many scenarios, and how much of the combinations."""
+        """The number of scenarios, and the share of covered combinations."""
         asked = f" of {self.asked:,}" if self.asked is not None else ""
-        before = f" ({self.reused:,} made before)" if self.reused else ""
+        before = f" ({self.reused:,} stored before)" if self.reused else ""
         share = self.covered / self.allowed if self.allowed else 1.0
         return (
             f"{self.plan_id}: {self.made:,}{asked} scenarios{before}; {share:.1%} of the {self.strength}-way "
@@ -650,30 +667,30 @@ class PlanSummary(Model):
         )
 
 
-def _cut(what: str, texts: list[str], total: int) -> str:
-    """Some texts of so many, in a line."""
+def _cut(label: str, texts: list[str], total: int) -> str:
+    """Return a line with some of ``total`` combinations."""
     more = f"; {total - len(texts):,} more" if total > len(texts) else ""
-    return f"{what}: {counted(total, 'combination')}: {'; '.join(texts)}{more}."
+    return f"{label}: {counted(total, 'combination')}: {'; '.join(texts)}{more}."
 
 
 class GenerateScenariosResult(Result):
-    """The scenarios that were made; of a coverage plan, how far it has come, and the job that carries it out."""
+    """The generated scenarios; for a coverage plan, its progress and the job that executes it."""
 
-    scenarios: list[ScenarioSummary] = Field(description="the scenarios that were made")
+    scenarios: list[ScenarioSummary] = Field(description="the generated scenarios")
     notes: list[str]
-    attribution: list[str] = Field(description="whom the map's data must be credited to")
-    plan: PlanSummary | None = Field(None, description="of a coverage plan, how far it has come; else null")
+    attribution: list[str] = Field(description="the required credit for the map's data")
+    plan: PlanSummary | None = Field(None, description="progress of a coverage plan; otherwise null")
     job_id: str = ""
     state: JobState = "done"
 
     def answer(self) -> Answer:
-        """Return one scenario with all that decides, of several a line each; a plan in figures."""
+        """Return one scenario in full, several in one line each, or the figures of a plan."""
         if self.plan is not None:
             following = f"run_planner with scenarios ['{self.plan.plan_id}']"
             if self.state == "running":
                 following = f"get_job with job_id '{self.job_id}'"
             elif self.state != "done":
-                following = "the same call again: what is made is reused"
+                following = "repeat this call: finished scenarios are reused"
             return Answer(
                 headline=self.plan.headline,
                 decided=[f"{self.job_id}: {self.state}."] if self.job_id and self.state != "done" else (),
@@ -689,12 +706,12 @@ class GenerateScenariosResult(Result):
         shown = [made.line() for made in self.scenarios[:_SHOWN]]
         rest = [f"… {len(self.scenarios) - _SHOWN} more: list_artifacts"] if len(self.scenarios) > _SHOWN else []
         return Answer(
-            headline=f"{counted(len(self.scenarios), 'scenario')} made:",
+            headline=f"{counted(len(self.scenarios), 'scenario')} generated:",
             listed=[*shown, *rest, *notes, source],
             next_step=self._following(),
         )
 
     def _following(self) -> str:
-        """Return the next call: a run of those that the built-in planners drive."""
+        """Return the next call: a run of the scenarios that the built-in planners can drive."""
         driven = [made.scenario_id for made in self.scenarios if not made.planners_refuse]
         return f"run_planner with scenarios {driven[:2]} and so on" if driven else DRIVEN_OTHERWISE

@@ -40,7 +40,7 @@ from ...schemas.analysis.optimization import (
     OptimizePlannerResult,
     ProposeRequest,
     StudyRecord,
-    ToldTrial,
+    EvaluatedTrial,
     TrialLine,
 )
 from ...schemas.errors import Faults, InvalidRequest, NotPossible
@@ -167,7 +167,7 @@ class _Search:
         presets = self._presets()
         if presets:
             await self.tried(presets, prune=not self.plan.arguments.pareto)
-        enqueued, rounds = [self._told(trial) for trial in self.trials], list[tuple[ToldTrial, ...]]()
+        enqueued, rounds = [self._told(trial) for trial in self.trials], list[tuple[EvaluatedTrial, ...]]()
         while (count := min(_ROUND, self._wanted())) > 0:
             points = await self._proposed(enqueued, rounds, count)
             made = await self.tried(
@@ -191,7 +191,7 @@ class _Search:
         return [(one, point_of(self.plan.space, one)) for one in new.values()][: self.candidates - 1]
 
     async def _proposed(
-        self, enqueued: Sequence[ToldTrial], rounds: Sequence[tuple[ToldTrial, ...]], count: int
+        self, enqueued: Sequence[EvaluatedTrial], rounds: Sequence[tuple[EvaluatedTrial, ...]], count: int
     ) -> tuple[tuple[float, ...], ...]:
         method = self.plan.arguments.method
         if method in ("morris", "sobol"):
@@ -208,12 +208,12 @@ class _Search:
         )
         return (await self.context.services.workers.run(PROPOSE, request)).points
 
-    def _told(self, trial: _Trial) -> ToldTrial:
+    def _told(self, trial: _Trial) -> EvaluatedTrial:
         """Return what the sampler is told of a trial; a broken constraint costs more than any success is worth."""
         broken = 0.0 if self.is_within(trial) else _BROKEN
         point = trial.point or point_of(self.plan.space, trial.configuration)
         values = self.values(trial)
-        return ToldTrial(point=point, values=tuple(max(value, -10.0) - broken for value in values))
+        return EvaluatedTrial(point=point, values=tuple(max(value, -10.0) - broken for value in values))
 
     def values(self, trial: _Trial) -> tuple[float, ...]:
         """The objectives of a trial; of one that was given up what the base has on all scenarios and the difference to

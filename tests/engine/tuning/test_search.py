@@ -23,7 +23,7 @@ from plannerforge.schemas.analysis.optimization import (
     GainRequest,
     ProposeRequest,
     SearchMethod,
-    ToldTrial,
+    EvaluatedTrial,
 )
 from plannerforge.schemas.errors import PlannerForgeError
 from plannerforge.schemas.measures import RunMetrics
@@ -88,14 +88,14 @@ def test_settings_are_varied_in_their_ranges_and_whole_where_they_count() -> Non
     assert values_at(space, (0.0, 0.0, 1.0)) == {"replan_steps": 1.0, "horizon_s": 2.0, "prediction": 50.0}
 
 
-def _request(method: SearchMethod, rounds: tuple[tuple[ToldTrial, ...], ...]) -> ProposeRequest:
+def _request(method: SearchMethod, rounds: tuple[tuple[EvaluatedTrial, ...], ...]) -> ProposeRequest:
     return ProposeRequest(
         method=method,
         seed=3,
         names=("a", "b"),
         start=(0.5, 0.5),
         objectives=1,
-        enqueued=(ToldTrial(point=(0.5, 0.5), values=(-0.5,)),),
+        enqueued=(EvaluatedTrial(point=(0.5, 0.5), values=(-0.5,)),),
         rounds=rounds,
         count=4,
     )
@@ -116,12 +116,12 @@ def test_any_seed_that_a_call_may_have_can_be_searched_with(method: SearchMethod
         assert sensitivity_design(design.model_copy(update={"method": "sobol"}), silent).points
 
 
-def _searched(method: SearchMethod, rounds: int) -> list[ToldTrial]:
+def _searched(method: SearchMethod, rounds: int) -> list[EvaluatedTrial]:
     """A search for the point (0.8, 0.2), played to its end."""
-    told: tuple[tuple[ToldTrial, ...], ...] = ()
+    told: tuple[tuple[EvaluatedTrial, ...], ...] = ()
     for _ in range(rounds):
         points = propose(_request(method, told), silent).points
-        made = tuple(ToldTrial(point=point, values=(-math.dist(point, (0.8, 0.2)),)) for point in points)
+        made = tuple(EvaluatedTrial(point=point, values=(-math.dist(point, (0.8, 0.2)),)) for point in points)
         told = (*told, made)
     return [trial for each in told for trial in each]
 
@@ -135,7 +135,7 @@ def test_what_was_told_leads_a_search_the_same_way_each_time(method: SearchMetho
 
 
 def test_a_search_that_is_played_otherwise_is_told() -> None:
-    other = (ToldTrial(point=(0.123, 0.456), values=(0.0,)),)
+    other = (EvaluatedTrial(point=(0.123, 0.456), values=(0.0,)),)
     with pytest.raises(PlannerForgeError):
         propose(_request("tpe", (other,)), silent)
 
