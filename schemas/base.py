@@ -1,6 +1,4 @@
-"""Base classes of all models: frozen, strict about unknown fields and finite numbers; how an answer is written; and
-what is wrong with values that a model refuses, in words of ours.
-"""
+"""Base classes of all models, the form of an answer, and our own messages for values that a model refuses."""
 
 import html
 import json
@@ -17,13 +15,13 @@ from .errors import closest
 from .text import counted, one_line, quoted
 
 LONGEST_PATH = 4000
-"""Characters; the limit of Linux is 4,096 bytes."""
+"""The maximum length of a path in characters. Linux allows 4,096 bytes."""
 
 
 class Model(BaseModel):
     """A frozen value that refuses unknown fields and numbers that are not finite.
 
-    What checks a model is built when the model is first used: a server that starts uses few of them.
+    Its validator is built at first use, because a starting server uses few models.
     """
 
     model_config = ConfigDict(
@@ -35,18 +33,23 @@ class Arguments(Model):
     """The arguments of a tool: flat (primitives, enumerations, lists of primitives or of one flat object)."""
 
     longest_texts: ClassVar[Mapping[str, int]] = {}
-    """Characters that an argument's text may have where it is no name or id, which have 200 at most."""
+    """The maximum length of the texts of arguments, in characters, if they are not names or ids (which have 200)."""
     usual_values: ClassVar[Mapping[str, Any]] = {}
-    """What a refusal proposes for an argument that must be given and is not."""
+    """The values that a refusal suggests for required arguments."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What a tool says, in the order in which it is read: each part one line an item, an empty part none.
+    """The text of an answer, in reading order. Each part has one line per item and may be empty.
 
-    ``headline``: what came out, with its id; ``decided``: what was done or chosen and why; ``figures``: what was
-    measured; ``listed``: what was asked to be listed, an item a line; ``warnings``: what needs an act; ``next_step``:
-    the call that goes on from here. Technical notes stand in the structured answer, and here where a detail asks.
+    - ``headline``: the result, with its id
+    - ``decided``: what was done or chosen, and why
+    - ``figures``: measured values
+    - ``listed``: the requested list, one item per line
+    - ``warnings``: what requires an action
+    - ``next_step``: the next call
+
+    Technical notes are in the structured answer, and in the text only if ``detail`` requests them.
     """
 
     headline: str
@@ -64,7 +67,7 @@ class Answer:
 
 
 def first_of(lines: Sequence[str], most: int, rest: str) -> list[str]:
-    """Return the first ``most`` lines; where there are more, how many, and ``rest``: the call that shows them."""
+    """Return the first ``most`` lines and, if there are more, their number with ``rest``, the call that shows them."""
     more = len(lines) - most
     return [*lines[:most], *([f"… {more} more: {rest}"] if more > 0 else [])]
 
@@ -74,37 +77,37 @@ COMMON_FIELDS: Final[Mapping[str, str]] = {
     "batch_id": "id of the batch",
     "config_id": "id of the configuration",
     "config_name": "name of the configuration",
-    "job_id": "id of the job, for get_job; null or empty where nothing runs",
+    "job_id": "id of the job, for get_job; null or empty if none is running",
     "lanelet_id": "id of the lanelet in the scenario",
     "map_id": "id of the map",
-    "next_step": "the call that goes on from here",
-    "notes": "what is to be known beside it, a sentence each",
+    "next_step": "the next call",
+    "notes": "remarks, one sentence each",
     "obstacle_class": "type of the other road user",
-    "obstacle_id": "id of the other road user in the scenario; null where there is none",
+    "obstacle_id": "id of the other road user in the scenario; null without one",
     "outcome": "how the run ended",
-    "p_holm": "p after Holm's adjustment over all that are tested together",
+    "p_holm": "p after Holm's adjustment over all tests of the answer",
     "plan_id": "id of the coverage plan",
-    "prediction": "how the planner foresees the others",
+    "prediction": "the prediction of the others",
     "problem_id": "id of the planning problem in the scenario",
     "run_id": "id of the run",
     "run_ids": "ids of the runs behind it",
     "scenario_id": "id of the scenario",
-    "search_id": "id of the search, which other tools take in the place of scenarios",
-    "state": "how the work stands",
+    "search_id": "id of the search, which other tools accept instead of scenarios",
+    "state": "state of the work",
     "study_id": "id of the study",
     "traffic": "whether the others follow their recording or react to the ego",
     "unit": "unit of the values",
     "vehicle_id": "id of the vehicle in the scenario",
 }
-"""What fields of these names mean in every answer where the field itself says nothing else; units are in names."""
+"""The meanings of fields with these names, unless the field has its own description; units are in names."""
 
 
 class Result(Model):
-    """The structured answer of a tool; its text says the same, because hosts show the model only one of them."""
+    """The structured answer of a tool. Its text says the same, because hosts show the model only one of them."""
 
     @abstractmethod
     def answer(self) -> Answer:
-        """Return what the text says."""
+        """Return the parts of the text."""
 
     def to_text(self) -> str:
         """Return the answer as compact text."""
@@ -115,15 +118,16 @@ class Result(Model):
 
 
 def problems_of(model: type[BaseModel], error: ValidationError, noun: str = "field") -> list[tuple[str, list[str]]]:
-    """Return each problem in words, with what would be valid, the nearest first; ``noun``: what a field is called."""
+    """Return each problem with the valid values, the nearest first; ``noun`` is the word for a field."""
     return [problem_of(model, detail, noun) for detail in error.errors(include_url=False)]
 
 
 def problem_of(model: type[BaseModel], detail: ErrorDetails, noun: str = "field") -> tuple[str, list[str]]:
-    """Return a problem in words, with what would be valid, the nearest first.
+    """Return a problem with the valid values, the nearest first.
 
-    The words are never pydantic's, which speak of Python's types: of a kind of error that is not named here it is said
-    what the field takes. What a check of our own says is said as it is.
+    The text is never pydantic's, which refers to Python's types. An unknown kind of error is described by what the
+    field
+    accepts. Messages of our own checks are used unchanged.
     """
     kind, path = detail["type"], _path(detail["loc"])
     if kind == "extra_forbidden":
@@ -136,7 +140,7 @@ def problem_of(model: type[BaseModel], detail: ErrorDetails, noun: str = "field"
         return f"{path} cannot be {_short(detail['input'])}", closest(str(detail["input"]), allowed, limit=len(allowed))
     valid = [f"{path}: {wanted}{described}"]
     if kind == "json_invalid":
-        return f"{path} is no JSON", valid
+        return f"{path} is not valid JSON", valid
     if kind in _OWN_CHECK:
         message = re.sub(r"^(Value error|Assertion failed), ", "", detail["msg"])
         return f"{path}: {message[:1].lower()}{message[1:]} (given: {_short(detail['input'])})", valid
@@ -144,13 +148,13 @@ def problem_of(model: type[BaseModel], detail: ErrorDetails, noun: str = "field"
 
 
 def choices_of(detail: ErrorDetails) -> list[str]:
-    """Return the values of which a field takes one, as the error names them; empty if it names none."""
+    """Return the valid values of a field, as the error lists them; empty if it lists none."""
     context = detail.get("ctx", {})
     return re.findall(r"'([^']*)'", str(context.get("expected", context.get("expected_tags", ""))))
 
 
 def model_at(model: type[BaseModel], location: tuple[int | str, ...]) -> type[BaseModel]:
-    """The model that holds the last part of the location: the arguments themselves, or the flat object of a list."""
+    """Return the model that contains the last part of the location: the arguments, or the flat object of a list."""
     current = model
     for part in location[:-1]:
         if isinstance(part, str) and part in current.model_fields:
@@ -177,7 +181,7 @@ def _path(location: tuple[int | str, ...]) -> str:
 
 
 def _wanted(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[str, str]:
-    """Return what an argument takes, in words, and its description in brackets, from its schema."""
+    """Return what an argument accepts, in words, and its description in brackets, from its schema."""
     named = [place for place, part in enumerate(location) if isinstance(part, str)]
     name = location[named[-1]] if named else ""
     holder = model_at(model, location[: named[-1] + 1] if named else ())
@@ -213,7 +217,7 @@ def _size_in_words(least: int | None, most: int | None, part: str) -> str:
 
 
 def _given(kind: str, value: Any) -> str:
-    """Return what was given: of a list or text that is too short or too long its size says more than its beginning."""
+    """Return the given value, or the size of a list or text that is too short or too long."""
     if kind in ("too_short", "too_long") and hasattr(value, "__len__"):
         return f"{len(value):,}"
     if kind in ("string_too_short", "string_too_long") and isinstance(value, str):
@@ -228,7 +232,7 @@ def _short(value: Any) -> str:
 
 
 _SHOWN_CHARACTERS = 60
-"""Characters of a given value that a refusal repeats; chosen."""
+"""The maximum length of a given value that a refusal repeats, in characters (chosen)."""
 _CHOICES = ("literal_error", "enum", "union_tag_invalid")
 _OWN_CHECK = ("value_error", "assertion_error")
 _KINDS = {
@@ -248,4 +252,4 @@ DRIVEN_OTHERWISE = (
     "modify_scenario with set_ego and vehicle_class=truck, or configure_planner with vehicle=4, which drives the "
     "tractor alone"
 )
-"""What to do about an ego that no planner drives, as a vehicle with a trailer."""
+"""What to do about an ego that no planner can drive, such as a vehicle with a trailer."""

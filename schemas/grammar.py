@@ -6,7 +6,7 @@
     quantity     50km/h · 30mph · 13.9 · 35m · 8s · 90steps
     interval     8..12s · 30-40 mph · 5 km/h ± 1 m/s · <=90steps · >=20mph · 50km/h
 
-Hosts drop patterns and bounds from schemas, so every error here repeats what is allowed.
+Hosts drop patterns and bounds from schemas, so every error here states what is allowed.
 """
 
 import math
@@ -19,7 +19,7 @@ from .errors import InvalidRequest, UnknownName, closest, instead
 _NAME = r"[A-Za-z_][A-Za-z0-9_.\-]*"
 _NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 _UNSIGNED = r"\d+(?:\.\d*)?"
-"""A number without a sign, between which a dash or a word may stand."""
+"""A number without a sign, so a dash or a word may follow."""
 _UNIT = r"[A-Za-z][A-Za-z/0-9]*"
 BaseUnit = Literal["m/s", "m", "s", ""]
 _TO_BASE: dict[str, dict[str, float]] = {
@@ -36,10 +36,9 @@ _TO_BASE: dict[str, dict[str, float]] = {
     "s": {"s": 1.0, "ms": 0.001, "min": 60.0},
     "": {},
 }
-"""Factors of units to the base unit: a mile is 1609.344 m and a foot 0.3048 m (international yard and pound, 1959).
+"""Factors from units to the base unit: a mile is 1609.344 m, a foot 0.3048 m (international yard and pound, 1959).
 
-A knot is 1852 m an hour (SI brochure, 9th edition, table 8).
-"""
+A knot is 1852 m per hour (SI brochure, 9th edition, table 8)."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ class Interval:
     exact: bool = False
 
     def contains(self, value: float) -> bool:
-        """Return whether the value lies in the interval, ends included."""
+        """Return whether the value is in the interval, ends included."""
         return (self.low is None or value >= self.low) and (self.high is None or value <= self.high)
 
 
@@ -59,8 +58,9 @@ class Interval:
 class Condition:
     """A condition on a named quantity.
 
-    ``value`` holds the right-hand side as written where it is no number (``outcome=collision``), else None;
-    ``scope`` is what follows ``@``; without an operator the interval is "at least one".
+    ``value`` is the right-hand side as written if it is not a number (``outcome=collision``), otherwise None. ``scope``
+    is
+    the part after ``@``. Without an operator, the interval is "at least one".
     """
 
     name: str
@@ -72,7 +72,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Assignment:
-    """A change of a named number: ``=`` sets, ``*`` multiplies, ``+`` and ``-`` add; or it copies another name."""
+    """A change of a named number: ``=`` sets, ``*`` multiplies, ``+`` and ``-`` add, or it copies another name."""
 
     name: str
     operator: Literal["=", "*", "+", "-"]
@@ -82,25 +82,25 @@ class Assignment:
 
 @dataclass(frozen=True)
 class Selector:
-    """Which vehicles are meant: a kind (``id``, ``all``, ``class``, ``nearest``, …), its argument, and exclusion."""
+    """A selection of vehicles: a kind (``id``, ``all``, ``class``, ``nearest``, …), its argument, and exclusion."""
 
     kind: str
     argument: str = ""
     negated: bool = False
 
     def __str__(self) -> str:
-        """Return the selector as it is written in a call."""
+        """Return the selector as a call writes it."""
         body = self.argument if self.kind == "id" else f"{self.kind}:{self.argument}" if self.argument else self.kind
         return f"!{body}" if self.negated else body
 
 
 def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = None) -> float:
-    """Return a number in the base unit; a bare number is in the base unit already.
+    """Return a number in the base unit, which a bare number already has.
 
-    ``step_s`` allows ``steps`` where the base unit is seconds.
+    ``step_s`` allows ``steps`` if the base unit is seconds.
 
     Raises:
-        InvalidRequest: no finite number, or a unit of another kind.
+        InvalidRequest: not a finite number, or a unit of another kind.
     """
     match = re.fullmatch(rf"\s*({_NUMBER})\s*({_UNIT})?\s*", text)
     units = dict(_TO_BASE[unit])
@@ -108,7 +108,7 @@ def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
         units |= {"steps": step_s, "step": step_s}
     if match is None or not math.isfinite(float(match[1])):
         raise InvalidRequest(
-            f"'{text}' is no quantity",
+            f"'{text}' is not a quantity",
             valid=[f"a number{_or_units(units)}"],
             next_step="write a number and its unit",
             complete=True,
@@ -135,12 +135,12 @@ def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
 
 
 def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = None) -> Interval:
-    """``8..12s``, ``30-40 mph``, ``5 km/h ± 1 m/s``, ``<=90steps``, ``>=20mph``, ``=3`` or a value; ends are inclusive.
+    """Parse ``8..12s``, ``30-40 mph``, ``5 km/h ± 1 m/s``, ``<=90steps``, ``>=20mph``, ``=3`` or a value.
 
-    A unit that stands once counts for both numbers.
+    The ends are inclusive. A unit that occurs once applies to both numbers.
 
     Raises:
-        InvalidRequest: malformed, or the ends are the wrong way round.
+        InvalidRequest: malformed, or the ends are in the wrong order.
     """
     body = text.strip()
     is_one = re.fullmatch(rf"=?\s*{_NUMBER}\s*(?:{_UNIT})?", body)
@@ -160,7 +160,7 @@ def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
         low, high = (parse_quantity(part, unit, step_s=step_s) for part in (first, between[2]))
         if low > high:
             raise InvalidRequest(
-                f"'{text}' begins above its end",
+                f"'{text}' starts above its end",
                 valid=[f"{between[2]}..{first}"],
                 next_step="swap its ends",
                 given=text,
@@ -175,25 +175,25 @@ def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
 
 
 def _with_unit(quantity: str, other: str) -> str:
-    """Return the quantity as written, with the unit of the other one where it has none."""
+    """Return the quantity as written, with the other's unit if it has none."""
     unit = re.search(rf"(?<![A-Za-z]){_UNIT}$", other.strip())
     return quantity if unit is None or re.search(r"[A-Za-z]$", quantity.strip()) else quantity + unit[0]
 
 
 def scope_first(text: str) -> str:
-    """Return a condition with its scope behind its name, if it stands behind its value: ``speed_limit=50km/h@map``."""
+    """Return a condition with its scope after its name instead of after its value: ``speed_limit=50km/h@map``."""
     found = re.fullmatch(rf"(\s*!?\s*{_NAME})\s*((?:>=|<=|==|=|>|<)[^@]+?)(@[a-z]+)\s*", text)
     return text if found is None else f"{found[1]}{found[3]}{found[2]}"
 
 
 def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False, words: bool = False) -> Condition:
-    """A condition such as ``truck>=1``, ``car=2..5``, ``!yield``, ``speed_limit=50km/h`` or ``outcome=collision``.
+    """Parse a condition: ``truck>=1``, ``car=2..5``, ``!yield``, ``speed_limit=50km/h`` or ``outcome=collision``.
 
     Args:
         text: the condition as written.
-        unit: base unit that a quantity on the right is turned into.
-        whole: counts: ``>`` and ``<`` mean at least one more or less; a fraction is refused.
-        words: a word may stand on the right, as in ``outcome=collision``.
+        unit: the base unit for a quantity on the right.
+        whole: counts: ``>`` and ``<`` mean at least one more or less, and a fraction is refused.
+        words: whether a word may be on the right, as in ``outcome=collision``.
 
     Raises:
         InvalidRequest: malformed.
@@ -201,7 +201,7 @@ def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False, word
     match = re.fullmatch(rf"\s*(!?)\s*({_NAME})(?:@([a-z]+))?\s*(?:(>=|<=|==|=|>|<)\s*(.+?))?\s*", scope_first(text))
     if match is None:
         raise InvalidRequest(
-            f"'{text}' is no condition",
+            f"'{text}' is not a condition",
             valid=["name", "!name", "name=2", "name>=2", "name=2..5"],
             next_step="write it in one of these forms",
         )
@@ -211,7 +211,7 @@ def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False, word
     if not re.match(r"[+-]?\.?\d", right):
         if not words or operator not in ("=", "=="):
             raise InvalidRequest(
-                f"'{text}' compares with '{right}', which is no number",
+                f"'{text}' compares with '{right}', which is not a number",
                 valid=[f"{name}{'=' if operator == '==' else operator}2"],
                 next_step="compare with a number",
                 remedies=[instead(text, f"{'!' if negated else ''}{name}{f'@{scope}' if scope else ''}")],
@@ -222,7 +222,7 @@ def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False, word
 
 
 def parse_assignment(text: str) -> Assignment:
-    """Return a change such as ``jerk=0.5``, ``jerk*2``, ``jerk+0.1`` or ``jerk=lateral_jerk``.
+    """Parse a change such as ``jerk=0.5``, ``jerk*2``, ``jerk+0.1`` or ``jerk=lateral_jerk``.
 
     Raises:
         InvalidRequest: malformed, or not a finite number.
@@ -232,7 +232,7 @@ def parse_assignment(text: str) -> Assignment:
     if match is None:
         apart = re.fullmatch(rf"\s*([A-Za-z_]\w*)\s*[:\s]\s*({_NUMBER})\s*", text)
         raise InvalidRequest(
-            f"'{text}' is no assignment",
+            f"'{text}' is not an assignment",
             valid=examples,
             next_step="write it in one of these forms",
             remedies=[] if apart is None else [instead(text, f"{apart[1]}={apart[2]}")],
@@ -243,7 +243,7 @@ def parse_assignment(text: str) -> Assignment:
     if operator == "=" and re.fullmatch(r"[A-Za-z_]\w*", right) and right.lower() not in ("nan", "inf", "infinity"):
         return Assignment(name, "=", None, copied_from=right)
     raise InvalidRequest(
-        f"'{text}' assigns '{right}', which is no finite number",
+        f"'{text}' assigns '{right}', which is not a finite number",
         valid=examples,
         next_step="assign a number",
         complete=True,
@@ -256,10 +256,10 @@ SELECTORS = ("an id", *_PLAIN, "nearest:3", "one:truck", "class:truck", "only:bu
 
 
 def parse_selector(text: str) -> Selector:
-    """Return a selector of vehicles.
+    """Parse a selector of vehicles.
 
     Raises:
-        UnknownName: a word that is no selector.
+        UnknownName: the word is not a selector.
         InvalidRequest: an argument that does not fit, such as ``nearest:many``.
     """
     body = text.strip()
@@ -282,7 +282,7 @@ def parse_selector(text: str) -> Selector:
             )
         return Selector(kind, argument, negated)
     nearest = [SELECTORS[0], *closest(kind, SELECTORS[1:])]
-    raise UnknownName(f"'{text}' selects no vehicles", valid=nearest, next_step="name a vehicle in such a form")
+    raise UnknownName(f"'{text}' selects no vehicles", valid=nearest, next_step="use one of these forms")
 
 
 def _compared(text: str, operator: str, right: str, unit: BaseUnit, whole: bool) -> Interval:
@@ -297,7 +297,7 @@ def _compared(text: str, operator: str, right: str, unit: BaseUnit, whole: bool)
             interval = Interval(None, bound - (strict if operator == "<" else 0.0))
     if whole and any(end is not None and end != int(end) for end in (interval.low, interval.high)):
         raise InvalidRequest(
-            f"'{text}' counts with a fraction",
+            f"'{text}' is not a whole number",
             valid=["a whole number"],
             next_step="write a whole number",
             remedies=[instead(right, _whole(right))],

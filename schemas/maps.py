@@ -1,6 +1,6 @@
-"""Maps from the net: which services may be asked and how, and what place some words mean.
+"""Maps from the network: the services with their rules, and the places that texts refer to.
 
-The settings are made of these models: nothing else is imported for them.
+The settings consist of these models, so this module imports nothing else.
 """
 
 from typing import Literal
@@ -12,7 +12,7 @@ from .base import Model
 Box = tuple[float, float, float, float]
 """(south, west, north, east) in degrees."""
 OnlineMode = Literal["offline", "cache", "online"]
-"""``offline``: nothing is asked, and no kept answer is used; ``cache``: kept answers only; ``online``: the services."""
+"""``offline``: no requests and no cached answers. ``cache``: cached answers only. ``online``: the services."""
 NOMINATIM_URL = "https://nominatim.openstreetmap.org"
 OVERPASS_URLS = (
     "https://overpass-api.de/api",
@@ -20,15 +20,18 @@ OVERPASS_URLS = (
     "https://overpass.private.coffee/api",
     "https://maps.mail.ru/osm/tools/overpass/api",
 )
-"""The paper's four services, in the order in which they are asked."""
+"""The paper's four services, in the order of use."""
 
 
 class MapServices(Model):
-    """Where places and roads may be asked for, how politely, and where answers are kept.
+    """The services for places and roads, the rules for requests, and the cache.
 
-    ``user_agent``: names the program to the services, as their policies ask. ``delay_s``: least time between two
-    requests to one host, of all processes on the workspace. ``timeout_s``: of one request. ``cache``: folder of the
-    kept answers; ``cache_days``: older ones are asked for again. ``most_km2``: largest area of one download.
+    ``user_agent`` identifies the program, as the services' policies require. ``delay_s`` is the minimum time between
+    two
+    requests to one host, over all processes of the workspace. ``timeout_s`` limits one request. ``cache`` is the folder
+    of
+    cached answers, and those older than ``cache_days`` are requested again. ``most_km2`` limits the area of one
+    download.
     """
 
     mode: OnlineMode = "offline"
@@ -44,17 +47,19 @@ class MapServices(Model):
 
     @property
     def hosts(self) -> tuple[str, ...]:
-        """The hosts (with their ports) that a request may go to; no other."""
+        """The only hosts (with their ports) that a request may go to."""
         urls = (self.nominatim_url, *self.overpass_urls)
         return tuple(dict.fromkeys(url.partition("://")[2].partition("/")[0] for url in urls))
 
 
 class NamedPlace(Model):
-    """A place on earth as Nominatim knows it.
+    """A real place as Nominatim knows it.
 
-    ``names``: all of its names, ``around``: those of what it lies in, the nearest first. ``kind``: what it is (city,
-    road, bus_stop …). ``lines``: a road's course, (latitude, longitude) each. ``country``: ISO 3166-1 alpha-3.
-    ``importance``: Nominatim's, in [0, 1].
+    ``names`` are all of its names, and ``around`` those of the areas that contain it, the nearest first. ``kind`` is
+    its
+    type (city, road, bus_stop …). ``lines`` are the courses of a road as (latitude, longitude). ``country`` is ISO
+    3166-1
+    alpha-3. ``importance`` is Nominatim's, in [0, 1].
     """
 
     label: str
@@ -69,9 +74,7 @@ class NamedPlace(Model):
     country: str | None = None
     importance: float = 0.0
     lines: tuple[tuple[tuple[float, float], ...], ...] = ()
-    roads: tuple[tuple[str, ...], ...] = Field(
-        (), description="the roads that were asked for, by all names that are known of each"
-    )
+    roads: tuple[tuple[str, ...], ...] = Field((), description="the requested roads, each with all of its known names")
 
     @property
     def is_settlement(self) -> bool:
@@ -108,7 +111,7 @@ SETTLEMENTS = frozenset(
 
 
 class LocateRequest(Model):
-    """A place in the user's words, to be looked up; ``country``: ISO alpha-3, where the user names it."""
+    """A place in the user's words to look up; ``country`` is ISO alpha-3 if the user gives it."""
 
     services: MapServices
     place: str
@@ -116,9 +119,9 @@ class LocateRequest(Model):
 
 
 class LocatedPlace(Model):
-    """What the words mean. ``place`` None: several places, of which ``candidates`` are the best known.
+    """The place that a text refers to. If ``place`` is None there are several, and ``candidates`` are the best known.
 
-    ``service``: the host that said so; ``kept``: it said so before, and was not asked again.
+    ``service`` is the host that answered. ``kept`` means that the answer was cached.
     """
 
     place: NamedPlace | None

@@ -1,7 +1,7 @@
-"""Pictures, animations, charts, the report and views: what is asked and what was made.
+"""Pictures, animations, charts, the report and views: requests and results.
 
-To add a chart, name its kind in ``PictureKind``, say in ``REPORT_PICTURES`` where a report shows it, if it does, and
-write its function into ``CHARTS`` of ``engine/rendering/charts.py``.
+To add a chart, add its kind to ``PictureKind``, add its place in a report to ``REPORT_PICTURES`` if it has one, and
+add its function to ``CHARTS`` in ``engine/rendering/charts.py``.
 """
 
 from dataclasses import dataclass
@@ -32,12 +32,13 @@ PictureKind = Literal[
 
 
 ReportPart = Literal["overview", "comparison", "findings", "one_run", "same_scenario"]
-"""A part of the report on a batch. ``one_run`` shows the run that tells most, ``same_scenario`` all on its scenario."""
+"""A part of the report on a batch. ``one_run`` shows the most informative run, ``same_scenario`` all runs on its
+scenario."""
 
 
 @dataclass(frozen=True)
 class ReportPicture:
-    """A picture in the report: the part in which it stands, in the order of the table, and its caption."""
+    """A picture in the report: its part, in the order of the table, and its caption."""
 
     part: ReportPart
     caption: str
@@ -51,12 +52,12 @@ REPORT_PICTURES: Final[dict[PictureKind, ReportPicture]] = {
     "flips": ReportPicture("comparison", "Scenarios that flipped between the first two configurations"),
     "costs": ReportPicture("findings", "Mean weighted cost by term and configuration"),
     "picture": ReportPicture("one_run", "The run from above, at its end"),
-    "animation": ReportPicture("one_run", "The run from above in motion; slower around its decisive moment"),
-    "timeline": ReportPicture("one_run", "The run over time, with its moments"),
-    "terms": ReportPicture("one_run", "What the cost of the chosen trajectories was made of over time"),
+    "animation": ReportPicture("one_run", "The run from above in motion; slower around its key time"),
+    "timeline": ReportPicture("one_run", "The run over time, with its key times"),
+    "terms": ReportPicture("one_run", "Cost terms of the chosen trajectories over time"),
     "profile": ReportPicture("same_scenario", "Speed and acceleration of all runs on this scenario"),
 }
-"""The pictures that a report on a batch shows; a kind without an entry is in no report."""
+"""The pictures of a report on a batch. A kind without an entry is in no report."""
 
 
 class RenderArguments(Arguments):
@@ -64,16 +65,17 @@ class RenderArguments(Arguments):
 
     ids: list[str] = Field(["latest"], min_length=1, max_length=200, description="scenario, run or batch ids")
     kind: PictureKind = "auto"
-    """What is drawn; `auto`: the outcomes of runs on several scenarios, else a picture."""
+    """What to draw; `auto` draws the outcomes of runs on several scenarios, otherwise a picture."""
     time_s: float | None = Field(None, ge=0, description="default: start or a run's end")
     focus: int | None = Field(None, description="vehicle to centre on")
 
 
 class RenderRequest(Model):
-    """What the drawing operation needs: files, records and where to put the pictures.
+    """The request of the drawing operation: files, records and the folder for the pictures.
 
-    ``scenarios`` in the order in which they are drawn; ``runs`` may be empty; ``folder`` exists. ``study``: what a
-    chart of a search shows; ``lineage``: of edited scenarios, which count as one in every rate.
+    ``scenarios`` are in drawing order, ``runs`` may be empty, and ``folder`` exists. ``study`` is the search of a
+    search
+    chart. ``lineage`` is that of edited scenarios, which count as one in every rate.
     """
 
     kind: PictureKind
@@ -88,7 +90,7 @@ class RenderRequest(Model):
 
 
 class RenderedImage(Model):
-    """One image file; ``alt_text`` says in words what can be seen on it."""
+    """One image file; ``alt_text`` describes it in words."""
 
     path: str
     mime_type: Literal["image/png", "image/gif"]
@@ -99,11 +101,11 @@ class RenderedImage(Model):
 
 
 PICTURE_FORMAT = 2
-"""Of what is drawn for a request; it rises when another set of images is made."""
+"""The version of the images of a request. Raise it if a request gives other images."""
 
 
 class Rendered(Model):
-    """The images that were made; ``notes`` name what was left out of them and why."""
+    """The images; ``notes`` say what was left out and why."""
 
     kind: PictureKind
     images: tuple[RenderedImage, ...]
@@ -111,7 +113,7 @@ class Rendered(Model):
 
 
 class ReportImage(Model):
-    """A picture on the report: file, caption and the words for those who cannot see it."""
+    """A picture in the report: file, caption and alternative text."""
 
     path: str
     caption: str
@@ -119,7 +121,7 @@ class ReportImage(Model):
 
 
 class ReportTable(Model):
-    """A table; numbers are given as they shall be read."""
+    """A table, with numbers formatted for readers."""
 
     caption: str = ""
     columns: tuple[str, ...]
@@ -127,16 +129,16 @@ class ReportTable(Model):
 
 
 class ReportSection(Model):
-    """One stage of the work: what was asked, what came of it, with tables, pictures and findings."""
+    """One stage of the work: the request and its result, with tables, pictures and findings."""
 
     title: str
-    asked: str = Field("", description="what was asked, in words")
+    asked: str = Field("", description="the request in words")
     text: tuple[str, ...] = Field((), description="paragraphs")
     findings: tuple[str, ...] = ()
     tables: tuple[ReportTable, ...] = ()
     images: tuple[ReportImage, ...] = ()
     took_s: float | None = None
-    view: str = Field("", description="name of the file beside the report that shows it in motion")
+    view: str = Field("", description="name of the file next to the report that shows it in motion")
 
 
 class ReportRequest(Model):
@@ -150,7 +152,7 @@ class ReportRequest(Model):
 
 
 class ReportWritten(Model):
-    """Where the report lies and how large it is."""
+    """The path and size of the report."""
 
     path: str
     size_bytes: int
@@ -159,15 +161,15 @@ class ReportWritten(Model):
 
 
 ViewKind = Literal["player", "board"]
-"""``player``: a scenario or a run in motion, or two side by side; ``board``: the runs of batches at a glance."""
+"""``player``: one scenario or run in motion, or two side by side. ``board``: the runs of batches at a glance."""
 VIEW_FORMAT = 3
-"""Of the data of views; it rises when their meaning changes."""
+"""The version of the data of views. Raise it if their meaning changes."""
 
 
 class ViewPane(Model):
-    """What one half of a player shows: a scenario, and the run over it (None: the recording alone).
+    """One half of a player: a scenario and the run on it (None for the recording alone).
 
-    ``plans_path``: the run's plans (``RunPlans``); empty: they are not shown, for what ``note`` says.
+    ``plans_path`` is the path of the run's plans (``RunPlans``), or empty if they are not shown; ``note`` says why.
     """
 
     scenario: ScenarioSource
@@ -177,11 +179,11 @@ class ViewPane(Model):
 
 
 class ViewRequest(Model):
-    """What the operation for views needs, and the JSON file that it writes.
+    """The request of the operation for views, and the JSON file that it writes.
 
-    ``panes``: of a player, one or two; ``runs``: of a board, with their scenarios in ``scenarios``, the ``batches``
-    that they are of, if any, and the ``lineage`` of edited scenarios, which count as one in every rate. ``whole``: a
-    board holds what its player shows, for a page that has nobody to ask for it.
+    A player has one or two ``panes``. A board has ``runs``, their ``scenarios``, their ``batches`` if any, and the
+    ``lineage`` of edited scenarios, which count as one in every rate. With ``whole``, a board includes the data of its
+    player, for a page without a server.
     """
 
     kind: ViewKind
@@ -196,7 +198,7 @@ class ViewRequest(Model):
 
 
 class ViewWritten(Model):
-    """Where the data of a view lie and how large they are; ``notes``: what was left out and why."""
+    """The path and size of a view's data; ``notes`` say what was left out and why."""
 
     kind: ViewKind
     path: str

@@ -1,13 +1,13 @@
-"""Text from outside (a caller's, a file's, a name on a disk), made fit for answers, errors, logs and journals.
+"""Make text from outside (a caller's, a file's, a name on a disk) safe for answers, errors, logs and journals.
 
-Such text is data: it may hold line breaks that forge lines of an answer, characters that turn its direction, or a
-megabyte. What repeats it does so through one of these:
+Such text is data. It may contain line breaks that forge lines of an answer, characters that reverse its direction, or
+a megabyte. Use one of these to repeat it:
 
-- :func:`cited`: words of a file, a map service, an archive or a program. They stand in ``“…”``, the one mark for such
-  words, which nothing else in an answer uses and which they cannot close (docs/threat_model.md);
-- :func:`shown_name`: a name that calls take. It stands bare if it is of the form of a name, and is cited otherwise;
-- :func:`quoted`: words of the call itself, which a refusal repeats in ``'…'``;
-- :func:`one_line`: text that is a field of its own in a structured answer, or that is cited later.
+- :func:`cited`: text of a file, a map service, an archive or a program. It appears in ``“…”``, a mark that nothing
+  else in an answer uses and that the text cannot close (docs/threat_model.md).
+- :func:`shown_name`: a name that calls accept. It appears bare if it has the form of a name, otherwise cited.
+- :func:`quoted`: text of the call itself, which a refusal repeats in ``'…'``.
+- :func:`one_line`: text that is its own field in a structured answer, or that is cited later.
 """
 
 import re
@@ -16,24 +16,24 @@ from collections.abc import Iterable
 from typing import Any
 
 LONGEST_TEXT = 200
-"""Characters of a text from outside that are repeated; chosen: names and ids are shorter."""
+"""The maximum length of repeated text from outside, in characters (chosen: names and ids are shorter)."""
 OPENING, CLOSING = "“", "”"
-"""The mark around words from outside. English texts of ours use ``'`` and ``"``, so it is told from them."""
+"""The mark around text from outside. Our own English uses ``'`` and ``"``, so the two cannot be confused."""
 _INNER = str.maketrans({OPENING: "‘", CLOSING: "’"})
-"""Inside the mark, the mark itself becomes single, so that nothing inside can close it."""
+"""Inside the mark, the mark itself becomes single quotes, so that nothing inside can close it."""
 _NAME = re.compile(
     r"[A-Za-z0-9_][\w.:@#+/-]{0,79}"  # an id, a file's name, a weight, or planner:preset
     r"(?:, [A-Za-z_]\w{0,59}=[\w.+-]{1,30}){0,12}(?: and \d+ more)?"  # what a configuration changes of its preset
     r"(?: [\w.:@+-]{1,30})?(?: \([\w.:@+-]{1,30}\))?",  # a version with its digest, or the id of a result
     re.ASCII,
 )
-"""The form of names that answers print bare: without blanks, as ids are, and as this program composes them."""
+"""The form of names that answers print bare: without blanks, like ids, and as this program composes them."""
 _PRINTED_BITS = 128
-"""Larger whole numbers are not printed; chosen: no id or time has as many."""
+"""Larger whole numbers are not printed (chosen: no id or time is this large)."""
 
 
 def printable(text: str, kept: str = "\n\t") -> str:
-    """Return the text without control, zero-width and direction characters, but for those of ``kept``."""
+    """Return the text without control, zero-width and direction characters, except those in ``kept``."""
     if text.isprintable():
         return text
     parts = (
@@ -43,7 +43,7 @@ def printable(text: str, kept: str = "\n\t") -> str:
 
 
 def one_line(text: str, longest: int = LONGEST_TEXT) -> str:
-    """The text on one line, printable, its spaces single; what is longer than ``longest`` characters ends in ``…``."""
+    """Return the text on one printable line with single spaces; longer text than ``longest`` ends in ``…``."""
     read = text[: 4 * longest]
     line = " ".join(printable(" ".join(read.split()), kept="").split())
     if len(line) <= longest and read == text:
@@ -56,10 +56,10 @@ def one_line(text: str, longest: int = LONGEST_TEXT) -> str:
 
 
 def cited(text: object, longest: int = LONGEST_TEXT) -> str:
-    """Return words from outside as an answer prints them: in the mark, on one line, at most ``longest`` characters.
+    """Return text from outside as an answer prints it: marked, on one line, at most ``longest`` characters.
 
-    Direction and control characters are left out, and a mark inside becomes single. Of a list or mapping only the size
-    is told.
+    Direction and control characters are removed, and a mark inside becomes single quotes. A list or mapping gives its
+    size.
     """
     if isinstance(text, dict | list | tuple | set):
         return _size(text)
@@ -67,18 +67,18 @@ def cited(text: object, longest: int = LONGEST_TEXT) -> str:
 
 
 def cited_all(texts: Iterable[object], between: str = ", ") -> str:
-    """Return several words from outside, each in a mark of its own."""
+    """Return several texts from outside, each in its own mark."""
     return between.join(map(cited, texts))
 
 
 def shown_name(name: object, longest: int = LONGEST_TEXT) -> str:
-    """Return a name that calls take: bare if it is of the form of ids and names of this program, else cited."""
+    """Return a name that calls accept: bare if it has the form of this program's ids and names, otherwise cited."""
     text = str(name)
     return text if len(text) <= longest and _NAME.fullmatch(text) else cited(text, longest)
 
 
 def cited_parts(value: Any) -> Any:
-    """Return a JSON value for a text: those of its texts that are more than one printable word are cited."""
+    """Return a JSON value for a text, with each of its texts cited unless it is one printable word."""
     if isinstance(value, dict):
         return {cited_parts(key): cited_parts(part) for key, part in value.items()}
     if isinstance(value, list | tuple):
@@ -90,7 +90,7 @@ def cited_parts(value: Any) -> Any:
 
 
 def printable_parts(value: Any) -> Any:
-    """Return a JSON value with printable texts, line breaks and tabs kept."""
+    """Return a JSON value with printable texts. Line breaks and tabs stay."""
     if isinstance(value, str):
         return printable(value)
     if isinstance(value, list):
@@ -112,12 +112,12 @@ def in_one_line(value: Any) -> Any:
 
 
 def uncited(text: str) -> str:
-    """Return a text without the marks in it, as a call means it that repeats words of an answer."""
+    """Return a text without its marks, for a call that repeats the text of an answer."""
     return re.sub(f"{OPENING}([^{OPENING}{CLOSING}]*){CLOSING}", r"\1", text)
 
 
 def quoted(value: Any, longest: int = LONGEST_TEXT) -> str:
-    """Return a value of a call as an error repeats it: text in quotation marks; of a list or mapping, only its size."""
+    """Return a value of a call as an error repeats it: text in quotation marks, or the size of a list or mapping."""
     if isinstance(value, dict | list | tuple | set):
         return _size(value)
     if isinstance(value, int) and value.bit_length() > _PRINTED_BITS:
@@ -128,7 +128,7 @@ def quoted(value: Any, longest: int = LONGEST_TEXT) -> str:
 
 
 def is_utf8(text: str) -> bool:
-    """Return whether a text can be written as UTF-8. Linux allows file names that cannot; no answer can hold them."""
+    """Return whether a text can be encoded as UTF-8. Linux allows file names that cannot, but answers do not."""
     try:
         text.encode()
     except UnicodeEncodeError:
@@ -137,7 +137,7 @@ def is_utf8(text: str) -> bool:
 
 
 def counted(count: int, noun: str) -> str:
-    """Return a number with its noun, ``16 buses``; obstacle types of two words are written apart."""
+    """Return a number with its noun, ``16 buses``; obstacle types of two words are split."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", noun).lower() if noun.isalpha() else noun
     if count == 1:
         return f"1 {words}"
@@ -147,17 +147,17 @@ def counted(count: int, noun: str) -> str:
 
 
 _LONGEST_NUMBER = 1e7
-"""Figures below it are written out."""
+"""Smaller figures are written out."""
 _ROUNDING = 1e-9
-"""What is nearer to 0 is left by rounding, not measured."""
+"""Smaller values are rounding errors."""
 RESOLUTION = 5e-4
-"""Half of the finest step in which measured quantities are shown, 0.001 in their unit: smaller ones read as 0."""
+"""Half of the finest displayed step of measured quantities, 0.001 in their unit; smaller values appear as 0."""
 _SMALLEST_P = 1e-12
-"""Smaller p values are stated as a bound: sums of double-precision numbers do not resolve them."""
+"""Smaller p values are stated as a bound, because sums of double-precision numbers do not resolve them."""
 
 
 def figure(value: float | None, digits: int = 3) -> str:
-    """Return a number with ``digits`` significant digits, an integer if larger, a dash for None and 0 below 1e-9."""
+    """Return a number with ``digits`` significant digits: integers if larger, 0 below 1e-9, a dash for None."""
     if value is None:
         return "–"
     if abs(value) < _ROUNDING:
@@ -166,12 +166,12 @@ def figure(value: float | None, digits: int = 3) -> str:
 
 
 def measured(value: float | None, digits: int = 3) -> str:
-    """Return a measured quantity as :func:`figure` writes it; below its resolution it is 0, as are denormal numbers."""
+    """Return a measured quantity as :func:`figure` writes it, and 0 below its resolution."""
     return figure(0.0 if value is not None and abs(value) < RESOLUTION else value, digits)
 
 
 def p_figure(p: float | None) -> str:
-    """Return a p value, or the bound ``<1e-12``: no test on a sample shows that something has no chance at all."""
+    """Return a p value, or the bound ``<1e-12``, because no sample shows that something is impossible."""
     if p is None:
         return "–"
     return f"<{_SMALLEST_P:g}" if p < _SMALLEST_P else f"{p:.3g}"
@@ -184,14 +184,14 @@ def p_in_words(p: float | None) -> str:
 
 
 def in_any_case(value: Any, words: Iterable[str]) -> Any:
-    """Return the word that a text is in another case or among spaces; else the value as it is, for others to refuse."""
+    """Return the word that equals a text up to case and spaces, otherwise the value itself for others to refuse."""
     if not isinstance(value, str):
         return value
     return next((word for word in words if word.lower() == value.strip().lower()), value)
 
 
 def _is_open(text: str) -> bool:
-    """Return whether a mark of cited words begins in a text and does not end in it."""
+    """Return whether a mark begins in a text and does not end in it."""
     return text.count(OPENING) > text.count(CLOSING)
 
 

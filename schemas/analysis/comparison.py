@@ -67,7 +67,7 @@ class CompareResultsArguments(Arguments):
 class Side(Model):
     """One compared set: a run, or the runs of one configuration and planner version in a batch."""
 
-    label: str = Field(description="name of the side, by which comparisons call it")
+    label: str = Field(description="name of the side in comparisons")
     config_id: str = Field(description="id of its configuration")
     config_name: str = Field(description="name of its configuration")
     run_ids: tuple[str, ...] = Field(description="ids of its runs")

@@ -1,8 +1,8 @@
-"""What is asked of a generation: its words as typed values, read once and handed on.
+"""A generation request as typed values, parsed once and passed on.
 
-A call in words becomes a :class:`GenerationSpec` (``workflows/generation/specification.py``), a scenario of it a
-:class:`GenerationRequest`. Goal, ego and manoeuvre know the words that they were read from, and those are what a recipe
-holds: the same words give the same recipe.
+A call in words becomes a :class:`GenerationSpec` (``workflows/generation/specification.py``), and each of its scenarios
+a :class:`GenerationRequest`. Goal, ego and manoeuvre keep the words that they were parsed from, and a recipe stores
+these words, so the same words give the same recipe.
 """
 
 import re
@@ -21,7 +21,7 @@ from ..vocabulary import EGO_CLASSES, ROAD_FRICTIONS, WEATHER_ROADS
 SiteType = Literal["highway", "urban", "intersection", "signalised_intersection", "roundabout", "rural", "ramp"]
 ScenarioType = Literal["any", SiteType]
 MapChoice = Literal["auto", "local", "online"]
-"""Which maps are used: ``auto``: local ones that show the place, otherwise one from the net."""
+"""Which maps to use; ``auto`` means local maps that contain the place, otherwise a downloaded one."""
 Density = Literal["low", "medium", "high"]
 Turn = Literal["left", "right", "straight", "lane_change", "merge", "exit", "unprotected_left", "u_turn"]
 _AT_JUNCTIONS: tuple[Turn, ...] = ("left", "right", "straight", "lane_change")
@@ -38,21 +38,21 @@ TURNS_AT: Mapping[SiteType, tuple[Turn, ...]] = MappingProxyType(
         "rural": _ON_ROADS,
     }
 )
-"""What an ego can be asked to do at a site of each type; ``engine/generation/turns.py`` says when it does."""
+"""The turns that an ego can make at each type of site; ``engine/generation/turns.py`` says when it makes them."""
 
 
 NATURAL_SHARES: Mapping[str, float] = MappingProxyType({"delivery": 0.101, "truck": 0.022, "bus": 0.0025})
-"""Of all motor vehicles in use, by class: 28.0 million vans, 6.2 million lorries and 0.69 million buses, next to 242.7
-million cars (:data:`SHARES_SOURCE`). Of the other classes no count is known here."""
+"""Shares of all motor vehicles in use, by class: 28.0 million vans, 6.2 million lorries and 0.69 million buses, next to
+242.7 million cars (:data:`SHARES_SOURCE`). No count is known here for the other classes."""
 SHARES_SOURCE = "ACEA, Vehicles in use in Europe: EU, 2019"
 
 
 class VehicleDemand(Model):
-    """How many vehicles of a class have to be there besides the ego.
+    """The number of vehicles of a class, in addition to the ego.
 
-    ``least``: with a number no more are aimed for, except cars, which fill up the traffic. ``most`` None: no upper
-    bound. ``share``: of all vehicles, in [0, 1], one at least. With neither number nor share the class gets a fifth of
-    the traffic, as scenarios did that were made before shares were known; a recipe does not hold a share of None.
+    ``least`` is also the target, except for cars, which fill up the traffic. ``most`` is None without an upper bound.
+    ``share`` is a share of all vehicles in [0, 1], at least one vehicle. Without a number and a share, the class gets a
+    fifth of the traffic, as in scenarios from before shares existed. A recipe omits a share of None.
     """
 
     vehicle_class: str
@@ -62,19 +62,19 @@ class VehicleDemand(Model):
 
     @property
     def needed(self) -> int:
-        """How many have to be there: one of a class that was only named."""
+        """The minimum number: 1 for a class without a number."""
         return 1 if self.least is None else self.least
 
 
 Weather = Literal["light_rain", "heavy_rain", "fog", "snow", "hail"]
 WEATHERS: tuple[Weather, ...] = get_args(Weather)
-"""CommonRoad's words for bad weather; for good weather its schema and commonroad-io have no word in common."""
+"""CommonRoad's words for bad weather. For good weather, its schema and commonroad-io have no common word."""
 WEATHER_WORDS: Mapping[str, Weather] = MappingProxyType({"rain": "light_rain", "mist": "fog", "snowfall": "snow"})
-"""Everyday words for weather, by what they are taken as."""
+"""Everyday words for weather and their meanings."""
 
 
 TripKind = Literal["usual", "fringe", "uniform", "length", "lanes", "speed"]
-"""On which roads more trips begin: long, wide and fast ones (usual); those on which traffic enters; every one alike;
+"""The roads on which more trips begin: long, wide and fast ones (usual); those on which traffic enters; all equally;
 long ones; long and wide ones; fast ones."""
 TRIP_KINDS: tuple[TripKind, ...] = get_args(TripKind)
 
@@ -91,13 +91,13 @@ COMPASS_DEG: Mapping[str, float] = MappingProxyType(
         "northwest": 135.0,
     }
 )
-"""Directions of the compass as headings in degrees, counter-clockwise from east."""
+"""Compass directions as headings in degrees, counter-clockwise from east."""
 
 
 class RoadFlow(Model):
-    """Vehicles that were counted in an hour: on a road, in one direction of the compass if any, or from it to another.
+    """Vehicles counted per hour on a road, in one compass direction if given, or from one road or direction to another.
 
-    ``road``, ``to``: a street's name, an OSM way's id or, for a flow from somewhere to somewhere, a direction.
+    ``road`` and ``to`` are a street's name or an OSM way's id or, for a flow between two ends, a direction.
     """
 
     road: str
@@ -112,13 +112,14 @@ class RoadFlow(Model):
 
 
 class TrafficConditions(Model):
-    """Under which conditions traffic drives.
+    """The conditions of the traffic.
 
-    ``time``: of day, ``HH:MM``, empty if it is not given; ``drivers``: the preset that all drivers have, or the
-    published calibrations that hold for them, joined by ``+``;
-    ``natural_mix``: all classes at their natural shares. ``per_lane_km``: vehicles per kilometre of lane at the start
-    that stand in the place of the density's, None if the density counts. ``flows``: counted traffic that stands in
-    the place of both; ``trips``: on which roads more trips begin.
+    - ``time``: the time of day as ``HH:MM``, or empty
+    - ``drivers``: the preset of all drivers, or their published calibrations, joined by ``+``
+    - ``natural_mix``: all classes at their natural shares
+    - ``per_lane_km``: vehicles per kilometre of lane at the start, instead of the density's; None to use the density
+    - ``flows``: counted traffic, instead of both
+    - ``trips``: the roads on which more trips begin
     """
 
     time: str = ""
@@ -131,25 +132,25 @@ class TrafficConditions(Model):
 
     @property
     def hour(self) -> int | None:
-        """The hour of the day, from 0 to 23; None if no time is given."""
+        """The hour of the day, from 0 to 23, or None without a time."""
         return int(self.time.partition(":")[0]) if self.time else None
 
     @property
     def friction(self) -> float | None:
-        """The coefficient of friction of roads in the weather; None if it is good, or no figure is known for it."""
+        """The roads' coefficient of friction in this weather, or None if it is good or no figure is known."""
         road = WEATHER_ROADS.get(self.weather or "")
         return None if road is None else ROAD_FRICTIONS[road]
 
     @property
     def calibrations(self) -> tuple[str, ...]:
-        """The names in ``drivers``, none where it is empty; where it is a preset, that is the only one."""
+        """The names in ``drivers``. A preset is its only name."""
         return tuple(self.drivers.split("+")) if self.drivers else ()
 
 
 THROUGH = "through"
-"""The goal behind the site, as far on the ego's way as the scenario's duration allows."""
+"""The goal behind the site, as far along the ego's route as the scenario's duration allows."""
 USUAL_GOAL, USUAL_EGO, USUAL_DURATION_S = THROUGH, "first", 20
-"""What a call asks for that does not say it: every default of a generation stands here, and the recipe records it."""
+"""The defaults of all generation arguments. The recipe records them."""
 USUAL_DENSITY: Density = "low"
 MIDDLE = "middle"
 """The usual position on a lanelet."""
@@ -165,7 +166,7 @@ EGO_FORMS = ("first", "index:N (cars, from 0)", "type:CLASS")
 
 @dataclass(frozen=True)
 class LaneletGoal:
-    """A goal on a lanelet: a position word, fraction or metres along it, and the rectangle (length, width) in m."""
+    """A goal on a lanelet: a position as a word, fraction or metres, and the rectangle (length, width) in m."""
 
     lanelet_id: int
     position: str
@@ -174,10 +175,9 @@ class LaneletGoal:
 
 @dataclass(frozen=True)
 class AskedGoal:
-    """The goal as asked: after a number of steps, after a distance in m on the ego's own path, on a lanelet, or, with
-    neither, behind the site.
+    """The requested goal: after a number of steps or a distance in m on the ego's path, on a lanelet, or behind the site.
 
-    ``turn``: what the ego does at the site on its way behind it; None: anything. ``text``: the words for all of it.
+    ``turn`` is the ego's turn at the site if the goal is behind it, or None for any. ``text`` is the original text.
     """
 
     text: str
@@ -188,7 +188,7 @@ class AskedGoal:
 
     @classmethod
     def of(cls, text: str) -> "AskedGoal":
-        """Read ``through[:TURN]``, ``steps:N``, ``distance_m:X`` or ``lanelet:ID[:POSITION[:LENGTHxWIDTH]]``.
+        """Parse ``through[:TURN]``, ``steps:N``, ``distance_m:X`` or ``lanelet:ID[:POSITION[:LENGTHxWIDTH]]``.
 
         Raises:
             InvalidRequest: none of these, or outside 10 … 1000 steps, 5 … 2000 m, or a rectangle of 0.5 … 500 m.
@@ -209,18 +209,18 @@ class AskedGoal:
                 size = (0.0, 0.0)
             if size is None or all(0.5 <= side <= 500 for side in size):
                 return cls(text, lanelet=LaneletGoal(int(match[1]), match[2] or MIDDLE, size))
-        raise InvalidRequest(f"goal {text!r} cannot be read", valid=GOAL_FORMS, remedies=[with_values(goal=None)])
+        raise InvalidRequest(f"goal {text!r} cannot be parsed", valid=GOAL_FORMS, remedies=[with_values(goal=None)])
 
     @property
     def is_through(self) -> bool:
-        """Return whether the goal lies behind the site."""
+        """Return whether the goal is behind the site."""
         return self.steps is None and self.distance_m is None and self.lanelet is None
 
     def __str__(self) -> str:
         return self.text
 
     def in_words(self) -> str:
-        """Return where the goal lies, as a refusal says it."""
+        """Return the position of the goal, as a refusal states it."""
         if self.is_through:
             return "behind the site" if self.turn is None else f"behind the site with the turn {self.turn!r}"
         if self.lanelet is not None:
@@ -230,10 +230,9 @@ class AskedGoal:
 
 @dataclass(frozen=True)
 class AskedEgo:
-    """The ego as asked: the car with an index (None: any), or any vehicle of ``vehicle_class``.
+    """The requested ego: the car with an index (None: any), or any vehicle of ``vehicle_class``.
 
-    ``other_class``: a class that was asked for and that no ego can be, so that a car replaces it. ``text``: the words
-    for all of it.
+    ``other_class`` is a requested class that an ego cannot have, so a car replaces it. ``text`` is the original text.
     """
 
     text: str = USUAL_EGO
@@ -243,14 +242,14 @@ class AskedEgo:
 
     @classmethod
     def of(cls, text: str) -> "AskedEgo":
-        """Read ``first``, ``index:N`` or ``type:CLASS``.
+        """Parse ``first``, ``index:N`` or ``type:CLASS``.
 
         Raises:
             InvalidRequest: none of these.
         """
         match = re.fullmatch(r"first|index:(\d{1,3})|type:([a-z_]{1,30})", text)
         if match is None:
-            raise InvalidRequest(f"ego {text!r} cannot be read", valid=EGO_FORMS)
+            raise InvalidRequest(f"ego {text!r} cannot be parsed", valid=EGO_FORMS)
         index, name = match.groups()
         if name in EGO_CLASSES:
             return cls(text, vehicle_class=name)
@@ -258,7 +257,7 @@ class AskedEgo:
 
     @property
     def asked_class(self) -> str | None:
-        """The class that the words name, whether or not an ego can be one; None if they name none."""
+        """The requested class, whether or not an ego can have it, or None without one."""
         return self.other_class or (self.vehicle_class if self.text.startswith("type:") else None)
 
     def __str__(self) -> str:
@@ -267,20 +266,20 @@ class AskedEgo:
 
 @dataclass(frozen=True)
 class AskedManoeuvre:
-    """The manoeuvre of another road user that is asked for, and the class that is to make it (None: any class)."""
+    """The requested manoeuvre of another road user, and the class that performs it (None: any class)."""
 
     name: str
     vehicle_class: str | None = None
 
     @classmethod
     def of(cls, text: str) -> "AskedManoeuvre | None":
-        """Read ``name`` or ``name:class``; return None if nothing is asked for."""
+        """Parse ``name`` or ``name:class``; return None if the text is empty."""
         name, _, vehicle_class = text.partition(":")
         return cls(name, vehicle_class or None) if name else None
 
     @property
     def of_any_class(self) -> "AskedManoeuvre":
-        """The same manoeuvre, whichever class makes it."""
+        """The same manoeuvre by any class."""
         return replace(self, vehicle_class=None)
 
     def __str__(self) -> str:
@@ -288,7 +287,7 @@ class AskedManoeuvre:
 
 
 def _read_by(read: Callable[[str], Any]) -> PlainValidator:
-    """Return a validator that reads words and lets through what was read before."""
+    """Return a validator that parses text and accepts parsed values."""
     return PlainValidator(lambda value: read(value) if isinstance(value, str) else value, json_schema_input_type=str)
 
 
@@ -299,12 +298,13 @@ Manoeuvre = Annotated[AskedManoeuvre | None, _read_by(AskedManoeuvre.of), _AS_TE
 
 
 class ScenarioSpec(Model):
-    """What is asked of each scenario of a generation, each part read and checked.
+    """The request for each scenario of a generation, parsed and checked.
 
-    ``bbox``: south, west, north, east in degrees. ``road_classes``: OSM's ``highway`` values; empty: all roads, with
-    links where the site is a ramp or a motorway. ``vehicles``: classes besides the ego; the ego's
-    own class is among them if it is not a car. ``others``: a manoeuvre that another road user has to make on the ego's
-    way.
+    ``bbox`` is south, west, north, east in degrees. ``road_classes`` are OSM's ``highway`` values; empty means all
+    roads,
+    with links if the site is a ramp or a motorway. ``vehicles`` lists classes in addition to the ego, including the
+    ego's
+    own class if it is not a car. ``others`` is a manoeuvre that another road user must perform on the ego's route.
     """
 
     scenario_type: ScenarioType = "any"
@@ -320,15 +320,15 @@ class ScenarioSpec(Model):
     others: Manoeuvre = Field(None, exclude_if=lambda manoeuvre: manoeuvre is None)
 
     def check_turn(self) -> None:
-        """Refuse a turn that no ego makes at a site of the type.
+        """Refuse a turn that no ego makes at a site of this type.
 
         Raises:
-            InvalidRequest: with the turns that are made there.
+            InvalidRequest: with the turns that are possible there.
         """
         kind, turn = self.scenario_type, self.goal.turn
         if turn is not None and kind != "any" and turn not in TURNS_AT[kind]:
             raise InvalidRequest(
-                f"at a site of the type {kind} no ego makes the turn {turn!r}",
+                f"an ego cannot make the turn {turn!r} at a site of the type {kind}",
                 valid=[f"{THROUGH}:{known}" for known in TURNS_AT[kind]],
                 next_step="choose one of these goals, or another scenario_type",
                 given=f"{THROUGH}:{turn}",
@@ -336,21 +336,22 @@ class ScenarioSpec(Model):
 
     @property
     def people(self) -> VehicleDemand | None:
-        """How many people on foot are asked for; None if none are named, or none are to be there."""
-        asked = next((demand for demand in self.vehicles if demand.vehicle_class == "pedestrian"), None)
-        return None if asked is None or asked.most == 0 else asked
+        """The number of pedestrians requested; None without any."""
+        requested = next((demand for demand in self.vehicles if demand.vehicle_class == "pedestrian"), None)
+        return None if requested is None or requested.most == 0 else requested
 
     @property
     def on_wheels(self) -> tuple[VehicleDemand, ...]:
-        """The vehicles that are asked for, without people on foot."""
+        """The requested vehicles, without pedestrians."""
         return tuple(demand for demand in self.vehicles if demand.vehicle_class != "pedestrian")
 
 
 class GenerationSpec(ScenarioSpec):
-    """A call for scenarios, read at the door and handed on; frozen, and never read from words again.
+    """A parsed request for scenarios; frozen, and never parsed again.
 
-    ``place``: words for a place, a street, a road or a map's id. ``country``: as it was spelled, and ``country_code``:
-    ISO 3166-1 alpha-3 where the words are known. ``notes``: what was understood, a sentence each.
+    ``place`` is the text for a place, a street, a road or a map's id. ``country`` is the original text and
+    ``country_code``
+    its ISO 3166-1 alpha-3 code if known. ``notes`` state how the request was understood, one sentence each.
     """
 
     place: str | None = None
@@ -363,15 +364,17 @@ class GenerationSpec(ScenarioSpec):
 
 
 class GenerationRequest(ScenarioSpec):
-    """Everything that makes one scenario; the same request gives the same bytes.
+    """Everything that defines one scenario. The same request gives the same bytes.
 
-    ``index`` counts the scenarios of one call, ``site_index`` those on this map: no site is taken twice. When a site
+    ``index`` counts the scenarios of one call, and ``site_index`` those on this map, so no site is used twice. If a
+    site
     fails its checks, the one ``site_step`` further on is tried.
 
-    ``most_sites``: after so many sites without a scenario the request is refused; ``most_rounds``: after so many rounds
-    of traffic the best scenario is taken, its faults in the notes. None: as many as the generator tries.
+    After ``most_sites`` sites without a scenario, the request is refused. After ``most_rounds`` rounds of traffic, the
+    best
+    scenario is used, with its faults in the notes. None means the generator's limits.
 
-    ``streets``: for every road that the site must carry its names or numbers, as the map has them.
+    ``streets`` lists, for every road that the site must have, its names or numbers on the map.
     """
 
     map_path: str
