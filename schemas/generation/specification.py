@@ -175,7 +175,7 @@ class LaneletGoal:
 
 @dataclass(frozen=True)
 class AskedGoal:
-    """The requested goal: after a number of steps or a distance in m on the ego's path, on a lanelet, or behind the site.
+    """The requested goal: after some steps, after a distance in m on the ego's path, on a lanelet, or behind the site.
 
     ``turn`` is the ego's turn at the site if the goal is behind it, or None for any. ``text`` is the original text.
     """

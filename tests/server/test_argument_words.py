@@ -160,7 +160,7 @@ def test_a_size_is_told_with_its_bounds(given: dict[str, Any], told: str) -> Non
 
 
 def test_a_value_that_is_no_object_at_all_is_told() -> None:
-    for value, told in (("7", "it takes an object, not 7"), ("{", "it is no JSON")):
+    for value, told in (("7", "it takes an object, not 7"), ("{", "it is not valid JSON")):
         with pytest.raises(ValidationError) as caught:
             Sizes.model_validate_json(value)
         assert problem_of(Sizes, caught.value.errors(include_url=False)[0])[0] == told

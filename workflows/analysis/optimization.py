@@ -1,7 +1,7 @@
-"""Searches for a better configuration, and studies that say which weights matter.
+"""Searches for a better configuration, and studies that show which weights matter.
 
-A search sees half of the roads. Its runs are those of ``run_planner``: what was run before is found again, so that a
-search that was broken off goes on where it was, and the same call gives the same study.
+A search sees half of the roads. It makes the runs of ``run_planner`` and finds earlier ones again, so an interrupted
+search resumes, and the same call gives the same study.
 """
 
 import math
@@ -34,13 +34,13 @@ from ...schemas.analysis.optimization import (
     DesignRequest,
     Effect,
     EffectsRequest,
+    EvaluatedTrial,
     GainRequest,
     HeldOut,
     OptimizePlannerArguments,
     OptimizePlannerResult,
     ProposeRequest,
     StudyRecord,
-    EvaluatedTrial,
     TrialLine,
 )
 from ...schemas.errors import Faults, InvalidRequest, NotPossible
@@ -56,17 +56,17 @@ from ..scenarios import ChosenScenario, choose_scenarios
 from .comparison import compare_results
 
 _ROUND = 4
-"""Candidates that are drawn together (chosen): fixed, so that the number of workers changes nothing."""
+"""How many candidates are drawn together (chosen); fixed, so that the number of workers changes nothing."""
 _RUNGS = (0.25, 0.5, 1.0)
-"""Shares of the training scenarios after which candidates are given up (chosen)."""
+"""Shares of the training scenarios after which candidates may be abandoned (chosen)."""
 _BROKEN = 1.0
-"""Taken off what the sampler is told of a candidate that breaks a constraint (chosen: as much as all success)."""
+"""Subtracted from the sampler's score of a candidate that breaks a constraint (chosen: as much as full success)."""
 _LOOK = 2
-"""Configurations that are driven on the held-out half: the base and the result."""
+"""The number of configurations run on the held-out half: the base and the result."""
 _TAKEN_BACK = 1 / 3
-"""The share of the remaining budget that is reserved for taking changes back (chosen), if there are as many weights."""
+"""The share of the remaining budget reserved for reverting changes (chosen), if there are as many weights."""
 _MOST_FRONT = 8
-"""Members of a front that are kept (chosen)."""
+"""The maximum number of front members to store (chosen)."""
 _SENSITIVITY = ("morris", "sobol")
 
 
@@ -88,7 +88,7 @@ class _Trial:
 
 @dataclass(frozen=True)
 class _Plan:
-    """What a study does: resolved arguments, and the scenarios of both parts in the order in which they are run."""
+    """A study's resolved arguments, and the scenarios of both parts in running order."""
 
     arguments: OptimizePlannerArguments
     base: PlannerConfiguration
@@ -102,7 +102,7 @@ class _Plan:
     notes: tuple[str, ...]
 
     def values(self, runs: Sequence[RunRecord]) -> tuple[float, ...]:
-        """Return the mean objectives over runs: their sum, or one by one for a front."""
+        """Return the mean objectives over runs: their sum, or each of them for a front."""
         if not runs:
             return (-math.inf,) * self.count
         each = tuple(fmean(one.score(run) for run in runs) for one in self.objectives)
@@ -110,7 +110,7 @@ class _Plan:
 
     @property
     def count(self) -> int:
-        """How many objectives are told."""
+        """The number of objectives reported."""
         return len(self.objectives) if self.arguments.pareto else 1
 
     def score(self, run: RunRecord) -> float:
@@ -120,10 +120,10 @@ class _Plan:
     def at(self, point: Sequence[float]) -> PlannerConfiguration:
         """Return the configuration at a point of the space: the base with these values."""
         values = values_at(self.space, point)
-        words: dict[bool, list[str]] = {True: [], False: []}
+        assignments: dict[bool, list[str]] = {True: [], False: []}
         for one in self.space:
-            words[one.is_setting].append(f"{one.name}={values[one.name]!r}")
-        return changed_configuration(self.base, None, words[False], words[True])[0]
+            assignments[one.is_setting].append(f"{one.name}={values[one.name]!r}")
+        return changed_configuration(self.base, None, assignments[False], assignments[True])[0]
 
     def cell(self, scenario: ChosenScenario, configuration: PlannerConfiguration) -> Cell:
         """Return the run of a scenario under a configuration."""
@@ -133,7 +133,7 @@ class _Plan:
 
 @dataclass
 class _Search:
-    """A study under way: what was tried, in order; what is told to a call that does not wait for the end."""
+    """A study in progress: its trials in order, and progress for calls that do not wait."""
 
     plan: _Plan
     context: WorkflowContext
@@ -143,12 +143,12 @@ class _Search:
 
     @property
     def left(self) -> int:
-        """How many configurations may still be driven."""
+        """The number of configurations that may still be run."""
         return self.plan.arguments.max_trials - self.driven
 
     @property
     def candidates(self) -> int:
-        """How many candidates are searched among: what the look at the held-out half and taking back leave.
+        """The number of candidates: the budget without the held-out runs and the reserve for reverting changes.
 
         If the limit is too small for a search, all configurations are candidates, and the result is not judged.
         """
@@ -158,31 +158,31 @@ class _Search:
         return most - _LOOK - min(len(self.plan.space), int(_TAKEN_BACK * (most - _LOOK)))
 
     async def run(self) -> StudyRecord:
-        """Return the whole search."""
+        """Run the whole search and return its record."""
         first = await self.tried([(self.plan.base, point_of(self.plan.space, self.plan.base))], prune=False)
         if not first[0].valid:
             raise NotPossible(
-                "the base could not be run on any training scenario", next_step="analyze_results of run_planner on them"
+                "the base could not run on any training scenario", next_step="analyze_results of run_planner on them"
             )
         presets = self._presets()
         if presets:
             await self.tried(presets, prune=not self.plan.arguments.pareto)
-        enqueued, rounds = [self._told(trial) for trial in self.trials], list[tuple[EvaluatedTrial, ...]]()
+        enqueued, rounds = [self._evaluated(trial) for trial in self.trials], list[tuple[EvaluatedTrial, ...]]()
         while (count := min(_ROUND, self._wanted())) > 0:
             points = await self._proposed(enqueued, rounds, count)
             made = await self.tried(
                 [(self.plan.at(point), point) for point in points], prune=not self.plan.arguments.pareto
             )
-            rounds.append(tuple(self._told(trial) for trial in made))
+            rounds.append(tuple(self._evaluated(trial) for trial in made))
         return await self._ended()
 
     def _wanted(self) -> int:
-        """Return how many more candidates are tried, including the reserve for taking back until one is better."""
+        """Return how many more candidates to try, including the reserve for reverting until one is better."""
         wanted = self.candidates - len(self.trials)
         return max(wanted, self.left - _LOOK) if self.best().number == 0 else wanted
 
     def _presets(self) -> list[tuple[PlannerConfiguration, tuple[float, ...]]]:
-        """Return the other presets with the base's settings; none where only some weights are varied."""
+        """Return the other presets with the base's settings; empty if only some weights are varied."""
         if self.plan.arguments.vary:
             return []
         base = self.plan.base
@@ -195,7 +195,7 @@ class _Search:
     ) -> tuple[tuple[float, ...], ...]:
         method = self.plan.arguments.method
         if method in ("morris", "sobol"):
-            raise InvalidRequest(f"{method} is no search", valid=["tpe", "cmaes", "random"])
+            raise InvalidRequest(f"{method} is not a search method", valid=["tpe", "cmaes", "random"])
         request = ProposeRequest(
             method=method,
             seed=self.plan.arguments.seed,
@@ -208,16 +208,19 @@ class _Search:
         )
         return (await self.context.services.workers.run(PROPOSE, request)).points
 
-    def _told(self, trial: _Trial) -> EvaluatedTrial:
-        """Return what the sampler is told of a trial; a broken constraint costs more than any success is worth."""
+    def _evaluated(self, trial: _Trial) -> EvaluatedTrial:
+        """Return a trial for the sampler. A broken constraint costs more than any success is worth."""
         broken = 0.0 if self.is_within(trial) else _BROKEN
         point = trial.point or point_of(self.plan.space, trial.configuration)
         values = self.values(trial)
         return EvaluatedTrial(point=point, values=tuple(max(value, -10.0) - broken for value in values))
 
     def values(self, trial: _Trial) -> tuple[float, ...]:
-        """The objectives of a trial; of one that was given up what the base has on all scenarios and the difference to
-        it on those that were run, because the first scenarios may be easier than all.
+        """Return the objectives of a trial.
+
+        For an abandoned trial, these are the base's values on all scenarios plus the difference on those that it ran,
+        because
+        the first scenarios may be easier than the rest.
         """
         if not trial.is_pruned:
             return self.plan.values(trial.valid)
@@ -229,7 +232,7 @@ class _Search:
     async def tried(
         self, candidates: Sequence[tuple[PlannerConfiguration, tuple[float, ...]]], *, prune: bool
     ) -> list[_Trial]:
-        """Run candidates on the training scenarios, a part after the other; those that fall behind are given up."""
+        """Run candidates on the training scenarios in parts, and abandon those that fall behind."""
         training, best = self.plan.training, self.best() if self.trials else None
         runs: list[list[RunRecord | None]] = [[] for _ in candidates]
         alive, done = list(range(len(candidates))), 0
@@ -254,7 +257,7 @@ class _Search:
         return made
 
     def _is_behind(self, runs: Sequence[RunRecord | None], best: Sequence[RunRecord | None]) -> bool:
-        """Return whether a candidate is behind the best one by more than a standard error on the same scenarios."""
+        """Return whether a candidate is worse than the best one by more than a standard error on the same scenarios."""
         paired = [
             self.plan.score(one) - self.plan.score(other)
             for one, other in zip(runs, best, strict=False)
@@ -276,19 +279,20 @@ class _Search:
         return [result.record for result in results]
 
     def is_within(self, trial: _Trial) -> bool:
-        """Return whether a trial keeps the constraints, against the base on the same scenarios."""
+        """Return whether a trial keeps the constraints, relative to the base on the same scenarios."""
         base = [run for run in self.trials[0].runs[: len(trial.runs)] if run is not None and run.outcome != "invalid"]
         return all(one.holds(trial.valid, base) for one in self.plan.constraints)
 
     def best(self) -> _Trial:
-        """The trial with the highest summed objectives of those that were run to their end and keep the constraints;
-        the first of equal ones, so that the base stays where nothing is better.
+        """The complete trial within the constraints with the highest summed objectives.
+
+        The first of equal ones counts, so the base stays if nothing is better.
         """
         whole = [trial for trial in self.trials if not trial.is_pruned and self.is_within(trial)]
         return max(whole or self.trials[:1], key=lambda trial: (sum(self.plan.values(trial.valid)), -trial.number))
 
     def line(self, trial: _Trial) -> TrialLine:
-        """Return a trial as it is told."""
+        """Return a trial as a line of the record."""
         return TrialLine(
             number=trial.number,
             config_id=trial.configuration.config_id,
@@ -305,12 +309,10 @@ class _Search:
             self.progress.add_result(best.configuration.config_id)
         base = sum(self.plan.values(self.trials[0].valid))
         found = f"best {sum(self.plan.values(best.valid)):.3f}, base {base:.3f}"
-        self.progress.report(
-            0.9 * self.driven / most, f"{self.driven} of at most {most} configurations driven, {found}"
-        )
+        self.progress.report(0.9 * self.driven / most, f"{self.driven} of at most {most} configurations run, {found}")
 
     async def _ended(self) -> StudyRecord:
-        """Take back what brings nothing, then look at the held-out scenarios, once."""
+        """Revert useless changes, then look at the held-out scenarios once."""
         lines = tuple(self.line(trial) for trial in self.trials)
         best, front = self.best(), self._front()
         changes: tuple[ChangeShare, ...] = ()
@@ -352,10 +354,10 @@ class _Search:
         return [trial for trial in whole if not is_beaten(trial)][:_MOST_FRONT]
 
     async def _ablated(self, best: _Trial) -> tuple[_Trial, tuple[ChangeShare, ...], tuple[str, ...]]:
-        """Return the best configuration without useless changes, what each other brings, and what could not be tried.
+        """Return the best configuration without useless changes, the gain of each other change, and a note.
 
-        The changes are taken back one after the other (backward elimination). A change that brings nothing in training
-        stays out. The budget for the held-out half is kept.
+        The changes are reverted one after the other (backward elimination). A change without a gain in training stays
+        reverted. The budget for the held-out half is kept. The note counts changes that could not be tried.
         """
         shares = list[ChangeShare]()
         changes = differences(self.plan.base, best.configuration)
@@ -372,34 +374,34 @@ class _Search:
             else:
                 shares.append(ChangeShare(change=change, gain=round(gain, 6)))
         untried = len(changes) - len(tried)
-        note = f"{untried} of {len(changes)} changes of the found configuration were not taken back: max_trials"
+        note = f"{untried} of {len(changes)} changes of the found configuration were not reverted because of max_trials"
         return best, tuple(shares), (note,) if untried else ()
 
     def _gain(self, trial: _Trial, other: _Trial) -> float:
-        """Return by how much the summed objectives of a trial exceed those of another."""
+        """Return how much the summed objectives of a trial exceed those of another."""
         return sum(self.plan.values(trial.valid)) - sum(self.plan.values(other.valid))
 
     def _without(self, configuration: PlannerConfiguration, names: Sequence[str]) -> PlannerConfiguration:
         """Return a configuration with the base's values of some weights and settings."""
         weights = configuration.weights | configuration.external_weights
         changes = differences(self.plan.base, configuration)
-        words = [f"{one.name}={one.before!r}" for one in changes if one.name in names]
+        assignments = [f"{one.name}={one.before!r}" for one in changes if one.name in names]
         return changed_configuration(
             configuration,
             None,
-            [word for word in words if word.partition("=")[0] in weights],
-            [word for word in words if word.partition("=")[0] not in weights],
+            [word for word in assignments if word.partition("=")[0] in weights],
+            [word for word in assignments if word.partition("=")[0] not in weights],
         )[0]
 
     async def _apart(self, configuration: PlannerConfiguration) -> _Trial:
-        """Return a configuration on all training scenarios, outside of the search."""
+        """Return a configuration's trial on all training scenarios, outside of the search."""
         runs = await self._run([self.plan.cell(scenario, configuration) for scenario in self.plan.training])
         self.driven += 1
         self._report()
         return _Trial(len(self.trials), configuration, None, tuple(runs), is_pruned=False)
 
     async def _judged(self, found: PlannerConfiguration) -> HeldOut:
-        """Base against found on the held-out scenarios, by the tests of compare_results."""
+        """Compare base and found configuration on the held-out scenarios with the tests of compare_results."""
         cells = [
             self.plan.cell(one, configuration)
             for configuration in (self.plan.base, found)
@@ -419,7 +421,7 @@ class _Search:
             if before is not None and after is not None and "invalid" not in (before.outcome, after.outcome)
         ]
         if not pairs:
-            raise NotPossible(f"no held-out scenario could be run ({batch.batch_id})", next_step="name more scenarios")
+            raise NotPossible(f"no held-out scenario could run ({batch.batch_id})", next_step="name more scenarios")
         apart = tuple(
             (self.plan.roots[one.scenario_id], self.plan.score(two) - self.plan.score(one)) for one, two in pairs
         )
@@ -488,7 +490,7 @@ def _study_record(
 
 
 async def optimize_planner(arguments: OptimizePlannerArguments, context: WorkflowContext) -> OptimizePlannerResult:
-    """Search, or find the study that was made; answers with the best so far while it goes on."""
+    """Search, or return the stored study; meanwhile answer with the best candidate so far."""
     plan = _plan(arguments, context)
     recipe = _recipe(plan)
     stored = context.workspace.find_by_recipe("study", recipe)
@@ -500,7 +502,7 @@ async def optimize_planner(arguments: OptimizePlannerArguments, context: Workflo
         study = await (_effects(search) if arguments.method in _SENSITIVITY else search.run())
         context.workspace.put("study", study.study_id, recipe=recipe, record=study, name=_study_name(study))
         progress.add_result(study.study_id)
-        progress.report(1.0, f"{len(study.trials)} candidates; call optimize_planner again for the study")
+        progress.report(1.0, f"{len(study.trials)} candidates; repeat optimize_planner for the study")
 
     job = context.start_job("study", recipe, work)
     context.made("job", job.job_id)
@@ -514,7 +516,7 @@ async def optimize_planner(arguments: OptimizePlannerArguments, context: Workflo
         job_id=job.job_id,
         best_so_far=best[-1] if best else None,
         message=job.error or job.message,
-        next_step=f"get_job with job_id '{job.job_id}', then optimize_planner as before: finished runs are kept",
+        next_step=f"get_job with job_id '{job.job_id}', then repeat optimize_planner: finished runs are kept",
     )
 
 
@@ -530,12 +532,12 @@ def _finished(study: StudyRecord, context: WorkflowContext) -> OptimizePlannerRe
     following = (
         f"export_artifacts of {study.best_id} as yaml"
         if better
-        else "more scenarios or max_trials, or vary settings too"
+        else "use more scenarios or a larger max_trials, or vary settings too"
     )
     if study.headline_code == "effects_shown":
-        following = "optimize_planner with vary: what matters"
+        following = "optimize_planner with vary limited to the weights that matter"
     elif study.effects:
-        following = "more scenarios, or a larger max_trials: too little is known of each weight"
+        following = "use more scenarios or a larger max_trials: the effects are too uncertain"
     return OptimizePlannerResult(state="done", study=study, headline_code=study.headline_code, next_step=following)
 
 
@@ -545,7 +547,7 @@ async def _effects(search: _Search) -> StudyRecord:
     design = DesignRequest(
         method="morris" if arguments.method == "morris" else "sobol",
         names=tuple(one.name for one in plan.space),
-        most=arguments.max_trials - 1,  # the base is driven too
+        most=arguments.max_trials - 1,  # the base is run too
         seed=arguments.seed,
     )
     points = (await search.context.services.workers.run(SENSITIVITY_DESIGN, design)).points
@@ -570,7 +572,7 @@ async def _effects(search: _Search) -> StudyRecord:
 
 
 def _with_runs(effect: Effect, trials: Sequence[_Trial]) -> Effect:
-    """Return the effect with the two runs between which the weight changed most."""
+    """Return the effect with the two runs between which the weight changed the objective most."""
     if effect.largest is None:
         return effect
     first, second, scenario = effect.largest
@@ -579,10 +581,10 @@ def _with_runs(effect: Effect, trials: Sequence[_Trial]) -> Effect:
 
 
 def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Plan:
-    """Everything that the words of a call mean.
+    """Return the resolved arguments of a call.
 
     Raises:
-        PlannerForgeError: what is not known or malformed, all of it at once.
+        PlannerForgeError: unknown or malformed arguments, all at once.
     """
     faults = Faults()
     objectives, constraints = list[Objective](), list[Constraint]()
@@ -628,10 +630,10 @@ def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Pla
 
 
 def _check_design(method: Literal["morris", "sobol"], weights: int, most: int) -> None:
-    """Refuse a sensitivity analysis if its smallest design drives more than was allowed.
+    """Refuse a sensitivity analysis if its smallest design needs more runs than allowed.
 
     Raises:
-        InvalidRequest: with how many would do, and how few weights.
+        InvalidRequest: with the number of runs needed, and the number of weights that fit.
     """
     needed = 1 + fewest_configurations(method, weights)
     if needed > most:
@@ -640,7 +642,7 @@ def _check_design(method: Literal["morris", "sobol"], weights: int, most: int) -
         )
         valid = [f"max_trials={needed}", *([f"vary with at most {fewer} weights"] if fewer else [])]
         raise InvalidRequest(
-            f"{method} of {counted(weights, 'weight')} drives {needed} configurations, more than max_trials={most}",
+            f"{method} of {counted(weights, 'weight')} needs {needed} configurations, more than max_trials={most}",
             valid=valid,
         )
 
@@ -650,28 +652,28 @@ _Parts = tuple[
     tuple[tuple[str, ...], tuple[str, ...]],
     tuple[str, ...],
 ]
-"""Training and held-out scenarios, the places of both, and what is to be told."""
+"""Training and held-out scenarios, the places of both, and notes."""
 
 
 def _divided(scenarios: Sequence[ChosenScenario], roots: Mapping[str, str], seed: int) -> _Parts:
-    """Return the scenarios in two halves that share no place, each in an order that the seed draws.
+    """Return the scenarios in two halves without a common place, each in an order drawn from the seed.
 
-    Where all lie in one place, maps are divided instead.
+    If all are in one place, maps are split instead.
 
     Raises:
-        NotPossible: there is one map only.
+        NotPossible: there is only one map.
     """
     notes: tuple[str, ...] = ()
     groups = _grouped(scenarios, roots, by_map=False)
     if len(groups) < 2:
         groups = _grouped(scenarios, roots, by_map=True)
-        notes = ("all scenarios lie in one place: its maps are divided, and may be alike",)
+        notes = ("all scenarios are in one place, so its maps were split; they may be alike",)
     if len(groups) < 2:
         raise NotPossible(
-            f"all {len(scenarios)} scenarios lie on one map, so none could be held out",
-            next_step="name scenarios of several places, for instance preset:100",
+            f"all {len(scenarios)} scenarios are on one map, so no scenario can be held out",
+            next_step="use scenarios of several places, for instance preset:100",
         )
-    choice = random.Random(seed)  # noqa: S311 - no secret
+    choice = random.Random(seed)  # noqa: S311 - not a secret
     drawn = sorted(groups)
     choice.shuffle(drawn)
     halves: tuple[list[ChosenScenario], list[ChosenScenario]] = ([], [])
@@ -688,7 +690,7 @@ def _divided(scenarios: Sequence[ChosenScenario], roots: Mapping[str, str], seed
 def _grouped(
     scenarios: Sequence[ChosenScenario], roots: Mapping[str, str], *, by_map: bool
 ) -> dict[str, list[ChosenScenario]]:
-    """Scenarios by their place (``DEU_Aachen`` of ``DEU_Aachen-2_7_T-1``) or map (``DEU_Aachen-2``)."""
+    """Return scenarios by place (``DEU_Aachen`` of ``DEU_Aachen-2_7_T-1``) or by map (``DEU_Aachen-2``)."""
     groups: dict[str, list[ChosenScenario]] = {}
     for one in sorted(scenarios, key=lambda one: (one.scenario_id, one.problem_id or 0)):
         name = roots[one.scenario_id].removeprefix("C-")
@@ -698,7 +700,7 @@ def _grouped(
 
 
 def _recipe(plan: _Plan) -> Recipe:
-    """Return the recipe of a study; how long a call waits is no part of it."""
+    """Return the recipe of a study, which does not include how long a call waits."""
     arguments = plan.arguments.model_dump(mode="json", exclude={"wait_s", "scenarios", "base", "seed"})
     scenarios = [[one.scenario_id, one.problem_id] for one in (*plan.training, *plan.held_out)]
     packages = ("optuna", "cmaes", "SALib", "frenetix", "commonroad-io", "commonroad-drivability-checker")

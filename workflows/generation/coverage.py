@@ -1,8 +1,8 @@
-"""Many scenarios to a coverage plan: which combinations of types of sites, densities, classes and turns are made next.
+"""Generate many scenarios for a coverage plan: combinations of site types, densities, classes and turns.
 
-A plan is a job that any server on the workspace takes up again: its rows stand in the database before they are made,
-and what became of each is stored with it. What the workspace holds already counts; so does what an earlier call with
-the same ``cover`` has made, whatever its ``count``.
+A plan is a job that any server on the workspace can resume. Its rows are stored in the database before they are
+generated, with the result of each. Scenarios of the workspace count from the start, as do those of an earlier call with
+the same ``cover``, whatever its ``count``.
 """
 
 import logging
@@ -38,30 +38,30 @@ from .map_choice import AssignedSite, nth_site, request_for
 
 logger = logging.getLogger(__name__)
 WAIT_S = 45.0
-"""The call answers after this time at most; chosen to be less than clients wait."""
+"""The call answers after this time at most (chosen to be shorter than clients wait)."""
 _FIRST, _AT_ONCE = 250, 2000
-"""Rows that are planned together (chosen), as many as were made so far within these bounds: many of each map, which
-workers then read once for all of them, and of each site, whose network they build once; but few at first, for what they
-become tells which maps later ones pass over."""
+"""How many rows are planned together (chosen): as many as were generated so far, within these bounds. Many rows per map
+let workers read a map once, and build the network of a site once. The first batches are small, because their results
+show which maps to skip."""
 _ROUNDS_BEYOND = 2
-"""Rounds of traffic for a row beyond those that cover all (chosen; one that is faultless ends them): three more, and
-other sites for them, cost more than another row does."""
+"""Rounds of traffic for a row beyond full coverage (chosen; a faultless one ends them). Three more rounds, and other
+sites for them, cost more than another row."""
 _TAKEN = 64
-"""Rows that are read from the database together (chosen)."""
+"""How many rows are read from the database together (chosen)."""
 _MOST_PASSED = 2
-"""Sites on each map of a group that are passed over for one row, on average and at most (chosen)."""
+"""How many sites per map of a group one row may skip, on average and at most (chosen)."""
 _GIVEN_UP_AFTER = 20
-"""Rows beyond those that cover all which are refused one after the other until a plan ends short of its count (chosen:
-where three of ten are refused, as on real maps, so many in a row are none that chance makes)."""
+"""How many consecutive rows beyond full coverage may be refused before a plan ends early (chosen: with three of ten
+refused, as on real maps, chance makes no such sequence)."""
 _LISTED = 50
-"""Combinations that the structured answer names of those that cannot be, and of those left (chosen)."""
+"""How many impossible and open combinations the structured answer lists (chosen)."""
 _LONGEST_REASON = 160
-"""Characters of a refusal in the answer (chosen)."""
+"""The maximum length of a refusal in the answer, in characters (chosen)."""
 
 
 @dataclass(frozen=True)
 class Spot:
-    """A group of sites that a row may lie at: on which maps, how many on each."""
+    """A group of possible sites of a row, with the number of sites per map."""
 
     words: str
     held: tuple[tuple[MapMatch, int], ...]
@@ -69,16 +69,17 @@ class Spot:
     def turns(
         self, turns: dict[str, int], levels: Sequence[int], hopeless: Hopeless, seed: int
     ) -> Iterator[tuple[MapMatch, int, int, RowState]]:
-        """The map, the site and the seed of its next row, after those that are passed over for a row of such levels.
+        """Yield the map, the site and the seed of the next rows, after those that rows with these levels skip.
 
-        All sites take turns, with another seed each time. Those of a map that does not suit one of the levels are
-        passed over, ``_MOST_PASSED`` times as many as there are maps at most, and none where no map suits them.
+        All sites take turns, with another seed each time. Sites of a map that does not suit one of the levels are
+        skipped, at
+        most ``_MOST_PASSED`` times the number of maps, and not at all if no map suits them.
 
         Args:
-            turns: by the words for sites, how many turns were taken; these are added.
-            levels: of the row.
+            turns: the number of turns taken, by the words for sites; updated here.
+            levels: the levels of the row.
             hopeless: what no row needs to try again.
-            seed: of the plan.
+            seed: the seed of the plan.
         """
         unfit = {
             map_id
@@ -98,7 +99,7 @@ class Spot:
             yield match, site, seed + lap, "passed"
 
     def match(self, map_id: str) -> MapMatch:
-        """Return how one of its maps shows what was asked."""
+        """Return how one of its maps matches the request."""
         return next(match for match, _ in self.held if match.entry.facts.map_id == map_id)
 
 
@@ -109,11 +110,11 @@ async def cover_combinations(
     entries: Sequence[MapEntry],
     notes: Sequence[str],
 ) -> GenerateScenariosResult:
-    """Carry a coverage plan on until so many scenarios are made, and answer with how far it is after 45 s at most.
+    """Continue a coverage plan up to the requested number, and answer with its progress after at most 45 s.
 
     Raises:
-        InvalidRequest: a plan that cannot be meant.
-        UnknownName: no map shows the place.
+        InvalidRequest: an invalid plan.
+        UnknownName: no map contains the place.
     """
     asked = await AskedPlan.of(arguments, spec, context, entries)
     notes = [*spec.notes, *asked.notes, *notes]
@@ -136,7 +137,7 @@ def _is_enough(asked: AskedPlan, rows: PlanRows) -> bool:
 
 
 class _PlanWork:
-    """The job of a plan: counts sites, plans rows, makes them as many at once as there are workers."""
+    """The job of a plan: count sites, plan rows, and generate as many at once as there are workers."""
 
     def __init__(self, asked: AskedPlan, context: WorkflowContext, progress: JobProgress) -> None:
         self._asked, self._call, self._progress = asked, context, progress
@@ -144,9 +145,9 @@ class _PlanWork:
         self._tally = PlanCounts()
 
     async def carry_on(self) -> None:
-        """Make rows until there are enough, or none can be made any more."""
+        """Generate rows until there are enough, or no more are possible."""
         self._progress.add_result(self._asked.plan_id)
-        self._progress.report(0.0, "looking at what the maps and the workspace hold")
+        self._progress.report(0.0, "examining the maps and the workspace")
         record = await self._record()
         spots = {words: self._spot(words, group, record) for group, words in self._groups()}
         self._rows.prepare(held_before(self._asked, self._call))
@@ -157,7 +158,7 @@ class _PlanWork:
             await self._make_waiting(spots)
 
     def _has_enough(self, under_way: int) -> bool:
-        """Return whether there are as many as asked for once those under way are made."""
+        """Return whether there are enough once those in progress are done."""
         return self._asked.wanted is not None and self._tally.made + under_way >= self._asked.wanted
 
     def _groups(self) -> list[tuple[dict[int, int], str]]:
@@ -168,7 +169,7 @@ class _PlanWork:
         return Spot(words, tuple((by_id[map_id], count) for map_id, count in record.spots.get(words, ())))
 
     async def _record(self) -> PlanRecord:
-        """Return what the plan is: as it is stored, or from the maps."""
+        """Return the plan's record, stored or computed from the maps."""
         asked, workspace = self._asked, self._call.workspace
         stored = workspace.find("plan", asked.plan_id)
         if stored is not None:
@@ -180,12 +181,12 @@ class _PlanWork:
                 continue
             spots[words] = await self._sites(group)
             if not spots[words]:
-                barred[tuple(sorted(group.items()))] = "no map there holds such a site"
+                barred[tuple(sorted(group.items()))] = "no map there has such a site"
         if not any(spots.values()):
             raise NotPossible(
-                "no map holds a site for any of the combinations",
+                "no map has a site for any of the combinations",
                 valid=sorted({kind for match in asked.matches({}) for kind in match.entry.facts.sites}),
-                next_step="name another place, or other levels of scenario_type",
+                next_step="use another place, or other levels of scenario_type",
             )
         record = PlanRecord(
             plan_id=asked.plan_id,
@@ -199,7 +200,7 @@ class _PlanWork:
         return record
 
     async def _sites(self, group: Mapping[int, int]) -> tuple[tuple[str, int], ...]:
-        """Return the maps that hold sites for some levels, and how many: as the index says, or counted on the map."""
+        """Return the maps with sites for some levels, and their number, from the index or counted on the map."""
         spec = self._asked.row_spec(group)
         kind, found = spec.scenario_type, []
         for match in self._asked.matches(group):
@@ -222,7 +223,7 @@ class _PlanWork:
             return 0
 
     async def _plan_more(self, record: PlanRecord, spots: Mapping[str, Spot]) -> bool:
-        """Plan the next rows; False if there are enough, or none can be made any more."""
+        """Plan the next rows; return False if there are enough, or no more are possible."""
         wanted = self._asked.wanted
         at_once = min(max(self._tally.made, _FIRST), _AT_ONCE)
         missing = at_once if wanted is None else min(wanted - self._tally.made, at_once)
@@ -237,7 +238,7 @@ class _PlanWork:
         return True
 
     def _placed(self, rows: Sequence[tuple[int, ...]], spots: Mapping[str, Spot], lap: int) -> Iterator[PlanRow]:
-        """Rows with a map and a site each: the next one of their group of sites."""
+        """Yield rows with a map and a site each: the next one of their group of sites."""
         turns, number, hopeless = self._rows.turns(), self._rows.next_number(), self._rows.hopeless(TRIES)
         saying = list(next(self._asked.of_spot()))
         for levels in rows:
@@ -248,7 +249,7 @@ class _PlanWork:
                 number += 1
 
     async def _make_waiting(self, spots: Mapping[str, Spot]) -> None:
-        """Make all rows that wait; one that cannot be made is noted with its refusal."""
+        """Generate all waiting rows; record the refusal of one that fails."""
         taken: deque[PlanRow] = deque()
         begun: set[int] = set()
 
@@ -272,7 +273,7 @@ class _PlanWork:
                 tasks.start_soon(work)
 
     async def _make(self, row: PlanRow, match: MapMatch) -> tuple[RowState, bool]:
-        """Make a row's scenario and note what became of it; that, and whether it was made before."""
+        """Generate a row's scenario and record the result; return it, and whether it existed already."""
         spec = self._asked.row_spec(dict(enumerate(row.levels))).model_copy(update={"seed": row.seed})
         request = request_for(spec, AssignedSite(match, row.site_index), 0)
         if row.lap:  # all is covered: a row that fails, or that could be better, costs more than another one
@@ -295,17 +296,17 @@ class _PlanWork:
         tally, wanted = self._tally, self._asked.wanted
         lost = tally.refused + tally.failed
         share = tally.made / wanted if wanted else (tally.made + lost) / max(tally.made + lost + tally.waiting, 1)
-        message = f"{tally.made:,}{f' of {wanted:,}' if wanted else ''} made, {lost:,} refused"
+        message = f"{tally.made:,}{f' of {wanted:,}' if wanted else ''} generated, {lost:,} refused"
         self._progress.report(min(share, 1.0), message)
 
 
 def _is_exhausted(rows: PlanRows) -> bool:
-    """Return whether all is covered, and of the rows beyond that the last ones were all refused."""
+    """Return whether everything is covered and the last rows beyond that were all refused."""
     return rows.refused_in_a_row() >= _GIVEN_UP_AFTER and rows.counts().waiting == 0
 
 
 def coverage_request(record: PlanRecord, rows: PlanRows, *, lap: int, most: int) -> CoverageRequest:
-    """Return how far a plan has come, by what its rows became."""
+    """Return the progress of a plan from the results of its rows."""
     covered = {key for levels in rows.made() for key in combinations_in(levels, record.strength)}
     refused: Counter[Combination] = Counter()
     for levels, times, _ in rows.refused():
@@ -324,31 +325,31 @@ def coverage_request(record: PlanRecord, rows: PlanRows, *, lap: int, most: int)
 async def _answer(
     asked: AskedPlan, context: WorkflowContext, rows: PlanRows, job: Job | None, notes: Sequence[str]
 ) -> GenerateScenariosResult:
-    """Return how far the plan is, by its rows; they are the same for every server."""
+    """Return the progress of the plan from its rows, which every server shares."""
     state: JobState = "done" if job is None else job.state
     stored = context.workspace.find("plan", asked.plan_id)
-    told = [*notes, *([job.error] if job is not None and job.error else []), context.services.workers.notice]
-    told = [note for note in told if note]
+    messages = [*notes, *([job.error] if job is not None and job.error else []), context.services.workers.notice]
+    messages = [note for note in messages if note]
     if stored is None:
         if job is not None and job.state == "failed":
-            raise NotPossible(job.error, next_step="correct what is named and call again")
-        told.append("the sites of the maps are being counted; nothing was made yet")
+            raise NotPossible(job.error, next_step="correct the call and repeat it")
+        messages.append("the sites of the maps are being counted; no scenario exists yet")
         return GenerateScenariosResult(
-            scenarios=[], notes=told, attribution=[], plan=None, job_id=job.job_id if job else "", state=state
+            scenarios=[], notes=messages, attribution=[], plan=None, job_id=job.job_id if job else "", state=state
         )
     record = stored.read(PlanRecord)
     summary = await _summary(asked, context, record, rows)
     if state == "done" and asked.wanted is not None and summary.made < asked.wanted:
-        told.append(
-            f"no more can be made: the last {_GIVEN_UP_AFTER} rows were all refused"
+        messages.append(
+            f"no more are possible: the last {_GIVEN_UP_AFTER} rows were all refused"
             if _is_exhausted(rows)
-            else "the job that ran was asked for fewer: the same call goes on"
+            else "the previous job had a smaller count: repeat this call to continue"
         )
     ids = {map_id for held in record.spots.values() for map_id, _ in held}
     shown = (match.entry.facts for match in asked.matches({}))
     sources = sorted({facts.attribution for facts in shown if facts.map_id in ids})
     return GenerateScenariosResult(
-        scenarios=[], notes=told, attribution=sources, plan=summary, job_id=job.job_id if job else "", state=state
+        scenarios=[], notes=messages, attribution=sources, plan=summary, job_id=job.job_id if job else "", state=state
     )
 
 
@@ -376,7 +377,7 @@ async def _summary(asked: AskedPlan, context: WorkflowContext, record: PlanRecor
 
 
 def _reasons(report: CoverageReport, record: PlanRecord, rows: PlanRows) -> list[str]:
-    """Why each combination cannot be: a refusal of a row with it; without any, it needs another one that cannot be."""
+    """Return why each combination is impossible: a refusal of a row with it, or an impossible part."""
     reasons: dict[Combination, str] = {}
     tries: Counter[Combination] = Counter()
     for levels, times, reason in rows.refused():
@@ -384,6 +385,8 @@ def _reasons(report: CoverageReport, record: PlanRecord, rows: PlanRows) -> list
             reasons.setdefault(key, reason)
             tries[key] += times
     return [
-        f"{reasons[key]}; {tries[key]} tries" if tries[key] >= TRIES else "only together with what cannot be"
+        f"{reasons[key]}; {tries[key]} tries"
+        if tries[key] >= TRIES
+        else "possible only together with an impossible combination"
         for key in report.cannot
     ]

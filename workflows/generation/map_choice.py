@@ -1,9 +1,9 @@
-"""Which maps a call uses, and which site of them each of its scenarios is made at.
+"""Choose the maps of a call, and the site of each of its scenarios.
 
-Maps at hand that show the place come first; where none does, the part of a country's extract that shows it is cut out,
-or a map is fetched. A map that was fetched for a request is kept, but used by the same request alone: so it gives the
-same bytes whatever else was fetched since. One that a person fetched to have it at hand counts like any other. Maps
-that are assigned no site may stand in for one that fails.
+Local maps that contain the place come first. Without one, the matching part of a country extract is cut out, or a map
+is downloaded. A map downloaded for a request is stored, but only the same request uses it, so it gives the same bytes
+regardless of later downloads. A map that a user downloaded counts like any other. Maps without an assigned site may
+replace one that fails.
 """
 
 from collections import Counter
@@ -55,16 +55,16 @@ from ..operations import COUNT_SITES, CUT_EXTRACT
 from .online import fetch_maps, find_place
 
 _SHOWN_PLACES = 4
-"""Places that a note or refusal names; chosen to keep it short."""
+"""How many places a note or refusal lists (chosen)."""
 _MOST_TRIED = 4
-"""Proposed places that are tried, each on its map (chosen): as many as the search by names proposes."""
+"""How many proposed places are tried, each on its map (chosen: the number that the search by names proposes)."""
 _MOST_SPARE_MAPS = 3
-"""Four extracts meet at a corner; trying more would only make the caller wait for the refusal."""
+"""Four extracts meet at a corner. More would only delay the refusal."""
 
 
 @dataclass(frozen=True)
 class GenerationPlan:
-    """The maps that hold what was asked, in the order in which they are used, and notes for the answer."""
+    """The maps that match the request, in order of use, and notes for the answer."""
 
     matches: tuple[MapMatch, ...]
     notes: tuple[str, ...]
@@ -72,10 +72,11 @@ class GenerationPlan:
 
 @dataclass(frozen=True)
 class AssignedSite:
-    """Where a scenario is made: the map, and the number of the site on it.
+    """The place of a scenario: the map, and the number of the site on it.
 
-    Where the site fails, the one ``site_step`` further on is tried: the number of scenarios that the call makes on this
-    map, so that no site is another scenario's.
+    If the site fails, the one ``site_step`` further on is tried. That is the number of the call's scenarios on this
+    map, so
+    no two scenarios share a site.
     """
 
     match: MapMatch
@@ -85,20 +86,20 @@ class AssignedSite:
 
 @dataclass(frozen=True)
 class SiteAssignment:
-    """A site for every scenario, and the maps without one, which may stand in for a map that fails."""
+    """A site for every scenario, and maps without one that may replace a map that fails."""
 
     planned: tuple[AssignedSite, ...]
     spare: tuple[MapMatch, ...]
 
 
 def plan_maps(spec: GenerationSpec, maps: Sequence[MapEntry], closeness: Closeness = Closeness.PART) -> GenerationPlan:
-    """Return the maps for a call; those that lack the asked type are left out unless none holds it.
+    """Return the maps for a call, without those that lack the requested type if another map has it.
 
-    The seed rotates them, so that another seed is another map where several fit.
+    The seed rotates them, so that another seed gives another map if several fit.
 
     Raises:
-        UnknownName: no map shows the place, country or box.
-        NotPossible: several do, but none holds the asked type.
+        UnknownName: no map contains the place, country or box.
+        NotPossible: several do, but no map has the requested type.
     """
     return plan_matches(
         spec,
@@ -114,30 +115,30 @@ def plan_maps(spec: GenerationSpec, maps: Sequence[MapEntry], closeness: Closene
 
 
 def plan_matches(spec: GenerationSpec, matches: Sequence[MapMatch]) -> GenerationPlan:
-    """Return the same for maps that are known to show what was asked for.
+    """Return the plan for maps that are known to match the place.
 
     Raises:
-        NotPossible: of several maps none holds the asked type.
+        NotPossible: no map has the requested type.
     """
     holding = [m for m in matches if spec.scenario_type in ("any", *m.entry.facts.sites)]
     if not holding and len(matches) > 1:
-        raise _held_nowhere(spec.scenario_type, matches)
+        raise _no_such_site(spec.scenario_type, matches)
     holding = holding or list(matches)
     turn = spec.seed % len(holding)
     unnamed = sorted({word for match in holding for word in match.unnamed})
-    notes = [f"the map does not name {word!r}; its street was found" for word in unnamed]
+    notes = [f"the map does not contain the name {word!r}, but its street was found" for word in unnamed]
     notes += list(dict.fromkeys(text for match in holding for text in match.understood))[:_SHOWN_PLACES]
     if spec.bbox is not None:
         notes += _beyond_the_maps(spec.bbox, holding)
     return GenerationPlan((*holding[turn:], *holding[:turn]), tuple(notes))
 
 
-def _held_nowhere(scenario_type: ScenarioType, matches: Sequence[MapMatch]) -> NotPossible:
+def _no_such_site(scenario_type: ScenarioType, matches: Sequence[MapMatch]) -> NotPossible:
     facts = [match.entry.facts for match in matches]
     names = [f"{cited(f.place)} ({f.map_id})" for f in facts[:_SHOWN_PLACES]]
-    more = f" nor any of {len(facts) - _SHOWN_PLACES} more" * (len(facts) > _SHOWN_PLACES)
+    more = f" or any of {len(facts) - _SHOWN_PLACES} more" * (len(facts) > _SHOWN_PLACES)
     return NotPossible(
-        f"none of {len(facts)} maps holds any {scenario_type} site: not {', '.join(names)}{more}",
+        f"no {scenario_type} site on {len(facts)} maps: {', '.join(names)}{more}",
         valid=sorted({kind for f in facts for kind in f.sites}),
         next_step="choose one of these scenario types, or another place",
         reason="no_such_site",
@@ -145,22 +146,22 @@ def _held_nowhere(scenario_type: ScenarioType, matches: Sequence[MapMatch]) -> N
 
 
 def _beyond_the_maps(box: Box, matches: Sequence[MapMatch]) -> list[str]:
-    """Return a note for a box that no map shows whole, such as that of a country: what of it was looked at."""
+    """Return a note for a box that no map covers, such as that of a country: which parts were searched."""
     shown = [match.entry.facts for match in matches]
     south, west, north, east = box
     if any(f.south <= south and f.west <= west and north <= f.north and east <= f.east for f in shown):
         return []
     places = list(dict.fromkeys(facts.place for facts in shown))
-    named = cited_all(places[:_SHOWN_PLACES]) + (
+    places_shown = cited_all(places[:_SHOWN_PLACES]) + (
         f" and {len(places) - _SHOWN_PLACES} more" * (len(places) > _SHOWN_PLACES)
     )
-    return [f"no map shows the whole bbox; sites were looked for where the maps lie in it: {named}"]
+    return [f"no map covers the whole bbox; its parts on these maps were searched: {places_shown}"]
 
 
 async def widen_empty(spec: GenerationSpec, context: WorkflowContext, plan: GenerationPlan) -> GenerationPlan:
-    """Return the plan with the whole map for streets that do not lie in the circle of the town named with them.
+    """Return the plan with the whole map if the streets are outside the circle of the given town.
 
-    Only a map with such a circle is looked at. What the whole map lacks too is left to be refused as it was asked.
+    Only a map with such a circle is examined. If the whole map lacks the streets too, the original request is refused.
     """
     matches: list[MapMatch] = []
     notes = list(plan.notes)
@@ -178,9 +179,9 @@ async def widen_empty(spec: GenerationSpec, context: WorkflowContext, plan: Gene
 async def without_refused(
     spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry], refusal: PlannerForgeError
 ) -> PlannerForgeError:
-    """The refusal of a place without those of the proposed places that would be refused too: they hold no such site.
+    """Return the refusal of a place without proposed places that have no such site and would be refused too.
 
-    If all would be, the towns at hand that hold such a site are named.
+    If all would be, it proposes the towns of local maps with such a site.
     """
     places = [place for remedy in refusal.remedies if (place := _other_place(remedy)) is not None]
     if not places or spec.scenario_type == "any":
@@ -201,7 +202,7 @@ def _other_place(remedy: Remedy) -> str | None:
 
 
 async def _could_be(spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry], place: str) -> bool:
-    """Return whether a map at hand shows a place and holds the asked type of site there."""
+    """Return whether a local map contains a place and has the requested type of site there."""
     other = spec.model_copy(update={"place": place})
     try:
         match = plan_maps(other, entries).matches[0]
@@ -219,10 +220,10 @@ async def _holds_site(spec: GenerationSpec, context: WorkflowContext, match: Map
 
 
 async def assign_sites(spec: GenerationSpec, context: WorkflowContext, matches: tuple[MapMatch, ...]) -> SiteAssignment:
-    """Sites for as many scenarios as were asked for, or as many as there are.
+    """Return sites for the requested number of scenarios, or as many as there are.
 
     Raises:
-        NotPossible: no map holds a fitting site; the reason of the first one.
+        NotPossible: no map has a matching site, with the reason for the first one.
     """
     if spec.count == 1:
         return SiteAssignment((AssignedSite(matches[0]),), matches[1 : 1 + _MOST_SPARE_MAPS])
@@ -245,12 +246,12 @@ async def assign_sites(spec: GenerationSpec, context: WorkflowContext, matches: 
 
 
 def request_for(spec: GenerationSpec, site: AssignedSite, index: int) -> GenerationRequest:
-    """Return what the engine is asked for the scenario number ``index`` of a call."""
+    """Return the engine's request for scenario number ``index`` of a call."""
     facts = site.match.entry.facts
-    asked = {name: getattr(spec, name) for name in ScenarioSpec.model_fields}
-    asked["bbox"] = _meant_box(spec, site.match)
+    values = {name: getattr(spec, name) for name in ScenarioSpec.model_fields}
+    values["bbox"] = _search_box(spec, site.match)
     return GenerationRequest(
-        **asked,
+        **values,
         map_path=str(site.match.entry.path),
         map_id=facts.map_id,
         place=facts.place,
@@ -264,17 +265,17 @@ def request_for(spec: GenerationSpec, site: AssignedSite, index: int) -> Generat
     )
 
 
-def _meant_box(spec: GenerationSpec, match: MapMatch) -> Box | None:
-    """Where sites are looked for: the asked box, the asked part of the map, or what both have in common."""
-    asked, meant = spec.bbox, match.box
-    if asked is None or meant is None:
-        return asked or meant
-    south, west, north, east = zip(asked, meant, strict=True)
+def _search_box(spec: GenerationSpec, match: MapMatch) -> Box | None:
+    """Return the box to search: the requested box, the requested part of the map, or their intersection."""
+    requested, part = spec.bbox, match.box
+    if requested is None or part is None:
+        return requested or part
+    south, west, north, east = zip(requested, part, strict=True)
     return max(south), max(west), min(north), min(east)
 
 
 def share_sites(matches: Sequence[MapMatch], counts: Sequence[int], wanted: int) -> tuple[AssignedSite, ...]:
-    """At most ``wanted`` sites, maps in turn, none twice; ``counts``: how many sites fit on every map."""
+    """Return at most ``wanted`` sites, one map after the other; ``counts`` are the matching sites per map."""
     turns = [(site_index, place) for place, count in enumerate(counts) for site_index in range(count)]
     chosen = sorted(turns)[:wanted]
     on_map = Counter(place for _, place in chosen)
@@ -282,9 +283,9 @@ def share_sites(matches: Sequence[MapMatch], counts: Sequence[int], wanted: int)
 
 
 def nth_site(counts: Sequence[int], turn: int) -> tuple[int, int, int]:
-    """Return the map and the site number ``turn`` where maps take turns, and how often all sites were taken before.
+    """Return the map and site for a turn, if maps take turns, and how often all sites were used before.
 
-    ``counts``: how many sites each map holds. All first sites come before all second ones, as in :func:`share_sites`.
+    ``counts`` are the sites per map. All first sites come before all second ones, as in :func:`share_sites`.
     """
     lap, left = divmod(turn, sum(counts))
     done = 0
@@ -301,32 +302,32 @@ async def maps_for(spec: GenerationSpec, context: WorkflowContext, entries: Sequ
     """Return the maps that a call uses.
 
     Raises:
-        InvalidRequest: no map shows what was asked for, here or on the net; or several places have the name.
-        ServiceFailure: the net would have to be asked, and cannot be.
+        InvalidRequest: no local or downloadable map matches, or several places have the name.
+        ServiceFailure: a network service is needed and not available.
     """
-    beside = [entry for entry in entries if entry.facts.source is None or entry.facts.source.beside]
+    local = [entry for entry in entries if entry.facts.source is None or entry.facts.source.beside]
     online = context.services.online
     if spec.source != "online":
         if online.mode == "offline" or spec.source == "local":
             return plan_maps(spec, entries)
         try:
-            return plan_maps(spec, beside, Closeness.HEARD)
+            return plan_maps(spec, local, Closeness.HEARD)
         except UnknownName as refusal:
             if refusal.reason != NOT_SHOWN or not _names_somewhere(spec):
                 raise
             return await _fetched_or_at_hand(spec, context, entries, refusal)
     if online.mode == "offline":
         raise NotPossible(
-            "source=online asks for a map from the net, and maps_online is offline",
-            next_step="leave source out, or have maps_online set to online at the server's start",
+            "source=online needs a download, but maps_online is offline",
+            next_step="leave source out, or set maps_online to online at the server's start",
         )
     if not _names_somewhere(spec):
-        raise InvalidRequest("source=online needs a place, a country or a bbox", next_step="name one")
+        raise InvalidRequest("source=online needs a place, a country or a bbox", next_step="give one")
     return await _fetched(spec, context, await _located(spec, context))
 
 
 def _names_somewhere(spec: GenerationSpec) -> bool:
-    """Return whether a call names a place on earth: the id of a map or a file is none."""
+    """Return whether a call refers to a real place; the id of a map or a file does not."""
     if spec.place is not None:
         return not spec.place.startswith("map_") and not is_map(Path(spec.place))
     return spec.bbox is not None or spec.country is not None
@@ -335,10 +336,10 @@ def _names_somewhere(spec: GenerationSpec) -> bool:
 async def _fetched_or_at_hand(
     spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry], refusal: UnknownName
 ) -> GenerationPlan:
-    """A fetched map; where the net cannot be asked, one that was fetched for another request and shows the place.
+    """Return a downloaded map or, without network access, one downloaded for another request that contains the place.
 
-    Where the net does not know the words, or cannot be asked, they may be a part of what a map at hand shows.
-    ``refusal``: why no map at hand is used.
+    If the network services do not know the words or are not available, they may be part of a local map's content.
+    ``refusal`` is the reason why no local map matches.
     """
     is_located = False
     try:
@@ -358,14 +359,14 @@ async def _fetched_or_at_hand(
         except InvalidRequest:
             half_typed = _half_typed(spec, entries)
             if half_typed is None:
-                raise _told_with(failure, refusal, None if is_located else spec.place) from failure
+                raise _failure_with(failure, refusal, None if is_located else spec.place) from failure
             return half_typed
-        note = f"{failure.message.rstrip('.')}; a map that was fetched for another request is used"
+        note = f"{failure.message.rstrip('.')}; a map downloaded for another request is used"
         return GenerationPlan(plan.matches, (*plan.notes, note))
 
 
 def _half_typed(spec: GenerationSpec, entries: Sequence[MapEntry]) -> GenerationPlan | None:
-    """Return a plan for the maps that the user added and that the words are a part of; None if there are none."""
+    """Return a plan for the user's maps with names that contain the words; None without one."""
     try:
         return plan_maps(spec, [entry for entry in entries if entry.facts.source is None])
     except (UnknownName, NotPossible):
@@ -373,7 +374,7 @@ def _half_typed(spec: GenerationSpec, entries: Sequence[MapEntry]) -> Generation
 
 
 def _is_called_so(facts: MapFacts, place: str | None) -> bool:
-    """Whether a fetched map shows what was asked for by its very names: one that is only called like it is another."""
+    """Return whether a downloaded map has exactly the requested name; a similar name means another place."""
     if facts.source is None or place is None:
         return facts.source is not None
     names = {fold(name) for name in (facts.place, *facts.source.place.split(","), *facts.streets, *facts.refs)}
@@ -381,22 +382,23 @@ def _is_called_so(facts: MapFacts, place: str | None) -> bool:
 
 
 def _with_names_at_hand(unknown: UnknownName, refusal: UnknownName) -> UnknownName:
-    """Return what the net does not know either: with the names at hand that are like it."""
-    told = unknown if unknown.valid else refusal
+    """Return the refusal of an unknown place, with similar local names."""
+    source = unknown if unknown.valid else refusal
     return UnknownName(
         unknown.message,
-        valid=told.valid,
-        next_step=told.next_step,
+        valid=source.valid,
+        next_step=source.next_step,
         reason=unknown.reason,
         remedies=(*unknown.remedies, *refusal.remedies),
     )
 
 
-def _told_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: str | None) -> PlannerForgeError:
-    """Return the failure of the net behind what is at hand; ``unlocated``: the words that could not be looked up.
+def _failure_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: str | None) -> PlannerForgeError:
+    """Return a failure of the network services together with the local refusal.
 
-    Where the net must not be asked, the refusal is what counts; likewise where GeoNames does not know the place that
-    could not be looked up, because asking again later would hardly find it.
+    ``unlocated`` is the text that could not be looked up. The refusal counts if network access is not allowed, and also
+    if
+    GeoNames does not know the place, because a later attempt would hardly find it.
     """
     if isinstance(failure, NotPossible):
         message = f"{refusal.message.rstrip('.')}; {failure.message}"
@@ -405,7 +407,7 @@ def _told_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: str 
         )
     if unlocated is not None and not any(settlements_called(part) for part in place_parts(unlocated)):
         message = (
-            f"{refusal.message.rstrip('.')}, GeoNames knows no settlement of 5,000 inhabitants of that name, "
+            f"{refusal.message.rstrip('.')}, GeoNames has no settlement of 5,000 inhabitants with that name, "
             f"and a smaller one could not be looked up: {failure.message}"
         )
         return UnknownName(
@@ -413,32 +415,30 @@ def _told_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: str 
         )
     message = (
         f"{refusal.message.rstrip('.')}, and {failure.message.rstrip('.')}; "
-        "until it can, only the maps at hand are searched, and their nearest names are listed"
+        "until then, only local maps are searched; these are their nearest names"
     )
     return ServiceFailure(
         message,
         valid=refusal.valid,
-        next_step=f"{refusal.next_step}; where the place itself is meant, call again when the service can be reached",
+        next_step=f"{refusal.next_step}; if you need exactly this place, call again when the service is available",
         reason=failure.reason,
         remedies=refusal.remedies,
     )
 
 
 async def _located(spec: GenerationSpec, context: WorkflowContext) -> NamedPlace | None:
-    """Return the place that a request means, looked up on the net; None if its box says all."""
+    """Return the place of a request, looked up on the network; None if its box is enough."""
     code = spec.country_code
     words = spec.place or (country_name(code) if code is not None and spec.bbox is None else None)
     return None if words is None else await find_place(context, words, code)
 
 
 async def _fetched(spec: GenerationSpec, context: WorkflowContext, place: NamedPlace | None) -> GenerationPlan:
-    """Return a plan for the map that is fetched for the request."""
+    """Return a plan for the map that is downloaded for the request."""
     box = spec.bbox
     if box is not None and place is not None and not _overlap(place.box, box):
         raise UnknownName(
-            f"{cited(place.label)} does not lie in the box {list(box)}",
-            next_step="leave place or bbox out",
-            reason=NOT_SHOWN,
+            f"{cited(place.label)} is not in the box {list(box)}", next_step="leave place or bbox out", reason=NOT_SHOWN
         )
     entries, notes = await fetch_maps(
         context,
@@ -453,17 +453,17 @@ async def _fetched(spec: GenerationSpec, context: WorkflowContext, place: NamedP
             count=spec.count,
         ),
     )
-    asked = spec.place if box is None else None
-    matches = [match_fetched(entry, place, asked) for entry in entries]
+    requested = spec.place if box is None else None
+    matches = [match_fetched(entry, place, requested) for entry in entries]
     plan = plan_matches(spec.model_copy(update={"bbox": None}), matches)
     return GenerationPlan(plan.matches, (*plan.notes, *notes))
 
 
 @dataclass(frozen=True)
 class MapChoice:
-    """The maps that a request is looked up on, in the words that are left of it, and notes for the answer.
+    """The maps to search, the remaining words of the request, and notes for the answer.
 
-    ``failures``: of extracts that might show it too, but could not be read.
+    ``failures`` are those of extracts that might match too, but could not be read.
     """
 
     spec: GenerationSpec
@@ -478,7 +478,7 @@ class MapChoice:
         return (*([self.note] if self.note else []), *left_out)
 
     def with_failures(self, refusal: PlannerForgeError) -> PlannerForgeError:
-        """Why nothing was found: where an extract could not be read, that it might have been there."""
+        """Return a refusal that mentions an unreadable extract, because it might contain the place."""
         if not self.failures:
             return refusal
         first = self.failures[0]
@@ -486,13 +486,13 @@ class MapChoice:
 
 
 async def with_cuts(spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry]) -> MapChoice:
-    """The maps for a request; where no map shows what it means but an extract does, the part that is cut out of it.
+    """Return the maps for a request, or the matching part of an extract if no map matches.
 
-    Without a place, a country or a box, extracts are not looked at. One whose index is gone or damaged is left out, and
-    the notes say so; one that the request names is refused then.
+    Extracts are searched only for a place, a country or a box. One without a readable index is left out with a note, or
+    refused if the request names it.
 
     Raises:
-        ResourceFailure: the index of the extract that is named cannot be read.
+        ResourceFailure: the index of the requested extract cannot be read.
     """
     whole = [entry for entry in entries if entry.facts.extract is None]
     if spec.source == "online":
@@ -501,9 +501,9 @@ async def with_cuts(spec: GenerationSpec, context: WorkflowContext, entries: Seq
     earlier = _named_cut(spec, context)
     if earlier is not None:
         return MapChoice(spec, (earlier,))
-    named = [entry for entry in extracts if _is_named(entry.facts, spec.place)]
+    requested = [entry for entry in extracts if _is_named(entry.facts, spec.place)]
     failures: list[ResourceFailure] = []
-    for entry in named or _fitting(spec, whole, extracts):
+    for entry in requested or _fitting(spec, whole, extracts):
         with context.workspace.scratch() as folder:
             request = CutExtractRequest(
                 index=str(extract_index(context, entry.facts.map_id)),
@@ -517,7 +517,7 @@ async def with_cuts(spec: GenerationSpec, context: WorkflowContext, entries: Seq
             try:
                 cut = await context.run(CUT_EXTRACT, request, share=(0.0, 0.2))
             except ResourceFailure as failure:
-                if named:
+                if requested:
                     raise
                 failures.append(failure)
                 continue
@@ -527,7 +527,7 @@ async def with_cuts(spec: GenerationSpec, context: WorkflowContext, entries: Seq
 
 
 def _named_cut(spec: GenerationSpec, context: WorkflowContext) -> MapEntry | None:
-    """Return the part of an extract that was asked for by its id."""
+    """Return the part of an extract that was requested by its id."""
     artifact = context.workspace.find("map", spec.place) if spec.place is not None else None
     return None if artifact is None or not artifact.read(MapFacts).cut_of else map_entry(context, artifact)
 
@@ -540,7 +540,7 @@ def _is_named(facts: MapFacts, place: str | None) -> bool:
 
 
 def _fitting(spec: GenerationSpec, whole: Sequence[MapEntry], extracts: Sequence[MapEntry]) -> list[MapEntry]:
-    """Return the extracts that may show what no other map does: those of the country and the box."""
+    """Return the extracts that may match if no other map does: those of the country and the box."""
     if not extracts or (spec.place, spec.country, spec.bbox) == (None, None, None):
         return []
     try:
@@ -550,7 +550,7 @@ def _fitting(spec: GenerationSpec, whole: Sequence[MapEntry], extracts: Sequence
         if refusal.reason != NOT_SHOWN:
             return []
     except InvalidRequest:
-        return []  # it is told by the plan itself
+        return []  # the plan itself reports it
     else:
         return []
     country, box = spec.country_code, spec.bbox
@@ -571,7 +571,7 @@ def _overlap(one: Box, other: Box) -> bool:
 
 
 def _stored(context: WorkflowContext, cut: CutOfExtract, facts: MapFacts) -> MapEntry:
-    """Return the part as a map, told by its content: cut out again, it is the same."""
+    """Return the part as a map with an id from its content: cut out again, it is the same."""
     path = Path(cut.path)
     arguments = {"content": content_digest(path), "extract": facts.cut_of, "place": facts.place}
     recipe = Recipe(tool="cut_extract", arguments=arguments | {"country": facts.country})
@@ -587,11 +587,16 @@ def _stored(context: WorkflowContext, cut: CutOfExtract, facts: MapFacts) -> Map
 def _chosen(
     spec: GenerationSpec, entry: MapEntry, cut: CutOfExtract, extract: MapFacts, failures: Sequence[ResourceFailure]
 ) -> MapChoice:
-    """Return the part alone, with the words that name roads on it and the box in which its roads are whole."""
-    asked = spec.bbox
+    """Return only this part, with the words that refer to its roads and the box with complete roads."""
+    requested = spec.bbox
     core = cut.core
-    if asked is not None:
-        core = max(asked[0], core[0]), max(asked[1], core[1]), min(asked[2], core[2]), min(asked[3], core[3])
+    if requested is not None:
+        core = (
+            max(requested[0], core[0]),
+            max(requested[1], core[1]),
+            min(requested[2], core[2]),
+            min(requested[3], core[3]),
+        )
     narrowed = spec.model_copy(update={"place": cut.words or None, "bbox": core})
     if entry.facts.country is not None:
         narrowed = narrowed.model_copy(update={"country": None, "country_code": None})

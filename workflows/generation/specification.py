@@ -1,7 +1,7 @@
-"""The words of a call for scenarios, read once into a :class:`GenerationSpec`.
+"""Parse the words of a call for scenarios into a :class:`GenerationSpec`.
 
-That is the door: what stands behind it gets typed values and reads no words. Conditions (``time=rush_hour``,
-``weather=snow``) make some of them: a density, classes of vehicles, counted flows.
+The code behind this module gets typed values and parses no words. Conditions (``time=rush_hour``, ``weather=snow``)
+set some of them: a density, classes of vehicles, counted flows.
 """
 
 import re
@@ -61,30 +61,30 @@ from ...schemas.vocabulary import MANOEUVRES
 from .flow_tables import NAMING
 
 MOST_VEHICLES = 300
-"""A site of a few hundred metres holds fewer; more would only make the caller wait for the refusal."""
+"""A site of a few hundred metres has room for fewer. More would only delay the refusal."""
 MOST_PEOPLE = 100
-"""Pedestrians at a site (chosen): the pavements near a junction hold hardly more."""
+"""The maximum number of pedestrians at a site (chosen): pavements near a junction have hardly room for more."""
 _TIMES = {"night": "02:30", "morning_rush": "07:30", "morning": "09:30", "noon": "12:30", "day": "11:30"}
 _TIMES |= {"afternoon": "14:30", "rush_hour": "17:30", "evening_rush": "17:30", "evening": "20:30"}
-"""Times that words stand for: the middle of an hour."""
+"""The times of day for words: the middle of an hour."""
 _GOODS = ("truck", "trailer")
-"""The share of these classes changes with the hour as that of goods vehicles does."""
+"""The share of these classes changes over the day like that of goods vehicles."""
 _KEYS = ("time", "weather", "drivers", "mix", "others", "counts", "od", "trips")
 _FIELDS = {"mix": "natural_mix"}
 MOST_FLOWS = 2_000
 MOST_PER_H = 20_000
-"""More vehicles in an hour than any road carries."""
+"""No road carries more vehicles per hour."""
 
 
 def read_specification(arguments: GenerateScenariosArguments) -> GenerationSpec:
-    """Read what a call asks for; all that is wrong with its words is told at once.
+    """Parse a call, and report all of its faults at once.
 
     Args:
-        arguments: the call, the content of its tables in the place of their names.
+        arguments: the call, with the content of its tables instead of their names.
 
     Raises:
-        UnknownName: a class of vehicles or roads, or a condition, that does not exist.
-        InvalidRequest: a goal, an ego, a box, a condition, or numbers of vehicles that cannot be meant.
+        UnknownName: an unknown class of vehicles or roads, or an unknown condition.
+        InvalidRequest: an invalid goal, ego, box, condition, or number of vehicles.
     """
     faults = Faults()
     read = _ReadConditions()
@@ -128,13 +128,13 @@ def read_specification(arguments: GenerateScenariosArguments) -> GenerationSpec:
 
 
 def _code_of(country: str | None) -> str | None:
-    """Return the country's code, however the caller spelled it."""
+    """Return the country's code for any spelling."""
     return None if country is None else country_code(country) or country.upper()
 
 
 @dataclass(frozen=True)
 class _ReadConditions:
-    """Conditions as they act, None if absent; a manoeuvre of another road user; what is told of them."""
+    """Parsed conditions (None if absent), another road user's manoeuvre, and notes for the answer."""
 
     conditions: TrafficConditions | None = None
     notes: tuple[str, ...] = ()
@@ -145,7 +145,7 @@ def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
     """Return the conditions of a call.
 
     Raises:
-        InvalidRequest: an unknown condition or value, or one twice; all faults at once.
+        InvalidRequest: an unknown or repeated condition or value; all faults at once.
     """
     faults, read = Faults(), dict[str, object]()
     notes: list[str] = []
@@ -153,7 +153,7 @@ def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
         with faults.collecting():
             key, value = _parted(text)
             if key in read:
-                raise InvalidRequest(f"{key} stands twice in conditions", next_step="name every condition once")
+                raise InvalidRequest(f"{key} occurs twice in conditions", next_step="give every condition once")
             read[key], note = _READERS[key](value)
             notes += [note] if note else []
     faults.raise_all()
@@ -169,7 +169,7 @@ def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
         conditions = conditions.model_copy(update={"per_lane_km": per_lane_km})
         notes.append(
             f"{conditions.time}: {per_lane_km:g} vehicles per lane-km (medium at noon, other hours by their share of a "
-            f"working day, {SHARES_OF_DAY_SOURCE}); density wins where it is given"
+            f"working day, {SHARES_OF_DAY_SOURCE}); a given density overrides it"
         )
     return _ReadConditions(conditions, tuple(notes), others)
 
@@ -177,12 +177,12 @@ def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
 def with_natural_mix(
     demands: tuple[VehicleDemand, ...], conditions: TrafficConditions | None
 ) -> tuple[VehicleDemand, ...]:
-    """Return the demands with the classes of natural traffic, where that was asked for, at their share of the hour."""
+    """Return the demands and, if requested, the classes of natural traffic with their share of the hour."""
     if conditions is None:
         return demands
-    named = {demand.vehicle_class for demand in demands}
+    given = {demand.vehicle_class for demand in demands}
     if conditions.natural_mix:
-        more = [VehicleDemand(vehicle_class=n, share=s) for n, s in NATURAL_SHARES.items() if n not in named]
+        more = [VehicleDemand(vehicle_class=n, share=s) for n, s in NATURAL_SHARES.items() if n not in given]
         demands = (*demands, *more)
     factor = 1.0 if conditions.hour is None else heavy_factor(conditions.hour)
     return tuple(
@@ -196,7 +196,7 @@ def with_natural_mix(
 
 
 def circumstances_of(conditions: TrafficConditions | None) -> tuple[str, ...]:
-    """Return what a catalogue calls the time and the weather of conditions."""
+    """Return the catalogue's terms for the time and weather of conditions."""
     if conditions is None:
         return ()
     weather = () if conditions.weather is None else (conditions.weather,)
@@ -208,7 +208,7 @@ def _parted(text: str) -> tuple[str, str]:
     key = key.lower()
     if not mark or key not in _KEYS:
         raise UnknownName(
-            f"conditions {text!r}: {key or 'nothing'} is no condition",
+            f"conditions {text!r}: {key or 'the empty text'} is not a condition",
             valid=[f"{known}=…" for known in closest(key, _KEYS)],
             remedies=misspelt(key, _KEYS),
             next_step="give conditions such as time=rush_hour, weather=snow, drivers=aggressive, mix=natural",
@@ -226,7 +226,7 @@ def _time(value: str) -> tuple[str, str]:
     hour = -1 if found is None else int(found[1]) % 12 + 12 * (found[3] == "pm") if found[3] else int(found[1])
     minute = 0 if found is None or found[2] is None else int(found[2])
     if not (0 <= hour < 24 and 0 <= minute < 60):
-        raise InvalidRequest(f"time={value} is no time of day", valid=[*_TIMES, "17:30"], given=value)
+        raise InvalidRequest(f"time={value} is not a time of day", valid=[*_TIMES, "17:30"], given=value)
     return f"{hour:02d}:{minute:02d}", ""
 
 
@@ -241,20 +241,16 @@ def _weather(value: str) -> tuple[Weather, str]:
             remedies=misspelt(value, [*WEATHERS, *WEATHER_WORDS]),
             complete=True,
         )
-    taken = f"{value!r} is taken as {known}" if known != value else ""
+    taken = f"{value!r} means {known}" if known != value else ""
     factor, friction = SPEED_FACTORS.get(known), TrafficConditions(weather=known).friction
-    slower = (
-        "" if factor is None else f"vehicles drive {1 - factor:.1%} slower where they are free ({SPEED_FACTORS_SOURCE})"
-    )
-    held = (
+    slower = "" if factor is None else f"vehicles in free flow drive {1 - factor:.1%} slower ({SPEED_FACTORS_SOURCE})"
+    grip = (
         ""
         if friction is None
-        else f"the roads have a friction of {friction:g}, and no driver brakes harder than tyres hold"
+        else f"the roads have a friction of {friction:g}, and no driver brakes beyond the grip of the tyres"
     )
-    effects = " and ".join(filter(None, (slower, held)))
-    effect = (
-        f"{known}: {effects}" if effects else f"{known} stands in the file; how it changes driving is not known here"
-    )
+    effects = " and ".join(filter(None, (slower, grip)))
+    effect = f"{known}: {effects}" if effects else f"the file states {known}; its effect on driving is not known here"
     return known, "; ".join(part for part in (taken, effect) if part)
 
 
@@ -271,14 +267,14 @@ def _drivers(value: str) -> tuple[str, str]:
                 f"there is no driver preset or published calibration {name!r}",
                 valid=near,
                 remedies=[*misspelt(name, near), calling("describe_catalog", facet="behaviours")],
-                next_step="name one preset, or calibrations joined by +, such as drivers=gb_motorway+m25_gaps",
+                next_step="use one preset, or calibrations joined by +, such as drivers=gb_motorway+m25_gaps",
             )
     read = [published[name] for name in names]
     for one, other in combinations(range(len(read)), 2):
         if both := read[one].parameter_names & read[other].parameter_names:
             raise InvalidRequest(
                 f"drivers={value}: {names[one]} and {names[other]} both set {' and '.join(sorted(both))}",
-                next_step="name one of them",
+                next_step="use only one of them",
             )
     return value, "; ".join(
         f"drivers as {name}: {one.sets} ({one.source})" for name, one in zip(names, read, strict=True)
@@ -287,9 +283,9 @@ def _drivers(value: str) -> tuple[str, str]:
 
 def _mix(value: str) -> tuple[bool, str]:
     if value != "natural":
-        raise InvalidRequest(f"mix={value} cannot be meant", valid=["mix=natural"], given=f"mix={value}")
+        raise InvalidRequest(f"mix={value} is not valid", valid=["mix=natural"], given=f"mix={value}")
     shares = ", ".join(f"{name} {share:.2%}" for name, share in NATURAL_SHARES.items())
-    return True, f"mix: {shares}, one each at least, of goods vehicles as the hour has them ({SHARES_SOURCE})"
+    return True, f"mix: {shares}, at least one each, goods vehicles by the hour ({SHARES_SOURCE})"
 
 
 def _trips(value: str) -> tuple[TripKind, str]:
@@ -300,45 +296,45 @@ def _trips(value: str) -> tuple[TripKind, str]:
 
 
 def _others(value: str) -> tuple[str, str]:
-    """Read a manoeuvre of another road user, and the class that makes it if one is named on either side of it."""
+    """Parse another road user's manoeuvre, and its class if one is given before or after it."""
     word, _, rest = value.partition(":")
     if word not in MANOEUVRES:
-        said = manoeuvres_in(re.sub(r"[_:]", " ", value))
-        word, _, rest = (said[0] if len(said) == 1 else value).partition(":")
+        manoeuvres = manoeuvres_in(re.sub(r"[_:]", " ", value))
+        word, _, rest = (manoeuvres[0] if len(manoeuvres) == 1 else value).partition(":")
     if word in get_args(Turn):
         raise InvalidRequest(
-            f"others={value}: the ego makes this manoeuvre, and no other road user",
+            f"others={value}: only the ego makes this manoeuvre",
             valid=[f"goal=through:{word}"],
-            next_step="ask for it by goal",
+            next_step="request it by goal",
         )
     if word not in MANOEUVRES:
         raise UnknownName(
             f"there is no manoeuvre {word!r} of another road user",
             valid=closest(word, MANOEUVRES) or MANOEUVRES,
-            next_step="name one, such as others=cut_in, or others=cut_in:truck",
+            next_step="use for example others=cut_in, or others=cut_in:truck",
         )
     name = vehicle_class_of(rest) if rest else ""
     if name is None:
         raise UnknownName(f"others={value}: there is no vehicle class {rest!r}", valid=closest(rest, vehicle_classes()))
     if name == PEDESTRIAN.name and word != "crossing":
-        raise InvalidRequest(f"others={value}: a pedestrian does not do that", valid=["others=crossing:pedestrian"])
+        raise InvalidRequest(f"others={value}: a pedestrian cannot do that", valid=["others=crossing:pedestrian"])
     return f"{word}:{name}" if name else word, ""
 
 
 def _counts(value: str) -> tuple[tuple[RoadFlow, ...], str]:
     flows = _flows(value, "counts", "counts=Main Street:600; 4711:250:north (street or OSM way id: vehicles an hour)")
-    return flows, "counts stand in the place of the density; roads without a count carry what turns into them"
+    return flows, "counts replace the density; roads without a count carry the traffic that turns into them"
 
 
 def _origins(value: str) -> tuple[tuple[RoadFlow, ...], str]:
     flows = _flows(value, "od", "od=north>Main Street:300; west>east:120 (road or direction > road or direction)")
-    return flows, "flows from origin to destination stand in the place of the density"
+    return flows, "flows from origin to destination replace the density"
 
 
 def _flows(value: str, key: str, example: str) -> tuple[RoadFlow, ...]:
     parts = [part.strip() for part in value.split(";") if part.strip()]
     if not 0 < len(parts) <= MOST_FLOWS:
-        raise InvalidRequest(f"{key} holds {len(parts):,} flows", valid=[f"1 to {MOST_FLOWS:,}", example])
+        raise InvalidRequest(f"{key} has {len(parts):,} flows", valid=[f"1 to {MOST_FLOWS:,}", example])
     return tuple(_flow(part, key, example) for part in parts)
 
 
@@ -351,25 +347,25 @@ def _flow(text: str, key: str, example: str) -> RoadFlow:
     road, mark, to = ("", "", "") if found is None else (part.strip() for part in found[1].partition(">"))
     direction = "" if found is None else (found[3] or "").lower().replace("-", "").removesuffix("bound")
     if found is None or not road or (key == "od") != bool(mark and to) or (direction and direction not in COMPASS_DEG):
-        raise InvalidRequest(f"{key}: {text!r} is no flow", valid=[example, f"directions: {', '.join(COMPASS_DEG)}"])
+        raise InvalidRequest(f"{key}: {text!r} is not a flow", valid=[example, f"directions: {', '.join(COMPASS_DEG)}"])
     per_h = float(found[2])
     if not 0 < per_h <= MOST_PER_H:
-        raise InvalidRequest(f"{key}: {text!r} has no flow that can be", valid=[f"above 0 to {MOST_PER_H:,} an hour"])
+        raise InvalidRequest(f"{key}: {text!r} is out of range", valid=[f"above 0 to {MOST_PER_H:,} per hour"])
     return RoadFlow(road=road, to=to, per_h=per_h, direction=direction)
 
 
 def read_vehicles(
     texts: list[str], ego: AskedEgo, others: AskedManoeuvre | None
 ) -> tuple[tuple[VehicleDemand, ...], list[str]]:
-    """Read the vehicles of a call, with the classes of its ego and of whoever makes a manoeuvre; and what words meant.
+    """Parse the vehicles of a call, including the classes of its ego and actor, with notes on their words.
 
     Raises:
         UnknownName: a vehicle class that does not exist.
-        InvalidRequest: numbers of vehicles that cannot be meant.
+        InvalidRequest: invalid numbers of vehicles.
     """
     in_our_words = [_in_our_words(text) for text in texts]
     demands = _vehicle_demands(texts, [words for words, _ in in_our_words])
-    demands = _with_the_ego_s_class(_with_the_actor_s_class(demands, others), ego)
+    demands = _with_ego_class(_with_actor_class(demands, others), ego)
     _check_classes(demands, texts)
     return demands, [taken for _, taken in in_our_words if taken]
 
@@ -388,51 +384,54 @@ def _check_classes(demands: Sequence[VehicleDemand], texts: Sequence[str]) -> No
 
 
 def _without_class(name: str, texts: Sequence[str]) -> list[Remedy]:
-    """Return the call without the vehicles of a class; no remedy if ``vehicles`` does not name it."""
+    """Return the call without the vehicles of a class; no remedy if ``vehicles`` does not contain it."""
     others = [text for text in texts if not re.search(rf"\b{re.escape(name)}\b", text)]
     return [] if len(others) == len(texts) else [with_values(vehicles=others or None)]
 
 
 def _vehicle_demands(texts: list[str], in_our_words: Iterable[str]) -> tuple[VehicleDemand, ...]:
-    """Return the demands, in the words of the call for refusals of all of them together."""
+    """Return the demands; refusals repeat the words of the call."""
     demands = tuple(_vehicle_demand(text) for text in in_our_words)
-    asked = sum(demand.needed for demand in demands)
+    requested = sum(demand.needed for demand in demands)
     on_foot = sum(demand.needed for demand in demands if demand.vehicle_class == PEDESTRIAN.name)
     if on_foot > MOST_PEOPLE:
-        raise InvalidRequest(f"vehicles ask for {on_foot:,} pedestrians at one site", valid=[f"at most {MOST_PEOPLE}"])
-    if asked > MOST_VEHICLES:
+        raise InvalidRequest(f"vehicles requests {on_foot:,} pedestrians at one site", valid=[f"at most {MOST_PEOPLE}"])
+    if requested > MOST_VEHICLES:
         raise InvalidRequest(
-            f"vehicles ask for {asked:,} vehicles on one site",
+            f"vehicles requests {requested:,} vehicles at one site",
             valid=[f"at most {MOST_VEHICLES} in all classes together"],
             remedies=_with_fewer(texts, demands),
         )
     shared = sum(demand.share or 0.0 for demand in demands)
     if shared > 1:
         raise InvalidRequest(
-            f"vehicles {texts} share out {shared:.0%} of the traffic",
+            f"the shares in vehicles {texts} add up to {shared:.0%}",
             valid=["shares of at most 100% in all; cars are the rest"],
             next_step="lower the shares, or give numbers, such as taxi=3",
         )
     often = sorted(name for name, times in Counter(d.vehicle_class for d in demands).items() if times > 1)
     if often:
         raise InvalidRequest(
-            f"vehicles {texts} name {' and '.join(often)} more than once",
+            f"vehicles {texts} contains {' and '.join(often)} more than once",
             valid=["truck", "truck=2", "car=4..4", "bicycle=0"],
-            next_step="name every class once, with the number of all its vehicles",
+            next_step="give every class once, with its total number",
         )
     return demands
 
 
 def _with_fewer(texts: Sequence[str], demands: Sequence[VehicleDemand]) -> list[Remedy]:
-    """Return the call with as many vehicles of the most frequent class as the other classes leave room for, if any."""
+    """Return the call with fewer vehicles of the most frequent class, if the others leave room for any."""
     most = max(range(len(demands)), key=lambda index: demands[index].needed)
     room = MOST_VEHICLES - sum(demand.needed for index, demand in enumerate(demands) if index != most)
     return [instead(texts[most], f"{demands[most].vehicle_class}={room}")] if room > 0 else []
 
 
 def _vehicle_demand(text: str) -> VehicleDemand:
-    """``truck``: its share of traffic; ``truck=2``: a least number; ``car=4..4``: bounds on both sides; ``bicycle=0``:
-    none at all; ``taxi=30%``: a share of all vehicles.
+    """Parse one demand for vehicles.
+
+    ``truck`` means its share of traffic, ``truck=2`` a minimum, ``car=4..4`` both bounds, ``bicycle=0`` no bicycles,
+    and
+    ``taxi=30%`` a share of all vehicles.
     """
     if (shared := re.fullmatch(r"\s*([a-z_]+)\s*=\s*(\d{1,3}(?:\.\d+)?)\s*%\s*", text)) is not None:
         return _shared_demand(text, shared[1], float(shared[2]) / 100)
@@ -447,7 +446,7 @@ def _vehicle_demand(text: str) -> VehicleDemand:
     most = None if high is None or at_least else round(high)
     if demand.value is not None or demand.scope is not None or least < 0 or (most is not None and most < least):
         raise InvalidRequest(
-            f"vehicles {text!r} cannot be meant",
+            f"vehicles {text!r} is not valid",
             valid=["truck", "truck=2", "car=4..4", "bicycle=0"],
             remedies=[instead(text, demand.name if demand.value or not low else f"{demand.name}={abs(round(low))}")],
         )
@@ -455,14 +454,14 @@ def _vehicle_demand(text: str) -> VehicleDemand:
 
 
 def _bare_demand(name: str) -> VehicleDemand:
-    """A class without a number: as many as its natural share of traffic comes to; cars fill up the traffic anyway."""
+    """Return a class without a number: its natural share of traffic. Cars fill up the traffic anyway."""
     return VehicleDemand(vehicle_class=name, share=None if name == "car" else NATURAL_SHARES.get(name, 0.0))
 
 
 def _shared_demand(text: str, name: str, share: float) -> VehicleDemand:
     if name == "car" or share > 1:
         raise InvalidRequest(
-            f"vehicles {text!r} cannot be meant",
+            f"vehicles {text!r} is not valid",
             valid=["taxi=30%: at most 100%, of any class but car; cars are the rest"],
             remedies=[instead(text, name if name == "car" else f"{name}=100%")],
         )
@@ -475,45 +474,43 @@ def _ego(text: str) -> AskedEgo:
     return AskedEgo.of(text if known is None else f"type:{known}")
 
 
-def _with_the_ego_s_class(demands: tuple[VehicleDemand, ...], ego: AskedEgo) -> tuple[VehicleDemand, ...]:
-    """Return the demands with the class that was asked for as ego, if that is no car: it is among the others too."""
+def _with_ego_class(demands: tuple[VehicleDemand, ...], ego: AskedEgo) -> tuple[VehicleDemand, ...]:
+    """Return the demands with the ego's class, if it is not a car, because others have it too."""
     name = ego.asked_class
     if name in (None, "car") or any(demand.vehicle_class == name for demand in demands):
         return demands
     return *demands, _bare_demand(name)
 
 
-def _with_the_actor_s_class(
-    demands: tuple[VehicleDemand, ...], others: AskedManoeuvre | None
-) -> tuple[VehicleDemand, ...]:
-    """Return the demands with the class that has to make a manoeuvre, if it is named and they do not name it.
+def _with_actor_class(demands: tuple[VehicleDemand, ...], others: AskedManoeuvre | None) -> tuple[VehicleDemand, ...]:
+    """Return the demands with the class of a manoeuvre's actor, if it is given and missing from them.
 
     Raises:
-        InvalidRequest: vehicles exclude the class.
+        InvalidRequest: vehicles excludes the class.
     """
     name = None if others is None else others.vehicle_class
-    asked = next((demand for demand in demands if demand.vehicle_class == name), None)
-    if asked is not None and asked.most == 0:
+    demand_of_class = next((demand for demand in demands if demand.vehicle_class == name), None)
+    if demand_of_class is not None and demand_of_class.most == 0:
         raise InvalidRequest(
             f"others={others} needs a {name}, but vehicles excludes it", next_step=f"leave {name}=0 out of vehicles"
         )
-    return demands if name in (None, "car") or asked is not None else (*demands, _bare_demand(name))
+    return demands if name in (None, "car") or demand_of_class is not None else (*demands, _bare_demand(name))
 
 
 def _in_our_words(text: str) -> tuple[str, str]:
-    """Return a demand with the class that its word means, and what was taken for what; empty if nothing was."""
+    """Return a demand with our word for its class, and a note if the word was replaced."""
     found = re.fullmatch(r"(\s*!?\s*)([^\W\d][^<>=!]*?)(\s*(?:[<>=].*)?)", text, re.DOTALL)
     name = None if found is None else vehicle_class_of(found[2])
     if found is None or name is None or name == found[2]:
         return text, ""
-    return f"{found[1]}{name}{found[3]}", f"{found[2].strip()!r} is taken as {name}"
+    return f"{found[1]}{name}{found[3]}", f"{found[2].strip()!r} means {name}"
 
 
 def _box(bbox: list[float] | None) -> Box | None:
-    """Return the box of the arguments, checked.
+    """Return the checked box of the arguments.
 
     Raises:
-        InvalidRequest: it is none.
+        InvalidRequest: it is not a box.
     """
     if bbox is None:
         return None
@@ -523,7 +520,7 @@ def _box(bbox: list[float] | None) -> Box | None:
     if not (-90 <= south < north <= 90 and -180 <= west < east <= 180):
         ordered = [min(south, north), min(west, east), max(south, north), max(west, east)]
         raise InvalidRequest(
-            f"bbox {bbox} is no box",
+            f"bbox {bbox} is not a box",
             valid=["[south, west, north, east] in degrees, south < north"],
             remedies=[with_values(bbox=ordered)],
         )
