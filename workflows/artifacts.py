@@ -23,7 +23,7 @@ from ..schemas.text import counted
 from .context import WorkflowContext
 from .operations import SUCCESS_RATES
 from .paging import check_offset
-from .results import lineages, run_record, told_apart
+from .results import lineages, run_record, with_versions
 
 _NEXT = {
     "running": "call get_job again with the same job_id",
@@ -70,7 +70,7 @@ async def _summaries(batches: Sequence[BatchRecord], context: WorkflowContext) -
     """
     run_ids = dict.fromkeys(run_id for batch in batches for run_id in batch.runs)
     stored = (context.workspace.find("run", run_id) for run_id in run_ids)
-    known = {record.run_id: record for record in told_apart(run_record(run) for run in stored if run is not None)}
+    known = {record.run_id: record for record in with_versions(run_record(run) for run in stored if run is not None)}
     there = [[known[run_id] for run_id in batch.runs if run_id in known] for batch in batches]
     roots = {one.scenario_id: one.root for one in lineages((run.scenario_id for run in known.values()), context)}
     groups = [_by_config(runs) for runs in there]

@@ -1,6 +1,6 @@
-"""Writing files, pictures and reports into a folder of the user's.
+"""Write files, pictures and reports into a folder of the user.
 
-Stored files are copied; solution files, tables, pictures and the report are made for the export.
+Stored files are copied. Solution files, tables, pictures and the report are created for the export.
 """
 
 from collections.abc import Mapping, Sequence
@@ -52,18 +52,18 @@ from .rendering import draw, make_view, named_artifact
 from .results import driven_by, run_sources, scenario_sources
 
 _FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "goal_late", "goal_early", "goal_refused")
-"""Outcomes whose run a report shows first, whatever the order: any of them is a failure of the planner."""
+"""Outcomes that a report shows first: all of them are failures of the planner."""
 
 
 async def export_artifacts(arguments: ExportArtifactsArguments, context: WorkflowContext) -> ExportArtifactsResult:
-    """Write what was asked for; every name is checked before the first file is written."""
+    """Write the requested files; every name is checked before the first file is written."""
     folder = context.allowed_path(arguments.folder)
-    named, faults = list[Artifact](), Faults()
+    chosen, faults = list[Artifact](), Faults()
     for word in dict.fromkeys(arguments.ids):
         with faults.collecting():
-            named.append(named_artifact(word, context))
+            chosen.append(named_artifact(word, context))
     faults.raise_all()
-    artifacts = list({(artifact.kind, artifact.artifact_id): artifact for artifact in named}.values())
+    artifacts = list({(artifact.kind, artifact.artifact_id): artifact for artifact in chosen}.values())
     planned = plan_exports(context.workspace, artifacts, arguments.formats, folder)
     report = folder / REPORT_NAME if "html" in arguments.formats else None
     views = (
@@ -123,7 +123,7 @@ async def _compute(context: WorkflowContext, export: Export, target: Path) -> No
     """Have a worker write the file of an export to ``target``.
 
     Raises:
-        UnknownName: the export's run, configuration or scenario is not in the workspace any more.
+        UnknownName: the export's run, configuration or scenario is no longer in the workspace.
     """
     if export.format == "solution":
         await context.run(WRITE_SOLUTION, _solution(context, export, target))
@@ -134,7 +134,7 @@ async def _compute(context: WorkflowContext, export: Export, target: Path) -> No
 
 
 async def _compute_foreign(context: WorkflowContext, export: Export, target: Path) -> ForeignExport:
-    """Have a worker write a scenario in another tool's format; OpenSCENARIO names the OpenDRIVE file beside it."""
+    """Have a worker write a scenario in another tool's format; OpenSCENARIO refers to its OpenDRIVE file."""
     scenario = context.workspace.file("scenario", export.artifact.artifact_id, "scenario.xml")
     roads = f"{export.artifact.artifact_id}.xodr"
     request = ForeignExportRequest(scenario_path=str(scenario), target_path=str(target), roads=roads)
@@ -179,7 +179,7 @@ def _table(context: WorkflowContext, export: Export, target: Path) -> RunTableRe
 async def _write_report(
     context: WorkflowContext, artifacts: Sequence[Artifact], path: Path, views: Mapping[str, Path]
 ) -> list[ExportedFile]:
-    """Return one page on scenarios and batches, in their order, and the view of each beside it.
+    """Write one page on scenarios and batches, in their order, with the view of each next to it.
 
     Raises:
         InvalidRequest: an artifact that a report cannot show.
@@ -205,9 +205,9 @@ async def _write_report(
         await context.progress(0.9 * (number + 1) / len(artifacts), f"report on {artifact.artifact_id}")
     request = ReportRequest(
         title="PlannerForge report",
-        introduction="What was made, run and found; every figure was computed from the artifacts named with it.",
+        introduction="Scenarios, runs and findings. Every figure was computed from the artifacts listed with it.",
         sections=tuple(sections),
-        footer="Made by PlannerForge MCP.",
+        footer="Created by PlannerForge MCP.",
         path=str(path),
     )
     await context.run(WRITE_REPORT, request)
@@ -217,54 +217,54 @@ async def _write_report(
 
 async def _scenario(context: WorkflowContext, artifact: Artifact) -> ReportSection:
     base = [parent for parent in artifact.recipe.parents if context.workspace.find("scenario", parent) is not None]
-    beside = [*base[:1], artifact.artifact_id]
-    drawn = await draw(context, "picture", scenario_ids=beside)
-    caption = f"{beside[0]} before and {beside[1]} after the edits" if len(beside) == 2 else artifact.artifact_id
+    shown = [*base[:1], artifact.artifact_id]
+    drawn = await draw(context, "picture", scenario_ids=shown)
+    caption = f"{shown[0]} before and {shown[1]} after the edits" if len(shown) == 2 else artifact.artifact_id
     images = [report_image(image, caption) for image in drawn.images]
     return scenario_section(artifact.read(ScenarioRecord), artifact.recipe, images)
 
 
 async def _batch(context: WorkflowContext, artifact: Artifact) -> list[ReportSection]:
-    """In short, what came out in pictures, the comparison, the findings, one run in detail, all runs."""
+    """Return the sections of a batch: pictures, comparison, findings, one run in detail, all runs."""
     batch = artifact.read(BatchRecord)
     runs = run_sources(batch.runs, context)
     listed = batch_section(batch, [run.record for run in runs])
     if not runs:
         return [listed]
-    named = [artifact.artifact_id]
-    whole = await analyze_results(AnalyzeResultsArguments(results=named, breakdown="config"), context)
-    found = await analyze_results(AnalyzeResultsArguments(results=named, detail="findings"), context)
+    ids = [artifact.artifact_id]
+    whole = await analyze_results(AnalyzeResultsArguments(results=ids, breakdown="config"), context)
+    found = await analyze_results(AnalyzeResultsArguments(results=ids, detail="findings"), context)
     compared = None
     if len(batch.configs) > 1:
-        compared = await compare_results(CompareResultsArguments(results=named), context)
+        compared = await compare_results(CompareResultsArguments(results=ids), context)
     names = {run.record.config_id: driven_by(run.record) for run in runs}
     overview = overview_section(batch, names, whole, compared)
     sections = [await _illustrated(overview, context, batch.runs, "overview")]
     if compared is not None:
         sections.append(await _illustrated(comparison_section(compared), context, batch.runs, "comparison"))
     sections.append(await _illustrated(analysis_section(found), context, batch.runs, "findings"))
-    ruled = await analyze_results(AnalyzeResultsArguments(results=named, detail="rules"), context)
+    ruled = await analyze_results(AnalyzeResultsArguments(results=ids, detail="rules"), context)
     sections += [rules_section(ruled)] if ruled.rule_shares else []
     shown = _telling(runs, whole)
     together = [run.record.run_id for run in runs if run.record.scenario_id == shown.scenario_id]
     looked_at = await analyze_results(AnalyzeResultsArguments(results=[shown.run_id]), context)
-    told = run_section(shown, looked_at, await _measures(context, shown))
-    detail = await _illustrated(told, context, [shown.run_id], "one_run")
+    section = run_section(shown, looked_at, await _measures(context, shown))
+    detail = await _illustrated(section, context, [shown.run_id], "one_run")
     return [*sections, await _illustrated(detail, context, together, "same_scenario"), listed]
 
 
 async def _measures(context: WorkflowContext, record: RunRecord) -> Sequence[MeasuredValue]:
-    """Return what was measured of a run; nothing of one that could not be attempted."""
+    """Return the measures of a run, or nothing if it could not be attempted."""
     if record.outcome == "invalid":
         return ()
-    asked = AnalyzeResultsArguments(results=[record.run_id], detail="measures")
-    return (await analyze_results(asked, context)).measures
+    call = AnalyzeResultsArguments(results=[record.run_id], detail="measures")
+    return (await analyze_results(call, context)).measures
 
 
 async def _illustrated(
     section: ReportSection, context: WorkflowContext, run_ids: Sequence[str], part: ReportPart
 ) -> ReportSection:
-    """The section with the part's pictures of these runs; one that they have nothing for is named with the reason."""
+    """Return the section with the part's pictures of these runs, and the reasons for missing pictures."""
     images, absent = list(section.images), list[str]()
     captions = {kind: picture.caption for kind, picture in REPORT_PICTURES.items() if picture.part == part}
     for kind, caption in captions.items():
@@ -273,13 +273,13 @@ async def _illustrated(
         except NotPossible as error:
             absent.append(f"No picture of {kind}: {error}.")
             continue
-        told = "".join(f"; {note}" for note in made.notes)
-        images += [report_image(image, f"{caption}{told}") for image in made.images]
+        notes = "".join(f"; {note}" for note in made.notes)
+        images += [report_image(image, f"{caption}{notes}") for image in made.images]
     return section.model_copy(update={"images": tuple(images), "text": (*section.text, *absent)})
 
 
 def _telling(runs: Sequence[RunSource], whole: AnalyzeResultsResult) -> RunRecord:
-    """Return the run that is shown: the first failure that a reference driver prevents, else the first one."""
+    """Return the run to show: the first failure that a reference driver prevents, otherwise the first failure."""
     records = [run.record for run in runs]
     hopeless = whole.causes.not_preventable if whole.causes is not None else ()
     failed = [record for record in records if record.outcome in _FAILURES]

@@ -1,6 +1,6 @@
-"""Taking in the user's files.
+"""Import the user's files.
 
-Many files are a job: it goes on when the call has answered, and the same call takes up what a crash left.
+Many files are a job. It continues after the call's answer, and the same call resumes after a crash.
 """
 
 import logging
@@ -40,11 +40,11 @@ from .scenario_storage import import_scenarios
 logger = logging.getLogger(__name__)
 _ImportKind = Literal["scenario", "map", "config"]
 _SHOWN = 20
-"""Items that an answer lists; its model says so."""
+"""How many items an answer lists, as its model states."""
 _REPORT_EVERY_S = 0.5
-"""How often the progress of an import is reported; chosen."""
+"""How often the progress of an import is reported (chosen)."""
 WAIT_S = 45.0
-"""The call answers after this time at most; chosen to be less than clients wait."""
+"""The call answers after this time at most (chosen to be shorter than clients wait)."""
 _SUFFIXES: dict[str, _ImportKind] = {
     **dict.fromkeys(MAP_ENDINGS, "map"),
     ".xml": "scenario",
@@ -52,16 +52,16 @@ _SUFFIXES: dict[str, _ImportKind] = {
     ".yml": "config",
 }
 _PACKED_ENDINGS = (".xml.gz", ".xml.bz2")
-"""Endings of compressed XML files; the content tells whether they can be imported."""
+"""Extensions of compressed XML files. The content shows whether they can be imported."""
 _MOST_FILES = 5000
-"""Chosen; the call lists all of them before it begins."""
+"""The maximum number of files of a call (chosen), which are listed before the import starts."""
 MOST_IN_THE_CALL = 100
-"""More files are a job: they may take longer than a client waits for an answer."""
+"""More files are a job, because they may take longer than a client waits."""
 
 
 @dataclass
 class _Tally:
-    """What has become of the files until now."""
+    """The results for the files so far."""
 
     total: int
     items: list[ImportedItem] = field(default_factory=list)
@@ -70,7 +70,7 @@ class _Tally:
     jobs: list[Job] = field(default_factory=list)
 
     def note(self, path: Path, outcome: ImportedItem | Job | PlannerForgeError) -> None:
-        """Count a file that is done with, or is read by a job of its own."""
+        """Count a file that is finished, or that has its own job."""
         if isinstance(outcome, Job) and not outcome.ended:
             self.jobs.append(outcome)
         elif isinstance(outcome, Job):
@@ -78,18 +78,20 @@ class _Tally:
         elif isinstance(outcome, ImportedItem):
             self.items.append(outcome)
         else:
-            if isinstance(outcome, UnexpectedFailure) and self.total > 1:  # of a single file it is the call's error
+            if (
+                isinstance(outcome, UnexpectedFailure) and self.total > 1
+            ):  # for a single file it is the error of the call
                 logger.error("incident %s:\n%s", outcome.incident, outcome.details)
             self.failures.append(outcome)
             self.refusals.append(RefusedItem(file=one_line(path.name), reason=outcome.text))
 
     @property
     def done(self) -> int:
-        """Files that are done with."""
+        """The number of finished files."""
         return len(self.items) + len(self.refusals) + len(self.jobs)
 
     def result(self, job_id: str = "", state: JobState = "done") -> ImportFilesResult:
-        """Return the answer for what is done."""
+        """Return the answer for the finished files."""
         reused = sum(1 for item in self.items if item.reused)
         return ImportFilesResult(
             added=len(self.items) - reused,
@@ -103,7 +105,7 @@ class _Tally:
 
 
 async def import_files(arguments: ImportFilesArguments, context: WorkflowContext) -> ImportFilesResult:
-    """Take in a file, or every fitting file below a folder; what is refused is reported, the rest goes in."""
+    """Import a file, or every matching file below a folder; refused files are reported, the rest is imported."""
     open_catalogue(context.workspace, with_starter=context.services.with_starter)
     files = _files(context, arguments)
     known = {"country": _country(arguments, files), "name": one_line(arguments.name) if arguments.name else None}
@@ -111,8 +113,8 @@ async def import_files(arguments: ImportFilesArguments, context: WorkflowContext
     if len(files) > MOST_IN_THE_CALL:
         return await _import_as_job(context, arguments, files)
     tally = _Tally(len(files))
-    await _take_in(context, files, arguments, tally, context.progress)
-    passed_over = _passed_over(context, arguments, files)
+    await _import_all(context, files, arguments, tally, context.progress)
+    passed_over = _skipped_kinds(context, arguments, files)
     if len(files) == 1 and tally.failures and not passed_over:
         raise tally.failures[0]
     result = _with_running(tally)
@@ -121,20 +123,18 @@ async def import_files(arguments: ImportFilesArguments, context: WorkflowContext
 
 
 def _with_running(tally: _Tally) -> ImportFilesResult:
-    """Return the answer, with the job that still reads a large extract: the last one of several."""
+    """Return the answer with the job that still reads a large extract: the last one of several."""
     if not tally.jobs:
         return tally.result()
     job = tally.jobs[-1]
-    more = f"; so are {len(tally.jobs) - 1} more" if len(tally.jobs) > 1 else ""
-    note = (
-        f"too large to be read at once, the extract is read into tiles ({job.share:.0%} done) and then is a map{more}"
-    )
+    more = f"; the same for {len(tally.jobs) - 1} more" if len(tally.jobs) > 1 else ""
+    note = f"the extract is large: a job splits it into tiles ({job.share:.0%} done), then it is a map{more}"
     return tally.result(job.job_id, "running").model_copy(update={"note": note})
 
 
 def _country(arguments: ImportFilesArguments, files: Sequence[tuple[Path, _ImportKind]]) -> str | None:
     if arguments.country is not None and all(kind != "map" for _, kind in files):
-        raise InvalidRequest("country is for maps, and there is none among these files", next_step="leave country out")
+        raise InvalidRequest("country is only for maps, and these files contain no map", next_step="leave country out")
     return known_country(arguments.country)
 
 
@@ -142,21 +142,21 @@ def _files(context: WorkflowContext, arguments: ImportFilesArguments) -> list[tu
     try:
         path = context.allowed_path(arguments.path)
     except OutsideRoots as error:
-        called_so = _paths_called_so(Path(arguments.path).name, context)
+        called_so = _paths_with_name(Path(arguments.path).name, context)
         raise error.also(*(with_values(path=str(one)) for one in called_so)) from error.__cause__
     if not path.exists():
-        near = closest(path.name, _names_beside(path, context)) if path.name else []
+        near = closest(path.name, _names_in_folder(path, context)) if path.name else []
         raise InvalidRequest(
             f"{quoted(arguments.path)} does not exist",
             valid=near,
-            next_step="name a file or folder that does",
+            next_step="use an existing file or folder",
             remedies=misspelt(path.name, near),
-        ).also(*(with_values(path=str(one)) for one in _paths_called_so(path.name, context)))
+        ).also(*(with_values(path=str(one)) for one in _paths_with_name(path.name, context)))
     if path.is_file():
         if not os.access(path, os.R_OK):
             raise InvalidRequest(
-                f"{quoted(arguments.path)} may not be read by the user that the server runs as",
-                next_step="let this user read it, or name another file",
+                f"{quoted(arguments.path)} is not readable for the server's user",
+                next_step="make it readable for this user, or use another file",
             )
         return [(path, _kind(path, arguments.kind))]
     wanted = [suffix for suffix, kind in _SUFFIXES.items() if arguments.kind in ("auto", kind)]
@@ -165,26 +165,26 @@ def _files(context: WorkflowContext, arguments: ImportFilesArguments) -> list[tu
     paths = [entry for entry in paths if is_utf8(str(entry)) and not context.workspace.owns(entry)]
     paths = [entry for entry in paths if os.access(entry, os.R_OK)]
     paths = [entry for entry in paths if entry.name.lower().endswith(tuple(wanted)) or root_element(entry) is not None]
-    if arguments.kind != "map":  # networks lie beside scenarios; they are taken in where maps are asked for
+    if arguments.kind != "map":  # networks often are next to scenarios; they are imported only if maps are requested
         paths = [entry for entry in paths if not is_net(entry)]
     if arguments.kind != "auto":
         paths = [entry for entry in paths if _kind_of(entry, arguments.kind) == arguments.kind]
     if not paths:
-        passed_over = _passed_over(context, arguments, ())
+        passed_over = _skipped_kinds(context, arguments, ())
         raise InvalidRequest(
-            f"{quoted(arguments.path)} holds no file to import{f'; {passed_over}' if passed_over else ''}",
+            f"{quoted(arguments.path)} contains no file to import{f'; {passed_over}' if passed_over else ''}",
             valid=[f"*{end}" for end in wanted],
         )
     if len(paths) > _MOST_FILES:
         raise InvalidRequest(
-            f"{quoted(arguments.path)} holds {len(paths):,} files; at most {_MOST_FILES:,} are taken in by one call",
+            f"{quoted(arguments.path)} contains {len(paths):,} files, but one call imports at most {_MOST_FILES:,}",
             next_step="import its subfolders one by one",
         )
     return [(entry, _kind(entry, arguments.kind)) for entry in paths]
 
 
-def _paths_called_so(name: str, context: WorkflowContext) -> list[Path]:
-    """The paths of a name below the folders that may be used, the shortest first; empty if they cannot be read."""
+def _paths_with_name(name: str, context: WorkflowContext) -> list[Path]:
+    """Return paths with this name below the allowed folders, the shortest first; empty if unreadable."""
     found = list[Path]()
     try:
         for root in context.limits.roots:
@@ -201,21 +201,21 @@ def _paths_called_so(name: str, context: WorkflowContext) -> list[Path]:
 
 
 _MOST_CALLED_SO = 3
-"""Files of a name that a refusal proposes (chosen)."""
+"""How many files with a name a refusal proposes (chosen)."""
 
 
-def _names_beside(path: Path, context: WorkflowContext) -> list[str]:
-    """Names of what lies in the folder of a missing file; empty if the folder may not be used or cannot be read."""
+def _names_in_folder(path: Path, context: WorkflowContext) -> list[str]:
+    """Return names in the folder of a missing file; empty if the folder is not allowed or not readable."""
     try:
         return sorted(entry.name for entry in context.allowed_path(str(path.parent)).iterdir() if is_utf8(entry.name))
     except (OSError, InvalidRequest):
         return []
 
 
-def _passed_over(
+def _skipped_kinds(
     context: WorkflowContext, arguments: ImportFilesArguments, files: Sequence[tuple[Path, _ImportKind]]
 ) -> str:
-    """Return how many files below a folder are of no kind that was asked for, by their endings; empty without any."""
+    """Return how many files below a folder are of other kinds, by extension; empty without any."""
     path = context.allowed_path(arguments.path)
     if path.is_file():
         return ""
@@ -227,7 +227,7 @@ def _passed_over(
     shown = ", ".join(f"{ending} {count}" for ending, count in kinds.most_common(_KINDS_SHOWN))
     more = f", other kinds {sum(kinds.values()) - sum(count for _, count in kinds.most_common(_KINDS_SHOWN))}"
     protobuf = f"; {_PROTOBUF}" if kinds[PROTOBUF_ENDING] else ""
-    return f"passed over: {shown}{more if len(kinds) > _KINDS_SHOWN else ''}{protobuf}"
+    return f"skipped: {shown}{more if len(kinds) > _KINDS_SHOWN else ''}{protobuf}"
 
 
 def _kind_in_words(path: Path) -> str:
@@ -239,10 +239,10 @@ def _kind_in_words(path: Path) -> str:
 
 
 _KINDS_SHOWN, _LONGEST_ENDING, _MOST_COUNTED = 6, 12, 50_000
-"""Kinds of files that are named, characters of an ending, files that are looked at (chosen)."""
+"""Limits for the kinds of files listed, characters of an extension, and files examined (chosen)."""
 PROTOBUF_ENDING = ".pb"
 _PROTOBUF = (
-    "CommonRoad's protobuf format (.pb) is not read, because only its XML can be checked before a library reads it: "
+    "CommonRoad's protobuf format (.pb) is not supported, because only XML can be checked before a library reads it; "
     "convert it with commonroad-io (CommonRoadFileReader, CommonRoadFileWriter)"
 )
 
@@ -253,7 +253,7 @@ def _kind(path: Path, wanted: str) -> _ImportKind:
     known = _kind_of(path, wanted)
     if known is None:
         raise InvalidRequest(
-            f"{shown_name(path.name)} is of no kind that can be imported", valid=[f"*{end}" for end in _SUFFIXES]
+            f"{shown_name(path.name)} is not of a supported kind", valid=[f"*{end}" for end in _SUFFIXES]
         )
     if wanted not in ("auto", known):
         raise InvalidRequest(
@@ -263,7 +263,7 @@ def _kind(path: Path, wanted: str) -> _ImportKind:
 
 
 def _kind_of(path: Path, wanted: str) -> _ImportKind | None:
-    """Return what a file is, by its content where that tells, else by its name; None for what cannot be imported."""
+    """Return the kind of a file, by its content if possible, otherwise by its name; None if unsupported."""
     root = root_element(path)
     if root == "commonRoad":  # as a map it is a road network, to be filled with other traffic
         return "map" if wanted == "map" else "scenario"
@@ -278,15 +278,15 @@ def _kind_of(path: Path, wanted: str) -> _ImportKind | None:
 async def _import_as_job(
     context: WorkflowContext, arguments: ImportFilesArguments, files: Sequence[tuple[Path, _ImportKind]]
 ) -> ImportFilesResult:
-    """Start the import, or join the one that runs, and answer with what is done after 45 s at most."""
+    """Start the import, or join a running one, and answer with what is done after 45 s at most."""
     tally = _Tally(len(files))
 
     async def work(progress: JobProgress) -> None:
         async def report(share: float, message: str) -> None:
             progress.report(share, message)
 
-        own_call = WorkflowContext(context.services)  # the one that started the job may have been answered already
-        await _take_in(own_call, files, arguments, tally, report)
+        own_call = WorkflowContext(context.services)  # the call that started the job may have been answered already
+        await _import_all(own_call, files, arguments, tally, report)
         progress.report(1.0, tally.result().to_line())
 
     resolved = {"path": str(context.allowed_path(arguments.path))}
@@ -295,18 +295,18 @@ async def _import_as_job(
     context.made("job", job.job_id)
     job = await context.wait_for(job.job_id, WAIT_S)
     result = tally.result(job.job_id, job.state)
-    notes = (job.error or ("" if tally.done else job.message), _passed_over(context, arguments, files))
+    notes = (job.error or ("" if tally.done else job.message), _skipped_kinds(context, arguments, files))
     return result.model_copy(update={"note": "; ".join(note for note in notes if note)})
 
 
-async def _take_in(
+async def _import_all(
     context: WorkflowContext,
     files: Sequence[tuple[Path, _ImportKind]],
     arguments: ImportFilesArguments,
     tally: _Tally,
     report: OnProgress,
 ) -> None:
-    """Import the files; the share done is reported every half second."""
+    """Import the files, and report the share done every half second."""
 
     def note(path: Path, item: ImportedItem | Job | PlannerForgeError) -> None:
         tally.note(path, item)

@@ -1,4 +1,4 @@
-"""The maps that a call may use: those of the package, of the user's map folders, and the imported ones."""
+"""The maps of a call: those of the package, of the user's map folders, and the imported ones."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,24 +32,23 @@ from .extracts import KnownAs, extract_index, map_recipe, start_indexing, told_o
 from .operations import CONVERT_MAP, CONVERT_ROADS, READ_MAP
 
 _MOST_FILES, _MOST_MAPS = 200, 1000
-"""Files that are read of one map folder, and imported maps that are known; chosen."""
+"""How many files of a map folder are read, and how many imported maps are known (chosen)."""
 _SHOWN_NOTES = 3
-"""Notes on files that were left out; chosen to keep answers short."""
+"""How many notes on skipped files an answer shows (chosen)."""
 
 
 @dataclass(frozen=True)
 class MapInventory:
-    """Maps with what they show, and notes on what in the map folders cannot be used, a sentence each."""
+    """Maps with their content, and notes on unusable files in the map folders, one sentence each."""
 
     entries: tuple[MapEntry, ...]
     notes: tuple[str, ...]
 
 
 async def maps_at_hand(context: WorkflowContext) -> MapInventory:
-    """Return all maps; files in the map folders that are new or changed are read and kept first.
+    """Return all maps, after reading and storing new and changed files of the map folders.
 
-    A file that cannot be used is left out and named in a note. Imported maps come first, newest first; then the
-    package's own.
+    A file that cannot be used is skipped with a note. Imported maps come first, newest first, then the package's.
     """
     seen = SeenFiles(context.workspace.database)
     notes = [note for folder in context.services.map_folders for note in await _taken_in(context, seen, folder)]
@@ -58,9 +57,9 @@ async def maps_at_hand(context: WorkflowContext) -> MapInventory:
 
 
 async def _amend_old(context: WorkflowContext) -> list[str]:
-    """Read anew what an older program kept of maps: it knew fewer names, and counted sites that cannot be built.
+    """Read maps again that an older program stored: it knew fewer names, and counted sites that cannot be built.
 
-    Returns notes on maps that cannot be read any more.
+    Returns notes on maps that can no longer be read.
     """
     notes = []
     for artifact in context.workspace.newest(kind="map", limit=_MOST_MAPS):
@@ -71,7 +70,7 @@ async def _amend_old(context: WorkflowContext) -> list[str]:
             request = ReadMapRequest(path=str(map_entry(context, artifact).path), map_id=facts.map_id)
             read = await context.run(READ_MAP, request)
         except (UnknownName, UnsafeInput, WorkerFailure, UnexpectedFailure) as error:
-            notes.append(f"what an older version knew of a stored map is used: {error.message}")
+            notes.append(f"an older version's facts of a stored map are used: {error.message}")
             continue
         names = {
             "places": tuple(dict.fromkeys((*facts.places[:1], *read.places))),
@@ -85,7 +84,7 @@ async def _amend_old(context: WorkflowContext) -> list[str]:
 
 
 def maps_seen(context: WorkflowContext) -> MapInventory:
-    """Return all maps that are known already, without reading a file; a note counts those that are not."""
+    """Return all known maps without reading a file; a note counts unread ones."""
     seen = SeenFiles(context.workspace.database)
     notes: list[str] = []
     unread = 0
@@ -110,12 +109,12 @@ def _together(context: WorkflowContext, notes: list[str]) -> MapInventory:
         if not entry.facts.cut_of:
             imported.append(entry)
     more = len(notes) - _SHOWN_NOTES
-    shown = notes if more <= 0 else [*notes[:_SHOWN_NOTES], f"{more} more map files were left out"]
+    shown = notes if more <= 0 else [*notes[:_SHOWN_NOTES], f"{more} more map files were skipped"]
     return MapInventory((*imported, *built_in_maps()), tuple(shown))
 
 
 def map_entry(context: WorkflowContext, artifact: Artifact) -> MapEntry:
-    """Return a stored map with its file; of an extract of a country, the index of its tiles."""
+    """Return a stored map with its file or, for a country extract, the index of its tiles."""
     facts = artifact.read(MapFacts)
     if facts.extract is not None:
         return MapEntry(facts, extract_index(context, facts.map_id))
@@ -123,7 +122,7 @@ def map_entry(context: WorkflowContext, artifact: Artifact) -> MapEntry:
 
 
 def _files(folder: Path) -> tuple[list[Path], list[str]]:
-    """Return the map files of a folder, and notes on what is wrong with the folder."""
+    """Return the map files of a folder, and notes on problems with the folder."""
     try:
         found = sorted(entry for entry in folder.iterdir() if is_map(entry) and entry.is_file())
     except OSError as error:
@@ -132,10 +131,10 @@ def _files(folder: Path) -> tuple[list[Path], list[str]]:
     notes = []
     if len(paths) < len(found):
         unnamed = counted(len(found) - len(paths), "file")
-        notes.append(f"{unnamed} of the map folder {shown_name(folder.name)} left out: the names are not UTF-8")
+        notes.append(f"{unnamed} of the map folder {shown_name(folder.name)} skipped: their names are not UTF-8")
     if len(paths) > _MOST_FILES:
         surplus = counted(len(paths) - _MOST_FILES, "file")
-        notes.append(f"{surplus} of the map folder {shown_name(folder.name)} left out: {_MOST_FILES} are read")
+        notes.append(f"{surplus} of the map folder {shown_name(folder.name)} skipped: only {_MOST_FILES} are read")
     return paths[:_MOST_FILES], notes
 
 
@@ -144,7 +143,7 @@ def _left_out(path: Path, file: SeenFile) -> str:
 
 
 async def _taken_in(context: WorkflowContext, seen: SeenFiles, folder: Path) -> list[str]:
-    """Take the maps of a folder in; returns notes on what was left out, or is not there yet."""
+    """Import the maps of a folder; return notes on skipped and unfinished ones."""
     paths, notes = _files(folder)
     for path in paths:
         try:
@@ -153,7 +152,7 @@ async def _taken_in(context: WorkflowContext, seen: SeenFiles, folder: Path) -> 
             file = SeenFile("", error.strerror or str(error))
         if isinstance(file, Job):
             notes.append(
-                f"the map {shown_name(path.name)} is still read into tiles: {file.job_id}, {file.share:.0%} done"
+                f"the map {shown_name(path.name)} is still being split into tiles: {file.job_id}, {file.share:.0%} done"
             )
         elif file.refusal:
             notes.append(_left_out(path, file))
@@ -161,7 +160,7 @@ async def _taken_in(context: WorkflowContext, seen: SeenFiles, folder: Path) -> 
 
 
 async def _read(context: WorkflowContext, seen: SeenFiles, path: Path) -> SeenFile | Job:
-    """Return what becomes of a file, or the job that reads it."""
+    """Return the result for a file, or the job that reads it."""
     try:
         imported = await import_map(context, path, None)
         if isinstance(imported, Job) and not imported.ended:
@@ -177,10 +176,11 @@ async def _read(context: WorkflowContext, seen: SeenFiles, path: Path) -> SeenFi
 async def import_map(
     context: WorkflowContext, path: Path, name: str | None, country: str | None = None, *, wait_s: float = 0.0
 ) -> ImportedItem | Job:
-    """Store a map, unpacked, with what it shows; name and country (ISO alpha-3) win over what the file says.
+    """Store a map, unpacked, with its content. A given name and country (ISO alpha-3) override the file's.
 
-    A binary extract that is too large to be read at once is read into tiles by a job, which is waited for; where it
-    has not come to its end by then, or failed, it is what comes back.
+    A job splits a binary extract that is too large to read at once into tiles. The call waits for it, and returns the
+    job
+    if it has not finished by then or failed.
     """
     known = KnownAs(name, country)
     if is_large(path):
@@ -213,7 +213,7 @@ def _item(path: Path, artifact: Artifact, lost: tuple[str, ...] = (), *, reused:
         or "no sites"
     )
     size = f"; {told_of(facts)}" if facts.extract is not None else ""
-    left_out = f"; lost on the way: {'; '.join(lost)}" if lost else ""
+    left_out = f"; lost in the conversion: {'; '.join(lost)}" if lost else ""
     where = f"{cited(facts.place)} ({facts.country or 'country unknown'})"
     return ImportedItem(
         file=one_line(path.name),
@@ -225,10 +225,10 @@ def _item(path: Path, artifact: Artifact, lost: tuple[str, ...] = (), *, reused:
 
 
 async def map_of_scenario(context: WorkflowContext, word: str) -> str | None:
-    """The id of the map that a scenario's road network is, kept when it is first asked for; None for other words.
+    """Return the id of the map from a scenario's road network, created at first use; None for other words.
 
     Raises:
-        UnsafeInput: no vehicle can drive on the lanelets of the scenario.
+        UnsafeInput: a vehicle cannot drive on the lanelets of the scenario.
     """
     if context.workspace.find("scenario", word) is None:
         return None
@@ -254,9 +254,9 @@ def known_country(text: str | None) -> str | None:
 
 
 async def _plain(context: WorkflowContext, path: Path, folder: Path) -> tuple[Path | None, tuple[str, ...]]:
-    """Return the map itself, unpacked or converted into the folder, and what is lost of it, in words.
+    """Return the map, unpacked or converted into the folder, and what the conversion lost, in words.
 
-    None if it is more than is read at once.
+    The map is None if it is too large to read at once.
     """
     if is_binary(path):
         converted = await context.run(CONVERT_MAP, ConvertMapRequest(path=str(path), folder=str(folder)))

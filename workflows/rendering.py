@@ -1,4 +1,4 @@
-"""Pictures, and views in motion; what was made of the same artifacts before is not made again."""
+"""Draw pictures and views in motion. What was drawn of the same artifacts before is reused."""
 
 import hashlib
 import shutil
@@ -43,16 +43,16 @@ from .results import (
 )
 
 FOLDER = "pictures"
-"""The folder of the drawn pictures in the workspace."""
+"""The folder of pictures in the workspace."""
 VIEWS = "views"
 """The folder of the data of views in the workspace."""
 MOST_PANES = 2
-"""Scenarios or runs side by side in a player (chosen)."""
+"""How many scenarios or runs a player shows side by side (chosen)."""
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """Pictures that were made, and the ids that a view shows together; no ids if no view shows them."""
+    """The drawn pictures, and the ids that a view shows together; empty if no view shows them."""
 
     made: Rendered
     viewed: tuple[str, ...] = ()
@@ -62,12 +62,12 @@ async def render(arguments: RenderArguments, context: WorkflowContext) -> Drawin
     """Draw scenarios, runs, batches or a study.
 
     Raises:
-        UnknownName: nothing has one of these ids.
+        UnknownName: an unknown id.
         InvalidRequest: an artifact that cannot be drawn.
-        NotPossible: the kind of picture needs what these artifacts do not have.
+        NotPossible: the kind of picture needs data that these artifacts do not have.
     """
     study = _study(arguments.ids, context)
-    scenario_ids, run_ids, viewed = ([], [], ()) if study is not None else _meant(arguments.ids, context)
+    scenario_ids, run_ids, viewed = ([], [], ()) if study is not None else _resolved_ids(arguments.ids, context)
     made = await draw(
         context,
         arguments.kind,
@@ -81,20 +81,20 @@ async def render(arguments: RenderArguments, context: WorkflowContext) -> Drawin
 
 
 def _study(words: list[str], context: WorkflowContext) -> StudyRecord | None:
-    """Return the study that is drawn; None if the words mean something else."""
+    """Return the study to draw, or None if the words refer to something else."""
     word = words[0].strip()
     if len(words) > 1 or not word.startswith("study_"):
         return None
     return context.workspace.get(word, "study").read(StudyRecord)
 
 
-def _meant(words: list[str], context: WorkflowContext) -> tuple[list[str], list[str], tuple[str, ...]]:
+def _resolved_ids(words: list[str], context: WorkflowContext) -> tuple[list[str], list[str], tuple[str, ...]]:
     """Return scenario ids, run ids, and the ids that a view shows together."""
-    scenarios, runs, named, faults = list[str](), list[str](), list[Artifact](), Faults()
+    scenarios, runs, artifacts, faults = list[str](), list[str](), list[Artifact](), Faults()
     for word in words:
         with faults.collecting():
             artifact = named_artifact(word, context)
-            named.append(artifact)
+            artifacts.append(artifact)
             if artifact.kind == "scenario":
                 scenarios.append(artifact.artifact_id)
             elif artifact.kind in ("run", "batch"):
@@ -106,24 +106,24 @@ def _meant(words: list[str], context: WorkflowContext) -> tuple[list[str], list[
                     valid=["scenario", "run", "batch"],
                 )
     faults.raise_all()
-    viewed = named if _view_kind(named) is not None else []
+    viewed = artifacts if _view_kind(artifacts) is not None else []
     return scenarios, runs, tuple(artifact.artifact_id for artifact in viewed)
 
 
 def named_artifact(word: str, context: WorkflowContext) -> Artifact:
-    """Return the artifact with this id, or of a word for what the client made last (docs/answers.md).
+    """Return the artifact with this id, or the one for a word such as ``latest`` (docs/answers.md).
 
-    ``latest`` is the last scenario, run or batch; ``current`` the configuration in force.
+    ``latest`` is the last scenario, run or batch; ``current`` is the current configuration.
 
     Raises:
-        UnknownName: nothing of that name, or nothing was made yet.
+        UnknownName: an unknown name, or there is nothing yet.
     """
     open_catalogue(context.workspace, with_starter=context.services.with_starter)
     if word == "latest":
         newest = context.newest("scenario", "run", "batch")
         if newest:
             return newest[0]
-        raise UnknownName("nothing was made yet", next_step="call find_scenarios or generate_scenarios")
+        raise UnknownName("the workspace has no artifact yet", next_step="call find_scenarios or generate_scenarios")
     if word in WORDS:
         return result_named(word, context)
     if word == "latest_scenario":
@@ -143,10 +143,10 @@ async def draw(
     focus: int | None = None,
     study: StudyRecord | None = None,
 ) -> Rendered:
-    """Draw scenarios and runs, or a study; the images lie in the workspace's pictures, named after what they show.
+    """Draw scenarios and runs, or a study, into the workspace's pictures, with names from their content.
 
     Raises:
-        NotPossible: the kind needs what is not there.
+        NotPossible: the kind needs missing data.
         ResourceFailure: the pictures cannot be written.
     """
     runs = run_sources(run_ids, context)
@@ -176,7 +176,7 @@ def _digest(request: RenderRequest) -> str:
 
 
 def _kept(made: Rendered, note: Path) -> Rendered:
-    """Move the images into the workspace, whole; the note that says so comes last."""
+    """Move the complete images into the workspace, and write their note last."""
     images: list[RenderedImage] = []
     for image in made.images:
         source = Path(image.path)
@@ -190,27 +190,27 @@ def _kept(made: Rendered, note: Path) -> Rendered:
 
 @dataclass(frozen=True)
 class MadeView:
-    """A view of artifacts by their ids: what kind it is, and its data as JSON."""
+    """A view of artifacts by their ids: its kind, and its data as JSON."""
 
     ids: tuple[str, ...]
     kind: ViewKind
     data: str
 
     def page(self) -> str:
-        """Return the page that shows it in a browser, the data inside."""
+        """Return the page that shows it in a browser, including the data."""
         return filled_page(self.kind, " | ".join(self.ids), self.data)
 
 
 async def make_view(words: Sequence[str], context: WorkflowContext, *, whole: bool = True) -> MadeView:
-    """The view of some artifacts: a player of a scenario or run, or of two side by side; a board of batches or runs.
+    """Return the view of artifacts: a player of one or two scenarios or runs, or a board of batches or runs.
 
     Args:
-        whole: a board holds what its player shows; without it whoever shows it asks for each run.
+        whole: whether a board includes the data of its player; otherwise the viewer requests each run.
 
     Raises:
         InvalidRequest: artifacts that no view shows, or not together.
-        UnknownName: nothing of that name.
-        NotPossible: the view would be too large, or there is no run in it.
+        UnknownName: an unknown name.
+        NotPossible: the view would be too large, or it has no run.
     """
     faults, artifacts = Faults(), list[Artifact]()
     for word in words:
@@ -224,7 +224,7 @@ async def make_view(words: Sequence[str], context: WorkflowContext, *, whole: bo
 
 
 async def _view_data(request: ViewRequest, kept: Path, context: WorkflowContext) -> str:
-    """Make the data of a view, and keep them, unless something is missing that may be there the next time."""
+    """Compute the data of a view, and store them unless something is missing that may exist later."""
     with context.workspace.scratch() as folder:
         path = folder / "view.json"
         panes = [await _with_plans(pane, folder / f"plans{i}.json", context) for i, pane in enumerate(request.panes)]
@@ -247,7 +247,7 @@ def _view_request(artifacts: Sequence[Artifact], context: WorkflowContext, *, wh
         return ViewRequest(kind="player", title=title, panes=panes, path="")
     if kind is None:
         raise InvalidRequest(
-            f"{title or 'nothing'} is no view",
+            f"{title or 'nothing'} cannot be shown as a view",
             valid=["one scenario or run", "two of them, side by side", "batches and runs, as a board"],
         )
     _, runs = chosen_runs([artifact.artifact_id for artifact in artifacts], context)
@@ -280,7 +280,7 @@ def _pane(artifact: Artifact, context: WorkflowContext) -> ViewPane:
 
 
 async def _with_plans(pane: ViewPane, path: Path, context: WorkflowContext) -> ViewPane:
-    """Return a pane with what the planner of its run had in mind; a note in it where that cannot be had."""
+    """Return a pane with the plans of its run, or with a note why they are missing."""
     if pane.run is None or pane.run.steps_path is None:
         return pane
     record = pane.run.record
@@ -295,7 +295,7 @@ async def _with_plans(pane: ViewPane, path: Path, context: WorkflowContext) -> V
 async def _replayed(
     record: RunRecord, scenario_path: str, steps_path: str, path: Path, context: WorkflowContext
 ) -> Replayed:
-    """Have a run driven once more, and its plans written to ``path``.
+    """Replay a run, and write its plans to ``path``.
 
     Raises:
         PlannerForgeError: its planner or configuration is gone, or a worker failed.
@@ -318,6 +318,6 @@ async def _replayed(
 
 
 def _view_digest(request: ViewRequest) -> str:
-    """Names the data of a view after what they show; another format of the data has another name."""
+    """Return a name for the data of a view from its content and format."""
     content = request.model_dump_json() + repr((VIEW_FORMAT, versions_of("shapely")))
     return hashlib.sha256(content.encode()).hexdigest()[:12]

@@ -1,6 +1,6 @@
-"""Which runs are meant, and what analyses need of them: records, configurations, scenarios, lineage.
+"""Find the runs that a call refers to, and what analyses need: records, configurations, scenarios, lineage.
 
-Results are named by run and batch ids and by words for the newest ones (``WORDS``).
+Results are given by run and batch ids and by words for the latest ones (``WORDS``).
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -46,7 +46,7 @@ WORDS = ("latest", "latest_run", "previous_run", "latest_batch", "previous_batch
 
 @dataclass(frozen=True)
 class ChosenResult:
-    """A run or a batch by its concrete id, with the ids of its runs in order."""
+    """A run or a batch by its id, with the ids of its runs in order."""
 
     result_id: str
     kind: Literal["run", "batch"]
@@ -57,13 +57,13 @@ class ChosenResult:
 def chosen_runs(
     words: Sequence[str], context: WorkflowContext
 ) -> tuple[tuple[ChosenResult, ...], tuple[RunSource, ...]]:
-    """Return the results and all their runs; refused if there is none."""
+    """Return the results and all their runs, or refuse if there are no runs."""
     chosen = choose_results(words, context)
     runs = run_sources((run_id for result in chosen for run_id in result.run_ids), context)
     if not runs:
         errors = [cell.error for result in chosen for cell in result.lost]
         raise NotPossible(
-            f"{', '.join(result.result_id for result in chosen)} holds no run{f': {errors[0]}' if errors else ''}",
+            f"{', '.join(result.result_id for result in chosen)} has no run{f': {errors[0]}' if errors else ''}",
             next_step="call run_planner again",
         )
     return chosen, runs
@@ -73,8 +73,8 @@ def choose_results(words: Sequence[str], context: WorkflowContext) -> tuple[Chos
     """Resolve words and ids, each result once.
 
     Raises:
-        UnknownName: nothing of that name, or no such run or batch yet.
-        InvalidRequest: the id of something that is no result.
+        UnknownName: an unknown name, or no such run or batch yet.
+        InvalidRequest: the id of something that is not a result.
     """
     faults, chosen = Faults(), dict[str, ChosenResult]()
     for word in words:
@@ -88,7 +88,7 @@ def choose_results(words: Sequence[str], context: WorkflowContext) -> tuple[Chos
 
 @contextmanager
 def _proposing_others(others: Sequence[str]) -> Iterator[None]:
-    """A block; if it refuses a name, the refusal proposes the other ones that were given, if there are any."""
+    """If the block refuses a name, propose the other given ones, if there are any."""
     try:
         yield
     except UnknownName as error:
@@ -96,11 +96,11 @@ def _proposing_others(others: Sequence[str]) -> Iterator[None]:
 
 
 def result_named(word: str, context: WorkflowContext) -> Artifact:
-    """Return the run or batch of an id, or of a word for the client's last ones (``WORDS``).
+    """Return the run or batch of an id, or of a word for the client's latest ones (``WORDS``).
 
     Raises:
-        UnknownName: nothing of that name, or no such run or batch yet.
-        InvalidRequest: the id of something that is no result.
+        UnknownName: an unknown name, or no such run or batch yet.
+        InvalidRequest: the id of something that is not a result.
     """
     if word == "latest":
         newest = context.newest("run", "batch")
@@ -122,7 +122,7 @@ def result_named(word: str, context: WorkflowContext) -> Artifact:
         raise InvalidRequest(
             f"'{word}' is a {kind}, not a run or batch",
             valid=[*(one.artifact_id for one in made), *WORDS],
-            next_step="name what run_planner answered with",
+            next_step="use the run or batch id that run_planner gave",
             remedies=[
                 *(instead(word, one.artifact_id, "results") for one in made),
                 *([calling("run_planner", scenarios=[word])] if kind == "scenario" else []),
@@ -139,8 +139,8 @@ def _chosen(artifact: Artifact) -> ChosenResult:
 
 
 def run_sources(run_ids: Iterable[str], context: WorkflowContext) -> tuple[RunSource, ...]:
-    """Return records and step files of runs, each once; versions of one planner are told apart (:func:`told_apart`)."""
-    records = told_apart(run_record(context.workspace.get(run_id, "run")) for run_id in dict.fromkeys(run_ids))
+    """Return records and step files of runs, each once, with planner versions distinguished (:func:`with_versions`)."""
+    records = with_versions(run_record(context.workspace.get(run_id, "run")) for run_id in dict.fromkeys(run_ids))
     sources = []
     for record in records:
         steps = context.workspace.folder("run", record.run_id) / "steps.json"
@@ -150,7 +150,7 @@ def run_sources(run_ids: Iterable[str], context: WorkflowContext) -> tuple[RunSo
 
 
 def run_record(artifact: Artifact) -> RunRecord:
-    """Return the record of a stored run; if it has no planner version, that comes from the run's recipe."""
+    """Return the record of a stored run. A missing planner version comes from the run's recipe."""
     record = _cited_words(artifact.read(RunRecord), artifact.imported)
     if record.planner_source:
         return record
@@ -163,9 +163,9 @@ def run_record(artifact: Artifact) -> RunRecord:
 
 
 def _cited_words(record: RunRecord, imported: bool) -> RunRecord:
-    """Return a record as answers print it: names that are not of the form of names stand in the mark of cited words.
+    """Return a record as answers print it, with names of another form cited.
 
-    What an archive says of how a run ended is the words of its maker, so all of it is cited.
+    An archive's description of how a run ended is its maker's text, so all of it is cited.
     """
     return record.model_copy(
         update={
@@ -179,23 +179,23 @@ def _cited_words(record: RunRecord, imported: bool) -> RunRecord:
 
 
 _LONGEST_REASON = 600
-"""Characters of what an imported run says of its end; chosen: the longest of our own has 400."""
+"""The maximum length of an imported run's outcome text, in characters (chosen: our longest has 400)."""
 
 
 def version_key(planner: str) -> str:
-    """Return a recipe's key for the version of a user's planner; a planner may have the name of a package."""
+    """Return a recipe's key for the version of a user's planner, which may have the name of a package."""
     return f"planner {planner}"
 
 
 _SHORT = 7
-"""Characters of a digest that are shown, as git abbreviates object ids."""
+"""How many characters of a digest are shown, as git abbreviates object ids."""
 
 
-def told_apart(records: Iterable[RunRecord]) -> list[RunRecord]:
-    """Return the records; if a planner drove in several versions, with its version in name and configuration id.
+def with_versions(records: Iterable[RunRecord]) -> list[RunRecord]:
+    """Return the records; for a planner with several versions, with the version in name and configuration id.
 
-    ``mylane:Default`` with ``cfg_1`` becomes ``mylane:Default v2 (d4e5f6a)`` with ``cfg_1@d4e5f6a``: whatever groups
-    runs by configuration keeps the versions apart, and whatever names one names its version.
+    ``mylane:Default`` with ``cfg_1`` becomes ``mylane:Default v2 (d4e5f6a)`` with ``cfg_1@d4e5f6a``. Grouping by
+    configuration then separates the versions, and every printed name shows its version.
     """
     kept = list(records)
     sources: dict[str, set[str]] = {}
@@ -215,7 +215,7 @@ def _versioned(record: RunRecord) -> RunRecord:
 
 
 def driven_by(record: RunRecord) -> str:
-    """Return the name of a run's configuration, for a planner that is not built in with the version that drove."""
+    """Return the name of a run's configuration, with the version if the planner is external."""
     version = record.planner_version
     if record.planner in PLANNERS or not version or version in record.config_name:
         return record.config_name
@@ -235,7 +235,7 @@ def _kept_look(run_id: str, context: WorkflowContext) -> RunLook | None:
 
 
 def keep_look(run_id: str, look: RunLook, context: WorkflowContext) -> None:
-    """Keep a look at a run for later analyses; without room on the disk it is made again."""
+    """Store a look at a run for later analyses. If the disk is full, it is computed again."""
     path = _look_path(run_id, context)
     with context.workspace.scratch() as folder, suppress(OSError):
         made = folder / path.name
@@ -245,7 +245,7 @@ def keep_look(run_id: str, look: RunLook, context: WorkflowContext) -> None:
 
 
 def config_weights(runs: Iterable[RunSource], context: WorkflowContext) -> tuple[ConfigWeights, ...]:
-    """Return the configurations of runs, as far as they are stored."""
+    """Return the stored configurations of runs."""
     weights = []
     for config_id in dict.fromkeys(run.record.config_id for run in runs):
         artifact = context.workspace.find("config", configuration_id(config_id))
@@ -267,7 +267,7 @@ def config_weights(runs: Iterable[RunSource], context: WorkflowContext) -> tuple
 
 
 def _default_weights(planner: str) -> dict[str, float] | None:
-    """Return the weights of a planner's Default; None if it is not installed any more: its results stay readable."""
+    """Return the weights of a planner's Default preset, or None if it is no longer installed."""
     try:
         return dict(preset_configuration(planner).weights)
     except (UnknownName, PlannerFailure):
@@ -283,7 +283,7 @@ def _parameters(planner: str) -> tuple[str, ...]:
 
 
 def _terms(planner: str) -> dict[str, str]:
-    """Return the cost terms that hold weights of other names; empty if the planner is no longer installed."""
+    """Return cost terms that differ in name from their weight; empty if the planner is no longer installed."""
     try:
         return {name: weight.term for name, weight in tuning_of(planner).weights.items() if weight.term}
     except (UnknownName, PlannerFailure):
@@ -291,7 +291,7 @@ def _terms(planner: str) -> dict[str, str]:
 
 
 def scenario_sources(scenario_ids: Iterable[str], context: WorkflowContext) -> tuple[ScenarioSource, ...]:
-    """Files of scenarios, and what is known of how hard they are, each once."""
+    """Return the files of scenarios, and known facts on how hard they are, each once."""
     sources = []
     for scenario_id in dict.fromkeys(scenario_ids):
         artifact = context.workspace.get(scenario_id, "scenario")
@@ -310,7 +310,7 @@ def scenario_sources(scenario_ids: Iterable[str], context: WorkflowContext) -> t
 
 
 def lineages(scenario_ids: Iterable[str], context: WorkflowContext) -> tuple[Lineage, ...]:
-    """Where the edited ones among scenarios come from, each once."""
+    """Return the origin of the edited ones among scenarios, each once."""
     found = []
     for scenario_id in dict.fromkeys(scenario_ids):
         artifact = context.workspace.get(scenario_id, "scenario")

@@ -1,7 +1,7 @@
-"""Runs of a grid: each cell is one scenario's problem under one configuration, run in a worker and stored.
+"""Run the cells of a grid: one scenario's problem with one configuration each, run in a worker and stored.
 
-A grid is a job: it goes on when the call has answered, and ends in a batch artifact. A cell's recipe is claimed while
-it is run, so that batches and servers that overlap make no run twice.
+A grid is a job. It continues after the call's answer and ends in a batch artifact. A cell's recipe is claimed while it
+runs, so that overlapping batches and servers do not run it twice.
 """
 
 import logging
@@ -49,18 +49,19 @@ from .operations import REVIEW_RUNS, RUN_PLANNER
 from .results import run_sources, scenario_sources, version_key
 
 _SHOWN_BEYOND = _SHOWN_TRIGGERS = 3
-"""Runs that a note names (chosen)."""
+"""How many runs a note lists (chosen)."""
 _CLAIM_POLL_S = 0.1
-"""How often a run that another call or server makes is looked at; chosen."""
+"""How often to check for a run that another call or server makes (chosen)."""
 MANY_RUNS = 200
-"""More runs than these are asked about first; chosen: at some seconds a run on two workers, a quarter of an hour."""
+"""The number of runs above which the user is asked (chosen: a quarter of an hour at some seconds per run on two
+workers)."""
 GO_ON, DO_NOT = "go on", "do not"
 logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One run to make: ``problem_id`` None is the first planning problem."""
+    """One run to make. A ``problem_id`` of None means the first planning problem."""
 
     scenario_id: str
     problem_id: int | None
@@ -71,11 +72,11 @@ class Cell:
 
     @property
     def scenario(self) -> str:
-        """The scenario as it is written in a call."""
+        """The scenario as a call writes it."""
         return self.scenario_id if self.problem_id is None else f"{self.scenario_id}#{self.problem_id}"
 
     def recipe(self) -> Recipe:
-        """Return the recipe of the run; its digest names it."""
+        """Return the recipe of the run. Its digest is the run's id."""
         own = planner_version(self.configuration.planner)
         simulator = ["libsumo"] if self.traffic == "reactive" else []
         return Recipe(
@@ -95,13 +96,13 @@ class Cell:
 
     @property
     def own_planner(self) -> str:
-        """What a recipe calls a planner of others."""
+        """The planner's name in recipes if it is external."""
         return version_key(self.configuration.planner)
 
 
 @dataclass(frozen=True)
 class CellResult:
-    """A finished cell: its run, or what went wrong; ``reused`` where the run was stored before."""
+    """A finished cell: its run, or its error; ``reused`` if the run was already stored."""
 
     record: RunRecord | None
     lost: LostCell | None = None
@@ -109,10 +110,10 @@ class CellResult:
 
 
 async def run_cell(context: WorkflowContext, cell: Cell, *, tell_client: bool = False) -> CellResult:
-    """The run of a cell: the stored one if its recipe was made before, or made by another call or server just now.
+    """Return the run of a cell: a stored one, or a new one, possibly from another call or server.
 
     Raises:
-        PlannerForgeError: the scenario cannot be read, or the worker died or ran past its limit.
+        PlannerForgeError: the scenario cannot be read, or the worker died or exceeded its time limit.
     """
     while True:
         result = await _attempt(context, cell, tell_client=tell_client)
@@ -124,10 +125,10 @@ async def run_cell(context: WorkflowContext, cell: Cell, *, tell_client: bool = 
 async def run_grid(
     context: WorkflowContext, cells: Sequence[Cell], on_done: Callable[[CellResult], None]
 ) -> list[CellResult]:
-    """Return all cells, as many at once as there are workers, in the order of the cells.
+    """Return all cells in their order, run with as many at once as there are workers.
 
-    A cell that fails (a broken file, a dead or late worker, a full disk) is lost; the others go on. One that another
-    batch or server makes just now is looked at again later.
+    A cell that fails (a broken file, a dead or late worker, a full disk) is lost, and the others continue. A cell that
+    another batch or server is running is checked again later.
     """
     results: list[CellResult | None] = [None] * len(cells)
     waiting = deque(enumerate(cells))
@@ -160,7 +161,7 @@ async def _isolated(context: WorkflowContext, cell: Cell) -> CellResult | None:
 
 
 async def _attempt(context: WorkflowContext, cell: Cell, *, tell_client: bool) -> CellResult | None:
-    """Return the cell's run; None if another call or server makes it just now."""
+    """Return the cell's run, or None if another call or server is making it."""
     recipe = cell.recipe()
     stored = context.workspace.find_by_recipe("run", recipe)
     if stored is not None:
@@ -168,7 +169,7 @@ async def _attempt(context: WorkflowContext, cell: Cell, *, tell_client: bool) -
     with context.services.claims.claimed(recipe.digest) as is_ours:
         if not is_ours:
             return None
-        stored = context.workspace.find_by_recipe("run", recipe)  # it may have been stored before the claim
+        stored = context.workspace.find_by_recipe("run", recipe)  # another call may have stored it before the claim
         if stored is not None:
             return CellResult(stored.read(RunRecord), reused=True)
         return await _made(context, cell, recipe, tell_client=tell_client)
@@ -208,25 +209,25 @@ async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, tell_cl
 
 
 async def resume_run(run_id: str, time_s: float, planner: str, context: WorkflowContext) -> RunResponse:
-    """Drive on from a moment of a stored run, under another configuration; nothing is stored.
+    """Continue a stored run from one of its times with another configuration; nothing is stored.
 
-    The ego begins as it was driven then; the others follow their recordings.
+    The ego starts in its driven state at that time. The others follow their recordings.
 
     Args:
         run_id: the stored run.
-        time_s: seconds since its beginning.
+        time_s: seconds since its start.
         planner: a configuration by id or name.
-        context: what the run is made with.
+        context: the resources of the workflow.
 
     Raises:
-        UnknownName: there is no such run or configuration.
+        UnknownName: an unknown run or configuration.
         InvalidRequest: the run has no state at this time.
-        NotPossible: its traffic was reactive, so where the others were then is not on their recordings.
+        NotPossible: its traffic was reactive, so the others are not on their recordings at that time.
     """
     record = context.workspace.get(run_id, "run").read(RunRecord)
     if record.traffic == "reactive":
         raise NotPossible(
-            f"{run_id} was driven in reactive traffic, which cannot begin in the middle of a run",
+            f"{run_id} has reactive traffic, which cannot start in the middle of a run",
             next_step="resume a run with traffic recorded",
         )
     steps = RunSteps.model_validate_json(context.workspace.file("run", run_id, "steps.json").read_bytes())
@@ -261,7 +262,7 @@ async def resume_run(run_id: str, time_s: float, planner: str, context: Workflow
 async def run_many(
     context: WorkflowContext, cells: Sequence[Cell], wait_s: float, notes: Sequence[str]
 ) -> RunPlannerResult:
-    """Start the grid, or find what was made of it, and answer with what is finished after ``wait_s``."""
+    """Start the grid, or find its stored batch, and answer with the finished runs after ``wait_s``."""
     recipe = _batch_recipe(cells)
     stored = context.workspace.find_by_recipe("batch", recipe)
     if stored is not None:
@@ -305,29 +306,29 @@ async def run_many(
 
 
 async def _confirm(context: WorkflowContext, runs: int) -> None:
-    """Ask before very many runs; if the client cannot ask, or no answer comes, they are made.
+    """Ask the user before very many runs; if the client cannot ask, or no answer comes, run them.
 
     Raises:
-        NotPossible: the person at the client does not want them.
+        NotPossible: the user declines.
     """
     if runs <= MANY_RUNS:
         return
-    question = f"{runs:,} runs are to be made, which may take long. Go on?"
+    question = f"This makes {runs:,} runs, which may take long. Continue?"
     if await context.ask(Question(question, (GO_ON, DO_NOT))) == DO_NOT:
         raise NotPossible(
-            f"{runs:,} runs were not wanted by the person at the client",
-            next_step="name fewer scenarios or configurations, for instance scenarios ['preset:10']",
+            f"the user declined {runs:,} runs",
+            next_step="use fewer scenarios or configurations, for instance scenarios ['preset:10']",
         )
 
 
 def own_share(finished: Sequence[CellResult], known: int, total: int) -> float:
-    """The share done of what was not known before: runs that are only looked up say nothing about the time left."""
+    """Return the share done of the runs that were not stored before, since stored ones do not predict the rest."""
     reused = sum(result.reused for result in finished)
     return (len(finished) - min(reused, known)) / max(total - known, 1)
 
 
 def _batch_recipe(cells: Sequence[Cell], lost: Sequence[str] = ()) -> Recipe:
-    """Return the recipe of a grid; one with lost cells has another, so that asking again tries them again."""
+    """Return the recipe of a grid. With lost cells it differs, so that a repeated call tries them again."""
     scenarios = list(dict.fromkeys(cell.scenario for cell in cells))
     configs = list(dict.fromkeys(cell.configuration.config_id for cell in cells))
     arguments = {
@@ -346,25 +347,25 @@ def _batch_recipe(cells: Sequence[Cell], lost: Sequence[str] = ()) -> Recipe:
 
 
 def _versions(cells: Sequence[Cell]) -> dict[str, str]:
-    """Return the versions that the runs of a grid depend on, those of all its planners."""
+    """Return the versions that the runs of a grid depend on, including those of all planners."""
     first = {cell.configuration.planner: cell for cell in reversed(cells)}
     return {name: version for cell in first.values() for name, version in cell.recipe().versions.items()}
 
 
 def own_versions(planners: Iterable[str]) -> dict[str, str]:
-    """Return the source digests of the planners that are not built in, as recipes hold them."""
+    """Return the source digests of external planners for recipes."""
     known = {version_key(name): planner_version(name) for name in planners}
     return {name: version for name, version in known.items() if version}
 
 
 def _take_note(context: WorkflowContext, batch: BatchRecord) -> None:
-    """Make a batch and its runs the client's last ones."""
+    """Make a batch and its runs the client's latest ones."""
     context.made("run", *batch.runs)
     context.made("batch", batch.batch_id)
 
 
 def store_batch(context: WorkflowContext, cells: Sequence[Cell], results: Sequence[CellResult]) -> BatchRecord:
-    """Store the finished grid as a batch, its lost cells with it."""
+    """Store the finished grid as a batch, including its lost cells."""
     lost = tuple(result.lost for result in results if result.lost is not None)
     recipe = _batch_recipe(cells, [f"{cell.scenario_id} {cell.config_id}" for cell in lost])
     record = BatchRecord(
@@ -391,7 +392,7 @@ async def answer_of(
     batch_id: str | None,
     notes: Sequence[str],
 ) -> RunPlannerResult:
-    """Return the answer for a finished grid, with the moments of a single run, or of the failures that are listed."""
+    """Return the answer for a finished grid, with the key times of a single run or of the listed failures."""
     records = [result.record for result in results if result.record is not None]
     looked_at = records if len(cells) == 1 else _failures(records)[:LISTED_FAILURES]
     reviews: dict[str, RunReview] = {}
@@ -421,7 +422,7 @@ def answer(
     reviews: Mapping[str, RunReview] = MappingProxyType({}),
     notice: str = "",
 ) -> RunPlannerResult:
-    """Return the answer for a grid; ``results`` are the runs that have finished."""
+    """Return the answer for a grid; ``results`` are the finished runs."""
     records = [result.record for result in results if result.record is not None]
     lost = [result.lost for result in results if result.lost is not None]
     return RunPlannerResult(
@@ -443,22 +444,22 @@ def answer(
 
 
 def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
-    """What could not be done as asked: predictions, reacting traffic, starts without a way along the lane's centre."""
+    """Yield notes on deviations: predictions, reactive traffic, and starts off the lane's centre."""
     if off_the_lanes := [len(record.off_the_lanes) for record in records if record.off_the_lanes]:
         counts = f"{counted(sum(off_the_lanes), 'obstacle')} in {counted(len(off_the_lanes), 'run')}"
-        yield f"lane prediction: {counts} off the lanes: constant velocity there"
+        yield f"lane prediction: {counts} off the lanes, predicted with constant velocity"
     if on_recording := [len(record.on_recording) for record in records if record.on_recording]:
         shown = f"{sum(on_recording)} (in {len(on_recording)} of {len(records)} runs)"
-        yield f"reactive traffic: moving obstacles that followed their recording all the same: {shown}"
+        yield f"reactive traffic: {shown} moving obstacles still followed their recording"
     if len(records) == 1:
         yield from (trigger.in_words() for trigger in records[0].triggers[:_SHOWN_TRIGGERS])
     elif waiting := [record.run_id for record in records if any(one.time_s is None for one in record.triggers)]:
         shown = ", ".join(waiting[:_SHOWN_BEYOND])
-        yield f"a trigger never held (trigger_not_fired) in {len(waiting)} of {len(records)} runs: {shown}"
+        yield f"a trigger never fired (trigger_not_fired) in {len(waiting)} of {len(records)} runs: {shown}"
     if lengths_m := sorted(record.eased_over_m for record in records if record.eased_over_m is not None):
         span = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
-        where = counted(len(lengths_m), "run")
-        yield f"the ego's start allows no way along the lane's centre in {where}: joined within {span}"
+        count = counted(len(lengths_m), "run")
+        yield f"the ego cannot follow the lane's centre from its start in {count}: it joins it within {span}"
     for name in sorted({record.ego_class for record in records} - {"car"}):
         count = sum(record.ego_class == name for record in records)
         known, where = ego_class(name), "" if count == len(records) else f" in {counted(count, 'run')}"
@@ -472,16 +473,16 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
         count = sum(record.friction == friction for record in records)
         where = "" if count == len(records) else f" in {counted(count, 'run')}"
         most = hardest_braking_mps2(friction)
-        yield f"friction {friction:g} of the road{where}: tyres hold {most:.2f} m/s² at most"
+        yield f"road friction {friction:g}{where}: accelerations of at most {most:.2f} m/s²"
     versions = {record.planner: record.planner_version for record in records if record.planner not in PLANNERS}
     for planner, version in versions.items():
-        yield f"{planner} drove in version {version}"
+        yield f"{planner} has version {version}"
     beyond = [(record.run_id, record.beyond_vehicle) for record in records if record.beyond_vehicle]
     if len(records) == 1 and beyond:
         yield excesses_in_words(beyond[0][1])
     elif beyond:
         shown = ", ".join(run_id for run_id, _ in beyond[:_SHOWN_BEYOND])
-        yield f"{len(beyond)} of {len(records)} driven motions are beyond the vehicle's limits: {shown}"
+        yield f"{len(beyond)} of {len(records)} driven motions exceed the vehicle's limits: {shown}"
 
 
 def _summary(records: Sequence[RunRecord]) -> tuple[ConfigurationSummary, ...]:
@@ -512,11 +513,11 @@ def _next_step(records: Sequence[RunRecord], batch_id: str | None, job_id: str |
     if state == "running":
         return f"get_job with job_id '{job_id}'"
     if state != "done":
-        return "call run_planner again: finished runs are reused"
+        return "repeat run_planner: finished runs are reused"
     if batch_id:
         return f"analyze_results or compare_results with results ['{batch_id}']"
     if not records:
-        return "mend what the error names, then call run_planner again"
+        return "correct the error, then repeat run_planner"
     run = records[0]
     if run.outcome == "invalid":
         return f"describe_scenario of {run.scenario_id} with detail checks, then modify_scenario"

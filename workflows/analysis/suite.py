@@ -1,6 +1,6 @@
-"""Test suites of planners: the scenarios and configurations that a suite names, its runs, and the judgement of limits.
+"""Run test suites of planners: their scenarios and configurations, the runs, and the verdicts on limits.
 
-The runs are those of ``run_planner``: what was run before is found again, so that a suite that was broken off goes on.
+The runs are those of ``run_planner``. Stored runs are found again, so an interrupted suite resumes.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -38,37 +38,37 @@ from ..runs import Cell, CellResult, run_grid, store_batch
 from ..scenarios import choose_scenarios
 
 _AT_ONCE = 20
-"""Runs that are reviewed in one operation (chosen): each reads its scenario, and an operation has 50 s."""
+"""How many runs one operation reviews (chosen): each reads its scenario, and an operation has 50 s."""
 Tell = Callable[[int, int, str], None]
-"""Told how many of how many runs are there, and what is being done."""
+"""Receives how many of how many runs are done, and the current work."""
 
 
 def limits_of(suite: Suite) -> list[Limit]:
-    """Return the limits; one on lost runs is added where the suite has none: a gate that lost runs has not seen them.
+    """Return the limits, including a default one on lost runs, because a gate cannot judge those.
 
     Raises:
-        InvalidRequest, UnknownName: those that say nothing, all at once.
+        InvalidRequest, UnknownName: invalid limits, all at once.
     """
     faults, limits = Faults(), []
     for text in suite.limits:
         with faults.collecting():
             limits.append(parse_limit(text))
     faults.raise_all()
-    named = any(limit.text.startswith("lost") for limit in limits)
-    return limits if named else [*limits, parse_limit("lost == 0")]
+    limits_lost = any(limit.text.startswith("lost") for limit in limits)
+    return limits if limits_lost else [*limits, parse_limit("lost == 0")]
 
 
 async def carry_out(suite: Suite, folder: Path, context: WorkflowContext, tell: Tell) -> SuiteReport:
     """Run a suite and judge its limits.
 
     Args:
-        suite: what is run and must hold.
-        folder: where its relative paths begin.
-        call: with a workspace and workers.
-        tell: told of the progress.
+        suite: the runs and limits.
+        folder: the base of its relative paths.
+        context: the resources, with a workspace and workers.
+        tell: receives the progress.
 
     Raises:
-        PlannerForgeError: a scenario, a configuration or a baseline that is not there; nothing was run then.
+        PlannerForgeError: a missing scenario, configuration or baseline, before any run.
     """
     limits = limits_of(suite)
     tell(0, 0, "looking up scenarios and configurations")
@@ -109,13 +109,13 @@ async def carry_out(suite: Suite, folder: Path, context: WorkflowContext, tell: 
 
 
 def _other_versions(groups: Mapping[str, Sequence[CellResult]], baselines: Mapping[str, "_Baseline"]) -> Iterable[str]:
-    """Return a sentence for each configuration that another version of its planner drove in a baseline."""
+    """Yield a sentence for each configuration with another planner version in a baseline."""
     for name, group in groups.items():
         now = {one.record.planner_version for one in group if one.record is not None} - {""}
         for word, baseline in baselines.items():
             before = {source.record.planner_version for source in baseline.of(name)} - {""}
             if before and now and before != now:
-                yield f"{name}: {', '.join(sorted(before))} drove in {word}, {', '.join(sorted(now))} now"
+                yield f"{name}: {', '.join(sorted(before))} ran in {word}, {', '.join(sorted(now))} now"
 
 
 def _named(groups: Mapping[str, Sequence[CellResult]]) -> Iterable[tuple[str, CellResult]]:
@@ -139,7 +139,7 @@ async def _configurations(suite: Suite, context: WorkflowContext) -> dict[str, P
     """Return the configurations by their names in the suite.
 
     Raises:
-        InvalidRequest: two of one name.
+        InvalidRequest: two of them have the same name.
     """
     found: dict[str, PlannerConfiguration] = {}
     for entry in suite.configurations:
@@ -150,7 +150,7 @@ async def _configurations(suite: Suite, context: WorkflowContext) -> dict[str, P
             configuration = resolve_configuration(entry, context)
             name = configuration.name
         if name in found:
-            raise InvalidRequest(f"two configurations are called {quoted(name)}", next_step="give one a name")
+            raise InvalidRequest(f"two configurations have the name {quoted(name)}", next_step="rename one of them")
         store_configuration(context, configuration)
         found[name] = configuration
     return found
@@ -160,14 +160,14 @@ def _check_names(limits: Sequence[Limit], configurations: Mapping[str, object]) 
     for limit in limits:
         if limit.only and limit.only not in configurations:
             valid = closest(limit.only, list(configurations))
-            raise UnknownName(f"{quoted(limit.text)} is for a configuration that the suite has not", valid=valid)
+            raise UnknownName(f"{quoted(limit.text)} is for a configuration that is not in the suite", valid=valid)
 
 
 async def _scenarios(suite: Suite, folder: Path, context: WorkflowContext) -> tuple[list[str], list[str]]:
-    """Return the scenarios as ids or as words that ``run_planner`` takes, and notes.
+    """Return the scenarios as ids or arguments of ``run_planner``, and notes.
 
     Raises:
-        NotPossible: a search finds nothing, or no file could be taken in.
+        NotPossible: a search finds nothing, or no file could be imported.
     """
     words: list[str] = []
     notes: list[str] = []
@@ -175,9 +175,9 @@ async def _scenarios(suite: Suite, folder: Path, context: WorkflowContext) -> tu
         if isinstance(entry, str):
             words.append(entry)
         elif isinstance(entry, SuiteFiles):
-            ids, told = await _imported(folder / entry.path, context)
+            ids, messages = await _imported(folder / entry.path, context)
             words += ids
-            notes += told
+            notes += messages
         elif isinstance(entry, FindScenariosArguments):
             found = await find_scenarios(entry, context)
             if not found.matches:
@@ -191,14 +191,14 @@ async def _scenarios(suite: Suite, folder: Path, context: WorkflowContext) -> tu
 
 
 async def _imported(path: Path, context: WorkflowContext) -> tuple[list[str], list[str]]:
-    """Return the ids of the scenario files at a path, each taken in by itself, and what was refused."""
+    """Return the ids of the scenario files at a path, each imported separately, and the refusals."""
     files = (
         [path]
         if not path.is_dir()
         else sorted(file for file in path.rglob("*.xml") if ".net." not in file.name and is_utf8(str(file)))
     )
     if not files:
-        raise NotPossible(f"{path} holds no CommonRoad file", valid=["*.xml"])
+        raise NotPossible(f"{path} contains no CommonRoad file", valid=["*.xml"])
     ids, refused = [], []
     for file in files:
         try:
@@ -209,7 +209,7 @@ async def _imported(path: Path, context: WorkflowContext) -> tuple[list[str], li
                 raise
             refused.append(f"{shown_name(file.name)} was refused: {refusal.message}")
     if not ids:
-        raise NotPossible(f"none of {len(files)} files at {path} could be taken in: {refused[0]}")
+        raise NotPossible(f"all {len(files)} files at {path} were refused: {refused[0]}")
     return ids, refused
 
 
@@ -220,7 +220,7 @@ class _Baseline:
     by_configuration: Mapping[str, tuple[RunSource, ...]]
 
     def of(self, configuration: str) -> tuple[RunSource, ...]:
-        """Return the runs of a configuration; the only ones that there are, where it is called otherwise."""
+        """Return the runs of a configuration, or the only ones if they have another name."""
         if len(self.by_configuration) == 1:
             return next(iter(self.by_configuration.values()))
         return self.by_configuration.get(configuration, ())
@@ -231,20 +231,20 @@ def _baseline(word: str, folder: Path, context: WorkflowContext) -> _Baseline:
 
     Raises:
         UnknownName: there is neither.
-        InvalidRequest: the file is none.
+        InvalidRequest: the file is not a baseline.
     """
     if word.startswith("batch_"):
         return _Baseline(_by_name(word, context.workspace, context))
     path = context.allowed_path(str(folder / word))
     if not path.is_file():
         raise UnknownName(
-            f"there is no baseline {quoted(word)} beside the suite",
-            next_step=f"make it with: plannerforge test SUITE --save-baseline {word}",
+            f"there is no baseline {quoted(word)} next to the suite",
+            next_step=f"create it with: plannerforge test SUITE --save-baseline {word}",
         )
     try:
         kept = SuiteBaseline.model_validate_json(path.read_bytes())
     except ValueError as error:
-        raise InvalidRequest(f"{shown_name(path.name)} is no baseline", next_step="make it anew") from error
+        raise InvalidRequest(f"{shown_name(path.name)} is not a baseline", next_step="create it again") from error
     return _Baseline(
         {name: tuple(RunSource(record=record) for record in records) for name, records in kept.configurations.items()}
     )
@@ -258,7 +258,7 @@ def _by_name(batch_id: str, workspace: Workspace, context: WorkflowContext) -> d
 
 
 async def _reviews(context: WorkflowContext, records: Sequence[RunRecord]) -> dict[str, RunReview]:
-    """Return the moments of the runs that did not reach the goal, by run."""
+    """Return the reviews of the runs that did not reach the goal, by run."""
     failed = [record for record in records if record.outcome not in ("goal_reached", "invalid")]
     reviews: dict[str, RunReview] = {}
     for begin in range(0, len(failed), _AT_ONCE):
@@ -279,7 +279,7 @@ async def _verdicts(
     baselines: Mapping[str, _Baseline],
     context: WorkflowContext,
 ) -> list[LimitVerdict]:
-    """Return every limit for every configuration that it is for."""
+    """Return the verdict on every limit for every configuration that it applies to."""
     verdicts = []
     for name, group in groups.items():
         records = [result.record for result in group if result.record is not None]
@@ -301,7 +301,7 @@ async def _verdicts(
 
 
 def _is_unpreventable(review: RunReview) -> bool:
-    """Return whether no reference driver prevents the collision; one that could not be judged counts as preventable."""
+    """Return whether no reference driver prevents the collision; without a verdict it counts as preventable."""
     return review.contact is not None and review.contact.is_unpreventable
 
 
@@ -329,7 +329,7 @@ async def _compared(
     )
     try:
         (compared,) = (await context.run(COMPARE, request)).comparisons
-    except NotPossible:  # no scenario in common: the limit does not hold, and says why
+    except NotPossible:  # no common scenario: the limit does not hold, with the reason
         return _UNTESTED, ()
     lost = tuple(f"{flip.after_run} on {flip.scenario_id}" for flip in compared.to_failure)
     return compared.success, lost

@@ -1,7 +1,7 @@
-"""What a coverage plan is asked for: its factors and their levels, read from a call; and the levels of a scenario.
+"""Parse what a coverage plan varies, and find the levels of existing scenarios.
 
-A level is a value of an argument of the call, or a turn, which is a goal. Factors that say where a scenario lies
-(place, country, type of site) make groups of sites.
+A level is a value of an argument of the call, or a turn, which is a goal. Factors for the location of a scenario
+(place, country, type of site) define groups of sites.
 """
 
 import json
@@ -40,24 +40,24 @@ from .map_choice import AssignedSite, maps_for, request_for
 from .specification import read_specification
 
 MOST_FACTORS, MOST_LEVELS, MOST_COMBINATIONS = 10, 60, 20_000
-"""Of a plan (chosen): choosing its rows takes seconds then."""
+"""The maximum of a plan (chosen): selecting its rows then takes seconds."""
 _USUAL: Mapping[str, tuple[str, ...]] = {
     "scenario_type": get_args(SiteType),
     "density": get_args(Density),
     "turn": get_args(Turn),
     "vehicles": ("cars", "truck", "bus", "motorcycle", "bicycle"),
 }
-"""The levels of a factor that is named alone."""
+"""The levels of a factor given without values."""
 _FREE = ("place", "country", "duration_s", "ego")
-"""Further arguments that a plan can vary; their values are the call's."""
+"""Further arguments that a plan can vary, with values from the call."""
 
 
 def read_cover(texts: Sequence[str]) -> tuple[tuple[PlanFactor, ...], int]:
-    """Return the factors of a plan, and how many of them a combination joins.
+    """Return the factors of a plan, and the number of factors in a combination.
 
     Raises:
-        InvalidRequest: a line that cannot be read, a level that there is not, or more than a plan takes.
-        UnknownName: a factor that there is not.
+        InvalidRequest: an unreadable line, an unknown level, or more than a plan allows.
+        UnknownName: an unknown factor.
     """
     factors: list[PlanFactor] = []
     strength: int | None = None
@@ -68,7 +68,7 @@ def read_cover(texts: Sequence[str]) -> tuple[tuple[PlanFactor, ...], int]:
         else:
             factors.append(_factor(name, values if mark else None, [factor.name for factor in factors]))
     if not factors:
-        raise InvalidRequest("cover names nothing to vary", valid=[*_USUAL, *_FREE], next_step=_HOW)
+        raise InvalidRequest("cover does not vary anything", valid=[*_USUAL, *_FREE], next_step=_HOW)
     strength = min(2, len(factors)) if strength is None else strength
     if not 1 <= strength <= len(factors) or len(factors) > MOST_FACTORS:
         raise InvalidRequest(
@@ -78,9 +78,9 @@ def read_cover(texts: Sequence[str]) -> tuple[tuple[PlanFactor, ...], int]:
     count = _combinations(factors, strength)
     if count > MOST_COMBINATIONS:
         raise InvalidRequest(
-            f"cover asks for {count:,} combinations",
+            f"cover requests {count:,} combinations",
             valid=[f"at most {MOST_COMBINATIONS:,}"],
-            next_step="lower the strength, or name fewer levels",
+            next_step="lower the strength, or give fewer levels",
         )
     return tuple(factors), strength
 
@@ -90,12 +90,12 @@ _HOW = "write cover such as ['scenario_type=intersection|roundabout', 'density=l
 
 def _strength(text: str, value: str) -> int:
     if not re.fullmatch(r"\d", value):
-        raise InvalidRequest(f"{quoted(text)} is no strength", valid=["strength=1", "strength=2", "strength=3"])
+        raise InvalidRequest(f"{quoted(text)} is not a strength", valid=["strength=1", "strength=2", "strength=3"])
     return int(value)
 
 
 def _combinations(factors: Sequence[PlanFactor], strength: int) -> int:
-    """Return how many combinations there are: the elementary symmetric polynomial of the numbers of levels."""
+    """Return the number of combinations: the elementary symmetric polynomial of the numbers of levels."""
     sums = [1, *[0] * strength]
     for factor in factors:
         for size in range(strength, 0, -1):
@@ -110,13 +110,13 @@ def _factor(name: str, values: str | None, known: Sequence[str]) -> PlanFactor:
             f"cover cannot vary {quoted(name)}", valid=near or [*_USUAL, *_FREE, "strength"], next_step=_HOW
         )
     if name in known and name != "vehicles":
-        raise InvalidRequest(f"cover names {name} twice", next_step="name its levels together: density=low|high")
+        raise InvalidRequest(f"cover contains {name} twice", next_step="give its levels together: density=low|high")
     levels = (
         _USUAL.get(name, ()) if values is None else tuple(dict.fromkeys(part.strip() for part in values.split("|")))
     )
     if not levels or not all(levels) or len(levels) > MOST_LEVELS:
         raise InvalidRequest(
-            f"cover gives {name} {len(levels)} levels, or an empty one", valid=[f"1 to {MOST_LEVELS}"], next_step=_HOW
+            f"{name} in cover has {len(levels)} levels, or an empty one", valid=[f"1 to {MOST_LEVELS}"], next_step=_HOW
         )
     if name in ("scenario_type", "density", "turn") and (wrong := [one for one in levels if one not in _USUAL[name]]):
         raise InvalidRequest(f"there is no {name} {', '.join(map(quoted, wrong))}", valid=_USUAL[name]).also(
@@ -128,9 +128,9 @@ def _factor(name: str, values: str | None, known: Sequence[str]) -> PlanFactor:
 
 @dataclass(frozen=True)
 class AskedPlan:
-    """What a call asks a plan for: ``arguments`` are those that all of its scenarios share.
+    """A requested plan; ``arguments`` are those that all of its scenarios share.
 
-    ``shown``: the maps for the levels of place and country together, by those levels; ``notes``: on finding them.
+    ``shown`` maps levels of place and country to their maps. ``notes`` state how the maps were found.
     """
 
     arguments: GenerateScenariosArguments
@@ -147,47 +147,49 @@ class AskedPlan:
         context: WorkflowContext,
         entries: Sequence[MapEntry],
     ) -> "AskedPlan":
-        """Read what is to be varied, find or fetch the maps, and try each level once.
+        """Parse the factors, find or download the maps, and check each level once.
 
         Args:
             arguments: the call in words, because levels are values of its arguments.
-            spec: what it asks for, where a part of a map was cut out for it in the words that are left.
-            context: the use of the workflow.
-            entries: the maps at hand.
+            spec: the parsed call, with the remaining words if a part of a map was cut out for it.
+            context: the resources of the workflow.
+            entries: the local maps.
 
         Raises:
-            InvalidRequest: arguments that contradict each other, or a level that cannot be meant.
-            UnknownName: no map shows a place.
-            ServiceFailure: a map would have to be fetched, and cannot be.
+            InvalidRequest: contradictory arguments, or an invalid level.
+            UnknownName: no map contains a place.
+            ServiceFailure: a map needs a download, which is not possible.
         """
         factors, strength = read_cover(arguments.cover)
         names = {factor.name.partition(" ")[0] for factor in factors}
         if arguments.trial_run:
             raise InvalidRequest(
-                "trial_run is for single scenarios", next_step="leave it out, and give the plan's id to run_planner"
+                "trial_run is for single scenarios", next_step="leave it out, and call run_planner with the plan's id"
             )
         if spec.goal.lanelet is not None:
-            raise InvalidRequest("a goal on a lanelet means one site; a plan has many", valid=[THROUGH, "steps:50"])
+            raise InvalidRequest(
+                "a goal on a lanelet refers to one site, but a plan has many", valid=[THROUGH, "steps:50"]
+            )
         if "turn" in names and spec.goal not in (AskedGoal.of(THROUGH), AskedGoal.of(USUAL_GOAL)):
-            raise InvalidRequest(f"cover varies the turn; goal {quoted(spec.goal)} has none", valid=[THROUGH])
+            raise InvalidRequest(f"cover varies the turn, but goal {quoted(spec.goal)} has no turn", valid=[THROUGH])
         bbox = None if spec.bbox is None else list(spec.bbox)
         left = {"place": spec.place, "country": spec.country, "bbox": bbox}
-        asked = cls(arguments.model_copy(update=left), factors, strength)
-        for group in asked.groups("place", "country"):
-            found = await maps_for(asked.row_spec(group), context, entries)
-            asked.shown[tuple(group.items())] = found.matches
-            asked.notes.update(dict.fromkeys(found.notes))
+        plan = cls(arguments.model_copy(update=left), factors, strength)
+        for group in plan.groups("place", "country"):
+            found = await maps_for(plan.row_spec(group), context, entries)
+            plan.shown[tuple(group.items())] = found.matches
+            plan.notes.update(dict.fromkeys(found.notes))
         for factor, levels in enumerate(one.levels for one in factors):
             for level in range(len(levels)):
-                asked.check({factor: level})
-        return asked
+                plan.check({factor: level})
+        return plan
 
     def check(self, levels: Mapping[int, int]) -> None:
-        """Refuse what can never be meant, before anything is made.
+        """Refuse invalid levels before anything is generated.
 
         Raises:
-            InvalidRequest: a level that cannot be meant.
-            UnknownName: no such vehicle class, or no map shows the place.
+            InvalidRequest: an invalid level.
+            UnknownName: no such vehicle class, or no map contains the place.
         """
         request = request_for(self.row_spec(levels), AssignedSite(self.matches(levels)[0]), 0)
         known = (*vehicle_classes(), PEDESTRIAN.name)
@@ -197,10 +199,10 @@ class AskedPlan:
                 raise UnknownName(f"there is no vehicle class {quoted(name)}", valid=closest(name, known))
 
     def row_spec(self, levels: Mapping[int, int]) -> GenerationSpec:
-        """Return what is asked of a scenario with some levels.
+        """Return the parsed request for a scenario with some levels.
 
         Raises:
-            InvalidRequest: a level that cannot be meant.
+            InvalidRequest: an invalid level.
         """
         return read_specification(self._row_arguments(levels))
 
@@ -208,7 +210,7 @@ class AskedPlan:
         """Return the arguments of a scenario with some levels.
 
         Raises:
-            InvalidRequest: a level that cannot be meant.
+            InvalidRequest: an invalid level.
         """
         changed: dict[str, Any] = {"cover": [], "count": 1}
         vehicles = list(self.arguments.vehicles)
@@ -228,11 +230,11 @@ class AskedPlan:
         except ValidationError as error:
             (problem, valid), *_ = problems_of(GenerateScenariosArguments, error, "argument")
             raise InvalidRequest(
-                f"cover asks for {self.words(levels)}, which cannot be: {problem}", valid=valid, next_step=_HOW
+                f"cover requests {self.words(levels)}, which is invalid: {problem}", valid=valid, next_step=_HOW
             ) from error
 
     def matches(self, levels: Mapping[int, int]) -> tuple[MapMatch, ...]:
-        """Return the maps for some levels; those of all places and countries where the levels name none."""
+        """Return the maps for some levels, or those of all places and countries if the levels contain none."""
         names = ("place", "country")
         where = {(factor, level) for factor, level in levels.items() if self.factors[factor].name in names}
         fitting = (matches for key, matches in self.shown.items() if where <= set(key))
@@ -241,7 +243,7 @@ class AskedPlan:
 
     @cached_property
     def recipe(self) -> Recipe:
-        """What makes the plan: not how many scenarios of it were asked for."""
+        """The recipe of the plan, which does not include the number of scenarios."""
         shared = self.arguments.model_dump(mode="json", exclude={"cover", "count", "trial_run", "seed"})
         cover = [f"{factor.name}={'|'.join(factor.levels)}" for factor in self.factors]
         maps = sorted({match.entry.facts.map_id for match in self._all_matches()})
@@ -259,22 +261,22 @@ class AskedPlan:
 
     @property
     def wanted(self) -> int | None:
-        """Scenarios asked for; None if the call leaves it to the combinations."""
+        """The requested number of scenarios, or None to use as many as the combinations need."""
         return self.arguments.count if "count" in self.arguments.model_fields_set else None
 
     def of_spot(self) -> Iterator[dict[int, int]]:
-        """Return the levels of the factors that say where a scenario may lie, in all their combinations."""
+        """Yield all combinations of levels of the factors for the location of a scenario."""
         by_type = any(factor.name == "scenario_type" for factor in self.factors)
         return self.groups("place", "country", "scenario_type" if by_type else "turn")
 
     def groups(self, *names: str) -> Iterator[dict[int, int]]:
-        """The levels of some factors, by their names, in all combinations; one empty group where there is no such."""
+        """Return all combinations of levels of the given factors, or one empty group without such a factor."""
         saying = [index for index, factor in enumerate(self.factors) if factor.name in names]
         for levels in product(*(range(len(self.factors[index].levels)) for index in saying)):
             yield dict(zip(saying, levels, strict=True))
 
     def words(self, levels: Mapping[int, int]) -> str:
-        """Levels as they are written in a call, with a plus between them."""
+        """Return levels as a call writes them, joined by a plus."""
         return " + ".join(self.factors[factor].text(level) for factor, level in levels.items())
 
     def _all_matches(self) -> Iterator[MapMatch]:
@@ -283,7 +285,7 @@ class AskedPlan:
 
 
 def impossible_turns(asked: AskedPlan) -> Iterator[tuple[Combination, str]]:
-    """Turns that no ego makes at sites of a type, whatever the map."""
+    """Yield turns that an ego cannot make at sites of a type on any map."""
     indices = {factor.name: index for index, factor in enumerate(asked.factors)}
     if "turn" not in indices:
         return
