@@ -19,7 +19,7 @@ from ..schemas.text import counted
 from ..server.assembly import open_services
 from ..server.settings import Settings
 from ..workflows.context import Services, WorkflowContext
-from ..workflows.generation.online import fetch_beside
+from ..workflows.generation.online import fetch_to_keep
 from ..workflows.maps import MapInventory, import_map, known_country, maps_at_hand
 
 _SHOWN_STREETS = 3
@@ -124,7 +124,7 @@ async def _fetch(
         bars.update(bar, completed=share, description=message or place)
 
     async with _services(settings) as services:
-        return await fetch_beside(WorkflowContext(services, show), place, country, scenario_type)
+        return await fetch_to_keep(WorkflowContext(services, show), place, country, scenario_type)
 
 
 async def _all(settings: Settings) -> MapInventory:

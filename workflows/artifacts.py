@@ -1,4 +1,4 @@
-"""What was made, and the jobs that make it: listed, waited for, stopped."""
+"""List artifacts and jobs; wait for jobs and stop them."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -26,22 +26,22 @@ from .paging import check_offset
 from .results import lineages, run_record, with_versions
 
 _NEXT = {
-    "running": "call get_job again with the same job_id",
-    "done": "use the finished ids, for instance in analyze_results",
-    "failed": "correct what the error names and start again; what is finished is reused",
-    "cancelled": "the finished results stay; the same call takes up the rest",
-    "interrupted": "its server ended; the same call takes up the rest, what is finished is reused",
+    "running": "repeat get_job with the same job_id",
+    "done": "use the finished ids, for example in analyze_results",
+    "failed": "correct the error and repeat the call; finished work is reused",
+    "cancelled": "finished results stay; repeat the call to resume",
+    "interrupted": "its server stopped; repeat the call to resume, finished work is reused",
 }
 _MOST_NAMED = 100
-"""Of a token's own jobs, the newest that are looked through for those that run; chosen."""
-_NEXT_AFTER_IMPORT = "search with find_scenarios, or list what came in with list_artifacts"
+"""How many of a token's latest jobs are searched for running ones (chosen)."""
+_NEXT_AFTER_IMPORT = "search with find_scenarios, or list the imported files with list_artifacts"
 
 
 async def list_artifacts(arguments: ListArtifactsArguments, context: WorkflowContext) -> ListArtifactsResult:
-    """Artifacts or jobs, newest first.
+    """Return artifacts or jobs, newest first.
 
     Raises:
-        InvalidRequest: the offset leaves out all of them.
+        InvalidRequest: the offset skips all of them.
     """
     if arguments.kind == "job":
         return _jobs(arguments, context)
@@ -64,9 +64,9 @@ async def list_artifacts(arguments: ListArtifactsArguments, context: WorkflowCon
 
 
 async def _summaries(batches: Sequence[BatchRecord], context: WorkflowContext) -> list[BatchSummary]:
-    """What came out of each batch, configurations in order of their runs; rates are those of ``analyze_results``.
+    """Return a summary of each batch, configurations in order of their runs, with the rates of ``analyze_results``.
 
-    A run that the workspace does not have counts as lost: an archive may have left it out, or its batch may be forged.
+    A run missing from the workspace counts as lost: an archive may have omitted it, or its batch may be forged.
     """
     run_ids = dict.fromkeys(run_id for batch in batches for run_id in batch.runs)
     stored = (context.workspace.find("run", run_id) for run_id in run_ids)
@@ -113,7 +113,7 @@ def _by_config(runs: Iterable[RunRecord]) -> dict[str, list[RunRecord]]:
 
 
 def _config_names(runs: Iterable[RunRecord]) -> dict[str, str]:
-    """Return the names of configurations by id; where several have one name, with their ids."""
+    """Return the names of configurations by id, with the ids of those that share a name."""
     names = {run.config_id: run.config_name for run in runs}
     often = Counter(names.values())
     return {config_id: name if often[name] == 1 else f"{name} {config_id}" for config_id, name in names.items()}
@@ -134,8 +134,7 @@ def _listed(artifact: Artifact) -> ListedArtifact:
 def _name(artifact: Artifact) -> str:
     """Return the name of an artifact.
 
-    A search is named by its conditions and the number of its matches, a run of a planner that is not built in with the
-    version that drove.
+    A search is described by its conditions and number of matches, and a run of an external planner by its version.
     """
     if artifact.kind == "run":
         record = run_record(artifact)
@@ -185,7 +184,7 @@ async def cancel_job(arguments: CancelJobArguments, context: WorkflowContext) ->
 
 
 def _job_id(word: str, context: WorkflowContext) -> str:
-    """Return the id of a job; ``latest`` is the client's own, else the newest of the workspace, which is told."""
+    """Return the id of a job; ``latest`` is the client's own, otherwise the workspace's newest, with a remark."""
     if word != "latest":
         return context.jobs.store.get(word).job_id
     own = _own_latest(context)
@@ -197,7 +196,7 @@ def _job_id(word: str, context: WorkflowContext) -> str:
 
 
 def _own_latest(context: WorkflowContext) -> str | None:
-    """Return the job that the client started last, else the newest that was begun with its token, which is told."""
+    """Return the client's latest job, otherwise the latest one started with its token, with a remark."""
     last = context.services.recent.last(["job"])
     if last:
         return last[0][1]
@@ -210,27 +209,25 @@ def _own_latest(context: WorkflowContext) -> str | None:
 
 
 def _own_job_id(word: str, context: WorkflowContext) -> str:
-    """Return the id of a job that the client may stop: any, where no token is asked for, else one that its token began.
+    """Return the id of a job that the client may stop: any job without tokens, otherwise one of its token.
 
     Raises:
-        NotPossible: another began it; those of its own that run are named.
-        UnknownName: there is none.
+        NotPossible: another token started it; the refusal lists running ones of this token.
+        UnknownName: there is no such job.
     """
     owner = context.services.owner
     if not owner:
         return _job_id(word, context)
     own = _own_latest(context) if word == "latest" else word
     if own is None:
-        raise UnknownName(
-            "no job was begun with this token", next_step="get_job and list_artifacts show those of others"
-        )
+        raise UnknownName("no job was started with this token", next_step="get_job and list_artifacts show other jobs")
     job = context.jobs.store.get(own)
     if job.owner != owner:
         running = [each.job_id for each in context.jobs.store.newest_of(owner, _MOST_NAMED) if not each.ended]
         raise NotPossible(
-            f"{job.job_id} was not begun with this token",
+            f"{job.job_id} was not started with this token",
             valid=running,
-            next_step="cancel it with the token that began it; get_job shows how far it is",
+            next_step="cancel it with the token that started it; get_job shows its progress",
         )
     return job.job_id
 

@@ -1,4 +1,4 @@
-"""What the catalogue holds, and searches of it."""
+"""The content of the catalogue, and searches of it."""
 
 import hashlib
 from collections import Counter
@@ -41,13 +41,13 @@ from .paging import check_offset
 from .scenarios import one_scenario, opened_search, searched_within
 
 _MAPS_PAGE = 40
-"""Maps on one page of their list (chosen)."""
+"""How many maps one page of the list shows (chosen)."""
 _COUNTRIES_SHOWN = 8
-"""Countries of maps that are counted where all facets are asked for (chosen)."""
+"""How many countries of maps are counted if all facets are requested (chosen)."""
 
 
 async def describe_catalog(arguments: DescribeCatalogArguments, context: WorkflowContext) -> DescribeCatalogResult:
-    """Facets with counts."""
+    """Return facets with counts."""
     open_catalogue(context.workspace, with_starter=context.services.with_starter)
     within = None if arguments.within is None else _within(arguments.within, context)
     connection = context.workspace.database.connection()
@@ -56,7 +56,7 @@ async def describe_catalog(arguments: DescribeCatalogArguments, context: Workflo
         raise _nowhere(arguments.within, context)
     if arguments.offset and arguments.facet != "maps":
         raise InvalidRequest(
-            f"offset counts maps, and facet={arguments.facet} is told whole",
+            f"offset counts maps, and facet={arguments.facet} has no pages",
             valid=["facet=maps", "no offset"],
             next_step="leave offset out",
             remedies=[with_values(offset=None), with_values(facet="maps")],
@@ -67,7 +67,7 @@ async def describe_catalog(arguments: DescribeCatalogArguments, context: Workflo
 
 
 def _within(word: str, context: WorkflowContext) -> frozenset[str]:
-    """Return the scenarios of a search, a coverage plan, a country or a place; none where none lies there.
+    """Return the scenarios of a search, a coverage plan, a country or a place, which may be empty.
 
     Raises:
         UnknownName: there is no such search or plan.
@@ -83,13 +83,13 @@ def _within(word: str, context: WorkflowContext) -> frozenset[str]:
 def _other_facets(
     arguments: DescribeCatalogArguments, maps: Sequence[MapFacts], context: WorkflowContext
 ) -> list[FacetCounts]:
-    """The facets that are not about scenarios: ``maps``, ``behaviours``, ``planners``, or the wanted one of them."""
+    """Return the facets other than scenarios: ``maps``, ``behaviours``, ``planners``, or the selected one of them."""
     makers = {"maps": lambda: _maps(maps, arguments, context), "behaviours": _behaviours, "planners": _planners}
     return [make() for name, make in makers.items() if arguments.facet in ("all", name)]
 
 
 def _maps_within(word: str | None, context: WorkflowContext) -> tuple[MapFacts, ...]:
-    """The maps of a country or place, or that show the places of a search; all maps without a word. By country."""
+    """Return the maps of a country or place, or of the places of a search, by country; all maps without a word."""
     known = [entry.facts for entry in maps_seen(context).entries]
     if word is None:
         found = known
@@ -118,7 +118,7 @@ def _is_search(word: str) -> bool:
 
 
 def _nowhere(word: str, context: WorkflowContext) -> UnknownName:
-    """Neither a scenario nor a map lies there."""
+    """Return the refusal of a place without scenarios and maps."""
     places = {entry.facts.place for entry in maps_seen(context).entries}
     places |= {
         place
@@ -126,7 +126,7 @@ def _nowhere(word: str, context: WorkflowContext) -> UnknownName:
         if is_place(country, place)
     }
     return UnknownName(
-        f"no scenario and no map lies in {quoted(word)}, which is no search either",
+        f"no scenario, map or search matches {quoted(word)}",
         valid=map(cited, closest(word, sorted(places))),
         next_step="leave within out for all, or choose one of these",
     ).also(with_values(within=None))
@@ -135,10 +135,10 @@ def _nowhere(word: str, context: WorkflowContext) -> UnknownName:
 def _with_maps(
     found: DescribeCatalogResult, maps: Sequence[MapFacts], arguments: DescribeCatalogArguments
 ) -> DescribeCatalogResult:
-    """Return the answer with one page of the maps, country by country, and the call that shows the rest.
+    """Return the answer with one page of the maps, by country, and the call that shows the rest.
 
     Raises:
-        InvalidRequest: the offset leaves out all of them.
+        InvalidRequest: the offset skips all of them.
     """
     check_offset(arguments.offset, len(maps), "maps", _MAPS_PAGE)
     page = maps[arguments.offset : arguments.offset + _MAPS_PAGE]
@@ -165,13 +165,13 @@ def _country(facts: MapFacts) -> str:
 
 
 def _map_line(facts: MapFacts) -> str:
-    """Return a map with the sites of each type that can be cut from it."""
+    """Return a map with its number of sites by type."""
     sites = ", ".join(f"{kind} {count}" for kind, count in sorted(facts.sites.items()) if count) or "no sites"
     return f"{cited(facts.place)} ({facts.map_id}): {sites}"
 
 
 def _maps(maps: Sequence[MapFacts], arguments: DescribeCatalogArguments, context: WorkflowContext) -> FacetCounts:
-    """Return how many maps lie in each country, with what is to be known of the map folders."""
+    """Return the number of maps per country, with notes on the map folders."""
     counted_maps = Counter(_country(facts) for facts in maps)
     countries = dict(sorted(counted_maps.items(), key=lambda item: (-item[1], item[0])))
     hidden = len(countries) - _COUNTRIES_SHOWN
@@ -203,7 +203,7 @@ def _planners() -> FacetCounts:
 
 
 async def find_scenarios(arguments: FindScenariosArguments, context: WorkflowContext) -> FindScenariosResult:
-    """Filter by slots, rank by text, store the search, answer with one page of it."""
+    """Filter by conditions, rank by text, store the search, and answer with one page of it."""
     open_catalogue(context.workspace, with_starter=context.services.with_starter)
     arguments = _resolved(arguments, context)
     search = opened_search(arguments, context)
@@ -227,7 +227,7 @@ async def find_scenarios(arguments: FindScenariosArguments, context: WorkflowCon
 
 
 def _resolved(arguments: FindScenariosArguments, context: WorkflowContext) -> FindScenariosArguments:
-    """Return the arguments with ids in the place of ``latest``, and the id of the entry that others are to be like."""
+    """Return the arguments with ids instead of ``latest``, including the id of the entry for ``like``."""
     changes = {}
     if arguments.like is not None:
         changes["like"] = _example(arguments.like, context).scenario_id
@@ -241,7 +241,7 @@ def _resolved(arguments: FindScenariosArguments, context: WorkflowContext) -> Fi
 
 
 def _example(word: str, context: WorkflowContext) -> ScenarioFacts:
-    """Return the entry that others are to be like; it need not be listed, as a version that was superseded."""
+    """Return the entry for ``like``, which may be unlisted, for example a superseded version."""
     artifact, problem_id = one_scenario(word, context)
     facts = artifact.read(ScenarioRecord).facts
     return facts if problem_id is None else facts.seen_by(problem_id)

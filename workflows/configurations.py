@@ -1,4 +1,4 @@
-"""Planner configurations: which one a word means, importing and storing them."""
+"""Planner configurations: resolve words, import and store them."""
 
 from pathlib import Path
 
@@ -16,18 +16,18 @@ _CURRENT = ("current", "latest")
 _BY_NAME = "preset"
 """The tool in the recipe of a preset that was stored because it was run."""
 _SEARCHED = 1000
-"""How many of the newest configurations are looked through; chosen."""
+"""How many of the newest configurations are searched (chosen)."""
 
 
 def resolve_configuration(text: str, context: WorkflowContext) -> PlannerConfiguration:
     """Return the configuration of an id, of ``PLANNER:PRESET``, or the current one.
 
-    Current is what the client configured or imported last, else the newest of the workspace, which is told;
-    ``frenetix:Default`` if there is none.
+    The current one is what the client configured or imported last, otherwise the workspace's newest (with a remark), or
+    ``frenetix:Default`` without any.
 
     Raises:
-        UnknownName: nothing of that name.
-        NotPossible: it is named with a version of its planner that is not installed any more.
+        UnknownName: an unknown name.
+        NotPossible: it refers to a version of its planner that is no longer installed.
     """
     if text.lower() in _CURRENT:
         own = context.services.recent.last(["config"])
@@ -40,31 +40,31 @@ def resolve_configuration(text: str, context: WorkflowContext) -> PlannerConfigu
         configuration = stored.read(PlannerConfiguration)
         _check_version(text, configuration)
         return configuration
-    named = None if text.lower().startswith("cfg_") else named_configuration(text)
-    if named is None:
+    preset = None if text.lower().startswith("cfg_") else named_configuration(text)
+    if preset is None:
         known = [made.config_id for made in made_configurations(context, _SEARCHED)]
         raise UnknownName(
             f"there is no configuration '{text}'",
             valid=[*closest(text, known), "current", DEFAULT_CONFIGURATION],
             next_step="call list_planners for configurations, or configure_planner for a new one",
         )
-    return named
+    return preset
 
 
 def _check_version(text: str, configuration: PlannerConfiguration) -> None:
-    """Refuse a configuration under a version of its planner that does not drive any more (``cfg_…@d4e5f6a``)."""
+    """Refuse a configuration with a planner version that is no longer installed (``cfg_…@d4e5f6a``)."""
     wanted = text.partition(VERSION_MARK)[2]
     if wanted and not source_that_drives(configuration.planner).startswith(wanted):
         raise NotPossible(
-            f"{shown_name(configuration.name)} was run in version {wanted} of {configuration.planner}, "
-            "which is another one now",
+            f"{shown_name(configuration.name)} was run with version {wanted} of {configuration.planner}, "
+            "which is no longer installed",
             valid=[configuration.config_id],
-            next_step=f"name {configuration.config_id} for the version that is installed",
+            next_step=f"use {configuration.config_id} for the installed version",
         )
 
 
 def made_configurations(context: WorkflowContext, limit: int) -> list[PlannerConfiguration]:
-    """Configurations that were configured or imported, newest first; presets that only were run are left out."""
+    """Return configurations that were configured or imported, newest first, without presets that were only run."""
     stored = context.workspace.newest(kind="config", limit=_SEARCHED)
     made = [artifact for artifact in stored if artifact.recipe.tool != _BY_NAME]
     return [artifact.read(PlannerConfiguration) for artifact in made[:limit]]
@@ -73,7 +73,7 @@ def made_configurations(context: WorkflowContext, limit: int) -> list[PlannerCon
 def store_configuration(
     context: WorkflowContext, configuration: PlannerConfiguration, recipe: Recipe | None = None, name: str | None = None
 ) -> Artifact:
-    """Store a configuration with its YAML file; the same weights again are the stored ones.
+    """Store a configuration with its YAML file; the same weights give the stored one.
 
     Raises:
         ResourceFailure: the disk is full.
@@ -93,7 +93,7 @@ def store_configuration(
 
 
 async def import_configuration(context: WorkflowContext, path: Path, name: str | None) -> ImportedItem:
-    """Store a cost-weight file, as the Frenetix reference has it or as exported here, as a configuration."""
+    """Store a cost-weight file as a configuration, in the format of the Frenetix reference or of an export."""
     content = read_weight_file(path)
     configuration = from_file(content)
     before = context.workspace.find("config", configuration.config_id)

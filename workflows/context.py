@@ -1,4 +1,4 @@
-"""What every workflow works with: the workspace, the workers, and the client's own newest artifacts."""
+"""The resources that every workflow uses: the workspace, the workers, and the client's latest artifacts."""
 
 import threading
 from collections.abc import Awaitable, Callable, Collection
@@ -27,42 +27,42 @@ from ..schemas.text import quoted
 
 MadeKind = ArtifactKind | Literal["job"]
 _MOST_RECENT = 1_000
-"""What is remembered of a session (chosen): what was made so long ago is asked for by its id."""
+"""How much of a session is remembered (chosen). Older artifacts need their id."""
 INDEX_FOLDER = "index"
 """The folder of the text index in the workspace."""
 
 
 @dataclass(frozen=True)
 class Question:
-    """What a tool asks the person behind the client: a sentence, and the answers that there are."""
+    """A question to the user: a sentence, and the possible answers."""
 
     text: str
     choices: tuple[str, ...]
 
 
 Ask = Callable[[Question], Awaitable[str | None]]
-"""Puts a question to the person; None if the client cannot ask, or the person chose nothing."""
+"""Asks the user a question; returns None if the client cannot ask, or the user chose nothing."""
 
 
-async def ask_nobody(question: Question) -> str | None:
-    """In place of a client that cannot ask."""
+async def ask_no_one(question: Question) -> str | None:
+    """Answer for a client that cannot ask."""
     del question
     return None
 
 
 class Recent:
-    """What one client made or chose, the last one last: what its ``latest`` and ``current`` mean.
+    """What one client made or chose, the latest last: the meaning of its ``latest`` and ``current``.
 
-    A client is a session of the protocol. What others on the workspace make does not move it.
+    A client is a session of the protocol. Other clients of the workspace do not affect it.
     """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._made: dict[tuple[MadeKind, str], None] = {}
-        self._told: set[MadeKind] = set()
+        self._reported: set[MadeKind] = set()
 
     def note(self, kind: MadeKind, made_id: str) -> None:
-        """Remember an artifact or a job as the last one."""
+        """Remember an artifact or a job as the latest one."""
         with self._lock:
             self._made.pop((kind, made_id), None)
             self._made[kind, made_id] = None
@@ -70,30 +70,28 @@ class Recent:
                 del self._made[next(iter(self._made))]
 
     def last(self, kinds: Collection[MadeKind]) -> list[tuple[MadeKind, str]]:
-        """Return what the client made or chose of some kinds, the last one first."""
+        """Return what the client made or chose of some kinds, the latest first."""
         with self._lock:
             return [entry for entry in reversed(self._made) if entry[0] in kinds]
 
     def copied(self) -> "Recent":
-        """Return the same, which goes on apart from it."""
+        """Return an independent copy."""
         copied = Recent()
         with self._lock:
-            copied._made, copied._told = dict(self._made), set(self._told)
+            copied._made, copied._reported = dict(self._made), set(self._reported)
         return copied
 
-    def is_untold(self, kind: MadeKind) -> bool:
-        """Return whether the client was not told yet that something of a kind is not its own; from now on it was."""
+    def first_report(self, kind: MadeKind) -> bool:
+        """Return True only the first time, so that the client is told once that a kind's newest item is not its own."""
         with self._lock:
-            is_untold = kind not in self._told
-            self._told.add(kind)
-            return is_untold
+            first_report = kind not in self._reported
+            self._reported.add(kind)
+            return first_report
 
 
 @dataclass(frozen=True)
 class Services:
-    """What lives as long as a client's session with the server: the workspace, the workers, the jobs, the claims on
-    work, the bounds, and what the client made last.
-    """
+    """The resources of a client's session: workspace, workers, jobs, claims on work, limits, latest artifacts."""
 
     workspace: Workspace
     workers: Executor
@@ -106,25 +104,25 @@ class Services:
     recent: Recent = field(default_factory=Recent)
     online: MapServices = field(default_factory=MapServices)
     links: bool = True
-    """Whether answers link what they made."""
+    """Whether answers link their artifacts."""
     owner: str = ""
-    """Whose token the client has; empty if none is asked for, and everything is the user's own."""
+    """The owner of the client's token; empty if no token is required, and everything belongs to the user."""
 
 
 class WorkflowContext:
-    """One use of a workflow: the services, the way to report progress, and the way to ask the person who waits.
+    """One use of a workflow: the session's services, progress reports, and questions to the user.
 
     Args:
-        services: what lives as long as the client's session.
-        send_progress: told the share done in [0, 1] and what is being done.
-        ask: puts a question to the person; most clients cannot ask, and the answer is then None.
+        services: the resources of the client's session.
+        send_progress: receives the share done in [0, 1] and the current work.
+        ask: asks the user a question; most clients cannot ask, and the answer is then None.
 
     Attributes:
         remarks: sentences for the caller that belong to no single field of the result.
-        made_here: what this use made or found again, in this order.
+        made_here: what this use made or found again, in order.
     """
 
-    def __init__(self, services: Services, send_progress: OnProgress = no_progress, ask: Ask = ask_nobody) -> None:
+    def __init__(self, services: Services, send_progress: OnProgress = no_progress, ask: Ask = ask_no_one) -> None:
         self.services, self.ask = services, ask
         self.remarks: list[str] = []
         self.made_here: dict[tuple[MadeKind, str], None] = {}
@@ -132,27 +130,27 @@ class WorkflowContext:
 
     @property
     def workspace(self) -> Workspace:
-        """The artifacts."""
+        """The workspace with the artifacts."""
         return self.services.workspace
 
     @property
     def jobs(self) -> JobRunner:
-        """The jobs."""
+        """The job runner."""
         return self.services.jobs
 
     @property
     def limits(self) -> Limits:
-        """The bounds on files, time and memory."""
+        """The limits on files, time and memory."""
         return self.services.limits
 
     def made(self, kind: MadeKind, *made_ids: str) -> None:
-        """Take note of what the client made, or asked for again, in this order."""
+        """Record what the client made, or requested again, in this order."""
         for made_id in made_ids:
             self.services.recent.note(kind, made_id)
             self.made_here[kind, made_id] = None
 
     def newest(self, *kinds: ArtifactKind, count: int = 1) -> list[Artifact]:
-        """What the client made or chose last of some kinds, newest first; then what others made, which is told once."""
+        """Return the client's latest artifacts of some kinds, then those of others with a single remark."""
         last = self.services.recent.last(kinds)[:count]
         own = [self.workspace.get(key, kind) for kind, key in last if kind != "job"]
         if len(own) == count:
@@ -166,15 +164,15 @@ class WorkflowContext:
         return [*own, *others[: count - len(own)]]
 
     def tell_whose(self, kind: MadeKind, made_id: str, whose: str = "the workspace's") -> None:
-        """Have the answer say, once for each kind, that what a word meant was not made in this session."""
-        if self.services.recent.is_untold(kind):
-            self.remarks.append(f"{made_id}: {whose} newest {kind}, as this session has made none.")
+        """Add a remark, once for each kind, that a word refers to something from outside this session."""
+        if self.services.recent.first_report(kind):
+            self.remarks.append(f"{made_id} is {whose} newest {kind}; this session has not made one.")
 
     def artifact(self, word: str, kind: ArtifactKind) -> Artifact:
-        """Return the artifact with this id; ``latest`` is the client's last one of the kind.
+        """Return the artifact with this id; ``latest`` is the client's latest one of the kind.
 
         Raises:
-            UnknownName: with the nearest ids that exist.
+            UnknownName: with the nearest existing ids.
         """
         if word != "latest":
             return self.workspace.get(word, kind)
@@ -182,30 +180,30 @@ class WorkflowContext:
         return newest[0] if newest else self.workspace.get(word, kind)
 
     def allowed_path(self, text: str) -> Path:
-        """Return the path, if it lies inside an allowed root and not where the workspace keeps its own.
+        """Return the path, if it is inside an allowed root and outside the workspace's own folders.
 
         Raises:
             InvalidRequest: no path is given.
-            OutsideRoots: it lies elsewhere.
+            OutsideRoots: it is elsewhere.
         """
         path = self.limits.allowed_path(text)
         if self.workspace.owns(path):
             raise OutsideRoots(
-                f"{quoted(path)} belongs to the workspace, and only tools read and write its files",
-                next_step="name another folder; what is stored already is used by its id",
+                f"{quoted(path)} belongs to the workspace, whose files only tools may read and write",
+                next_step="use another folder, or refer to stored artifacts by id",
             )
         return path
 
     async def progress(self, share: float, message: str = "") -> None:
-        """Tell the client the share done in [0, 1] of the whole call."""
+        """Report the share done in [0, 1] of the whole call to the client."""
         await self._send_progress(share, message)
 
     def start_job(self, kind: str, recipe: Recipe, work: JobWork) -> Job:
-        """Start the work as a job of the client's, or join the one that already makes this recipe."""
+        """Start the work as a job of the client, or join the job that already has this recipe."""
         return self.jobs.start(kind, recipe, work, self.services.owner)
 
     async def wait_for(self, job_id: str, wait_s: float) -> Job:
-        """Return the job once it has ended, or as it is after ``wait_s`` seconds; the client is shown its progress."""
+        """Return the job when it has ended, or after ``wait_s`` seconds, and show the client its progress."""
 
         async def show(job: Job) -> None:
             await self.progress(job.share, job.message)
@@ -218,7 +216,7 @@ class WorkflowContext:
         """Run an engine operation in a warm worker; its progress fills ``share`` of the call's.
 
         Raises:
-            PlannerForgeError: what the operation raised, a time-out, or the death of the worker.
+            PlannerForgeError: an error of the operation, a timeout, or the death of the worker.
         """
         begin, end = share
 

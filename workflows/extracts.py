@@ -1,7 +1,8 @@
-"""Extracts of whole countries: read into tiles by a job, and kept in a folder of their own in the workspace.
+"""Extracts of whole countries, which a job splits into tiles in their own folder of the workspace.
 
-An extract becomes a map like any other when its index is whole; what a broken off job left is gone on with by the next
-job for the same file.
+An extract becomes a map like any other when its index is complete. The next job for the same file resumes an
+interrupted
+one.
 """
 
 import shutil
@@ -19,26 +20,26 @@ from .context import WorkflowContext
 from .operations import INDEX_EXTRACT
 
 _DISK_PER_BYTE = 10
-"""Bytes on disk that indexing a byte of an extract takes at its most, positions of nodes included (measured: 9.8)."""
+"""The maximum number of bytes on disk per byte of an extract, including node positions (measured: 9.8)."""
 _DIGESTED = 0.02
-"""Share of the work that is done when the file's digest is known (chosen)."""
+"""The share of the work that is done when the file's digest is known (chosen)."""
 
 
 @dataclass(frozen=True)
 class KnownAs:
-    """What the person who adds a map says of it: its place, its country (ISO alpha-3); None: what the file says."""
+    """What the user states about a map: its place and its country (ISO alpha-3). None means those of the file."""
 
     place: str | None = None
     country: str | None = None
 
 
 def extract_index(context: WorkflowContext, map_id: str) -> Path:
-    """Where the index of an extract lies."""
+    """Return the path of the index of an extract."""
     return context.workspace.root / "extracts" / map_id / INDEX_NAME
 
 
 def map_recipe(path: Path, known: KnownAs) -> Recipe:
-    """Return what a map is told by: the content of its file, and what was said of it."""
+    """Return the recipe of a map: the content of its file, and what the user states about it."""
     arguments = {"content": content_digest(path)}
     arguments |= {"name": known.place} if known.place else {}
     arguments |= {"country": known.country} if known.country else {}
@@ -46,7 +47,7 @@ def map_recipe(path: Path, known: KnownAs) -> Recipe:
 
 
 def start_indexing(context: WorkflowContext, path: Path, known: KnownAs) -> Job:
-    """Start the job that reads an extract into tiles, or join the one that does.
+    """Start the job that splits an extract into tiles, or join a running one.
 
     Raises:
         UnsafeInput: the file is gone.
@@ -58,7 +59,7 @@ def start_indexing(context: WorkflowContext, path: Path, known: KnownAs) -> Job:
 
         own_call = WorkflowContext(
             context.services, report
-        )  # the one that started the job may have been answered already
+        )  # the call that started the job may have been answered already
         artifact = await _indexed(own_call, path, known)
         progress.add_result(artifact.artifact_id)
         progress.report(1.0, f"{shown_name(path.name)} is the map {artifact.artifact_id}")
@@ -70,7 +71,7 @@ def start_indexing(context: WorkflowContext, path: Path, known: KnownAs) -> Job:
 
 
 def _state_of(path: Path) -> tuple[int, int]:
-    """Size in bytes and time of change in nanoseconds.
+    """Return the size in bytes and the modification time in ns.
 
     Raises:
         UnsafeInput: the file is gone.
@@ -83,13 +84,13 @@ def _state_of(path: Path) -> tuple[int, int]:
 
 
 async def _indexed(context: WorkflowContext, path: Path, known: KnownAs) -> Artifact:
-    """Return the extract as a map: the one of the same content, or a new one.
+    """Return the extract as a map: the one with the same content, or a new one.
 
-    That of one that was made before is looked through, and made anew where it is gone or damaged.
+    An existing index is checked, and created again if it is gone or damaged.
 
     Raises:
-        UnsafeInput: the file is broken, is not sorted, holds no road, or was written meanwhile; nothing of it is kept.
-        ResourceFailure: the disk has no room.
+        UnsafeInput: the file is broken, unsorted, without roads, or was modified meanwhile; nothing is stored.
+        ResourceFailure: the disk is full.
     """
     await context.progress(0.0, "reading the extract")
     before = _state_of(path)
@@ -106,7 +107,7 @@ async def _indexed(context: WorkflowContext, path: Path, known: KnownAs) -> Arti
         indexed = await context.run(INDEX_EXTRACT, request, share=(_DIGESTED, 1.0))
         if _state_of(path) != before:
             raise UnsafeInput(
-                f"{shown_name(path.name)} was written while it was read", next_step="add it again when it is whole"
+                f"{shown_name(path.name)} changed while it was read", next_step="add it again when it is complete"
             )
     except UnsafeInput:
         shutil.rmtree(folder, ignore_errors=True)
@@ -124,14 +125,14 @@ def _make_room(folder: Path, path: Path) -> None:
     needed = _DISK_PER_BYTE * path.stat().st_size
     if free < needed:
         raise ResourceFailure(
-            f"reading {shown_name(path.name)} into tiles takes up to {needed / 1e9:.1f} GB of disk;"
+            f"splitting {shown_name(path.name)} into tiles takes up to {needed / 1e9:.1f} GB of disk;"
             f" {free / 1e9:.1f} GB are free",
             next_step="free disk space, choose another --workspace, or use a smaller extract",
         )
 
 
-def told_of(facts: MapFacts) -> str:
-    """Return how much an extract holds, in words; empty for other maps."""
+def size_in_words(facts: MapFacts) -> str:
+    """Return the size of an extract in words; empty for other maps."""
     size = facts.extract
     return (
         ""

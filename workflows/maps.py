@@ -28,7 +28,7 @@ from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnknownName, Uns
 from ..schemas.generation import MAP_FACTS_VERSION, ConvertMapRequest, MapFacts, ReadMapRequest
 from ..schemas.text import cited, counted, is_utf8, one_line, shown_name
 from .context import WorkflowContext
-from .extracts import KnownAs, extract_index, map_recipe, start_indexing, told_of
+from .extracts import KnownAs, extract_index, map_recipe, size_in_words, start_indexing
 from .operations import CONVERT_MAP, CONVERT_ROADS, READ_MAP
 
 _MOST_FILES, _MOST_MAPS = 200, 1000
@@ -212,7 +212,7 @@ def _item(path: Path, artifact: Artifact, lost: tuple[str, ...] = (), *, reused:
         )
         or "no sites"
     )
-    size = f"; {told_of(facts)}" if facts.extract is not None else ""
+    size = f"; {size_in_words(facts)}" if facts.extract is not None else ""
     left_out = f"; lost in the conversion: {'; '.join(lost)}" if lost else ""
     where = f"{cited(facts.place)} ({facts.country or 'country unknown'})"
     return ImportedItem(

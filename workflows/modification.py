@@ -1,4 +1,4 @@
-"""Editing a scenario."""
+"""Edit a scenario."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -24,21 +24,22 @@ from .scenarios import one_scenario
 
 _TOOL = "modify_scenario"
 _MOST_QUESTIONS = 5
-"""Questions of one call; chosen: whoever names more vehicles by unclear words better looks at the scenario first."""
+"""How many questions one call may ask (chosen). A user with more unclear selectors should look at the scenario first.
+"""
 
 
 async def modify_scenario(arguments: ModifyScenarioArguments, context: WorkflowContext) -> ModifyScenarioResult:
-    """Edit a scenario; where words fit several vehicles, the person at the client may say which one is meant."""
+    """Edit a scenario. If a selector matches several vehicles, the user may choose one."""
     given = arguments
     try:
         for _ in range(_MOST_QUESTIONS):
             try:
                 return await modified_once(arguments, context)
             except NotPossible as refusal:
-                meant = await with_vehicle_meant(refusal, arguments, context)
-                if meant is None:
+                chosen = await with_chosen_vehicle(refusal, arguments, context)
+                if chosen is None:
                     raise
-                arguments = meant
+                arguments = chosen
         return await modified_once(arguments, context)
     except InvalidRequest as refusal:
         if arguments is not given:
@@ -47,23 +48,23 @@ async def modify_scenario(arguments: ModifyScenarioArguments, context: WorkflowC
 
 
 def _with_edits(arguments: ModifyScenarioArguments, remedy: Remedy) -> Remedy:
-    """Return the remedy for the call as it was sent, in which the person's choice of vehicles does not stand yet."""
+    """Return the remedy for the original call, without the user's choice of vehicles."""
     if remedy.tool:
         return remedy
     chosen = Change(values={"edits": arguments.model_dump(mode="json", exclude_unset=True)["edits"]})
     return replace(remedy, changes=(chosen, *remedy.changes))
 
 
-async def with_vehicle_meant(
+async def with_chosen_vehicle(
     refusal: NotPossible, arguments: ModifyScenarioArguments, context: WorkflowContext
 ) -> ModifyScenarioArguments | None:
-    """The arguments with the id of the vehicle that the person chooses; None if nothing was chosen or asked."""
+    """Return the arguments with the id of the vehicle that the user chose, or None without a choice."""
     kind, _, selector = refusal.reason.partition(" ")
     fitting = [edit for edit in arguments.edits if any(_reads_as(text, selector) for text in edit.vehicles)]
     if kind != AMBIGUOUS_VEHICLE or not fitting:
         return None
     choices = refusal.valid[: refusal.shown_values]
-    chosen = await context.ask(Question(f"Which vehicle does '{selector}' mean in {arguments.scenario_id}?", choices))
+    chosen = await context.ask(Question(f"Which vehicle of {arguments.scenario_id} does '{selector}' mean?", choices))
     if chosen is None:
         return None
     vehicle_id = chosen.partition(" ")[0]
@@ -73,12 +74,12 @@ async def with_vehicle_meant(
         )
         for edit in arguments.edits
     ]
-    context.remarks.append(f"'{selector}' was taken as vehicle {vehicle_id}, as chosen.")
+    context.remarks.append(f"'{selector}' means vehicle {vehicle_id}, as chosen.")
     return arguments.model_copy(update={"edits": edits})
 
 
 def _reads_as(text: str, selector: str) -> bool:
-    """Return whether a text is written differently at most."""
+    """Return whether two texts differ only in their spelling."""
     try:
         return str(parse_selector(text)) == selector
     except InvalidRequest:
@@ -86,7 +87,7 @@ def _reads_as(text: str, selector: str) -> bool:
 
 
 async def modified_once(arguments: ModifyScenarioArguments, context: WorkflowContext) -> ModifyScenarioResult:
-    """Return the edited scenario; one that was edited before is made anew from its base with all edits, old and new."""
+    """Return the edited scenario. If it was edited before, all edits are applied to its base again."""
     open_catalogue(context.workspace, with_starter=context.services.with_starter)
     given, named_problem = one_scenario(arguments.scenario_id, context)
     base_id, earlier = _base_and_edits(given)
@@ -152,35 +153,35 @@ async def modified_once(arguments: ModifyScenarioArguments, context: WorkflowCon
 
 
 def _traffic(arguments: ModifyScenarioArguments, given: Artifact) -> TrafficAfterEdits:
-    """Return the traffic that was asked for, or that the scenario was edited with before."""
+    """Return the requested traffic, or that of earlier edits."""
     if "traffic" in arguments.model_fields_set or given.recipe.tool != _TOOL:
         return arguments.traffic
     return "reactive" if given.recipe.arguments.get("traffic") == "reactive" else "recorded"
 
 
-def _problem(given: Artifact, named: int | None) -> int | None:
-    """Return the planning problem that the edits are about: all edits since the base are made anew around one ego.
+def _problem(given: Artifact, requested: int | None) -> int | None:
+    """Return the planning problem of the edits: all edits since the base are repeated for one ego.
 
     Raises:
-        NotPossible: the scenario was edited around another ego before.
+        NotPossible: the scenario was edited for another ego before.
     """
     egos = given.read(ScenarioRecord).facts.egos
     first = egos[0].problem_id if egos else None
-    wanted = None if named == first else named
+    wanted = None if requested == first else requested
     if given.recipe.tool != _TOOL:
         return wanted
     before = given.recipe.arguments.get("problem")
-    if named is not None and wanted != before:
+    if requested is not None and wanted != before:
         earlier = first if before is None else before
         raise NotPossible(
-            f"{given.artifact_id} was edited around planning problem {earlier}, not {named}",
-            valid=[f"{given.artifact_id}#{earlier}", f"{given.recipe.arguments['base']}#{named}"],
+            f"{given.artifact_id} was edited for planning problem {earlier}, not {requested}",
+            valid=[f"{given.artifact_id}#{earlier}", f"{given.recipe.arguments['base']}#{requested}"],
         )
     return before
 
 
 def _base_and_edits(artifact: Artifact) -> tuple[str, tuple[Edit, ...]]:
-    """Return the scenario that all edits start from, and the edits until now."""
+    """Return the scenario that all edits start from, and the edits so far."""
     if artifact.recipe.tool != _TOOL:
         return artifact.artifact_id, ()
     edits = artifact.recipe.arguments["edits"]

@@ -1,10 +1,10 @@
-"""Every operation of the engine that tools have carried out in workers: entry point, request, response, time limit.
+"""All engine operations that tools run in workers: entry point, request, response, time limit.
 
-The table is what type checkers see of the way between the server's process and its workers: ``call.run(OPERATION,
-request)`` takes the operation's request only and returns its response. Entry points are strings because the server's
-process must not import what they name; a test resolves each one and compares its signature.
+The table gives type checkers the types between the server's process and its workers: ``call.run(OPERATION, request)``
+accepts only the operation's request and returns its response. Entry points are strings because the server's process
+must not import them. A test resolves each one and compares its signature.
 
-Time limits are chosen, generously: they end what hangs. Where a client waits for an answer, they are 50 s.
+Time limits are generous (chosen) and end what hangs. If a client waits for an answer, they are 50 s.
 """
 
 from ..engine.execution import Operation
@@ -91,7 +91,7 @@ BUILD_INDEX = Operation(
 )
 RANK = Operation("plannerforge.engine.catalog:rank", RankRequest, RankResponse, timeout_s=120.0, lane="retrieval")
 
-# Runs and what they show
+# Runs and their pictures
 RUN_PLANNER = Operation(
     "plannerforge.engine.planners:run_planner", RunRequest, RunResponse, timeout_s=120.0, reads=("scenario_path",)
 )

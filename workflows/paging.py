@@ -1,23 +1,23 @@
-"""Answers in pages: what is said if a page begins behind the last entry."""
+"""Answers in pages: the refusal of a page after the last entry."""
 
 from ..schemas.errors import InvalidRequest, with_values
 
 
 def check_offset(offset: int, total: int, what: str, page: int) -> None:
-    """Refuse a page that begins behind the last of all entries; nothing at all is no fault of the page.
+    """Refuse a page that starts after the last entry, unless there are no entries at all.
 
     Args:
-        offset: how many entries are left out.
-        total: how many there are.
-        what: what they are, in the plural.
-        page: how many entries a page has.
+        offset: the number of entries to skip.
+        total: the number of entries.
+        what: the entries' name in the plural.
+        page: the number of entries on a page.
 
     Raises:
-        InvalidRequest: there are entries, and all of them are left out; the last page is proposed.
+        InvalidRequest: all entries are skipped; suggests the last page.
     """
     if 0 < total <= offset:
         raise InvalidRequest(
-            f"offset={offset} leaves out all: there are {total:,} {what}",
+            f"offset={offset} skips everything: there are {total:,} {what}",
             valid=[f"offset: 0 to {total - 1}"],
             next_step="choose a smaller offset",
             remedies=[with_values(offset=(total - 1) // page * page)],

@@ -1,4 +1,4 @@
-"""Planners: what can be set, new configurations, runs."""
+"""List planners and their settings, create configurations, and run planners."""
 
 from typing import get_args
 
@@ -39,7 +39,7 @@ from .scenarios import choose_scenarios
 
 
 async def list_planners(arguments: ListPlannersArguments, context: WorkflowContext) -> ListPlannersResult:
-    """Return what there is to set, with the values in force (those of Default for a planner other than the current)."""
+    """Return the planners and the current values, or the Default values of another planner."""
     configuration = resolve_configuration(arguments.config_id or "current", context)
     if arguments.planner and known_planner(arguments.planner) != configuration.planner:
         if arguments.config_id:
@@ -95,16 +95,16 @@ async def configure_planner(arguments: ConfigurePlannerArguments, context: Workf
     )
     stored = store_configuration(context, made, recipe).read(PlannerConfiguration)
     context.made("config", stored.config_id)
-    named = base if arguments.preset is None else preset_configuration(base.planner, arguments.preset)
-    if not differences(named, stored):  # against itself there is nothing to tell
-        named = base
+    reference = base if arguments.preset is None else preset_configuration(base.planner, arguments.preset)
+    if not differences(reference, stored):  # there is nothing to report relative to itself
+        reference = base
     return ConfigurePlannerResult(
         config_id=stored.config_id,
         name=shown_name(stored.name),
         planner=stored.planner,
         base=base.config_id,
-        against=shown_name(named.name),
-        changes=differences(named, stored),
+        against=shown_name(reference.name),
+        changes=differences(reference, stored),
         notes=notes,
         yaml=to_yaml(stored),
         reused=known,
@@ -112,7 +112,7 @@ async def configure_planner(arguments: ConfigurePlannerArguments, context: Workf
 
 
 async def run_planner(arguments: RunPlannerArguments, context: WorkflowContext) -> RunPlannerResult:
-    """Return one run at once; several as a job that this call waits for."""
+    """Return one run directly, or several as a job that this call waits for."""
     faults, configurations = Faults(), dict[str, PlannerConfiguration]()
     with faults.collecting():
         check_modes(arguments.traffic, arguments.prediction)
@@ -140,7 +140,7 @@ async def run_planner(arguments: RunPlannerArguments, context: WorkflowContext) 
 
 
 def _listed(name: str) -> PlannerInfo:
-    """Return a planner as it is listed; one of others that cannot be imported says so."""
+    """Return a planner's entry; an external one that cannot be imported says so."""
     try:
         tuning = tuning_of(name)
     except PlannerFailure as error:
@@ -166,7 +166,7 @@ def _weights(configuration: PlannerConfiguration, tuning: PlannerTuning) -> tupl
 
 
 def _settings(configuration: PlannerConfiguration, tuning: PlannerTuning) -> tuple[SettingInfo, ...]:
-    """Return the settings that act in the planner."""
+    """Return the settings that have an effect in the planner."""
     values = setting_values(configuration.settings)
     return tuple(
         SettingInfo(name=item.name, value=values[item.name], range=item.range_text, meaning=item.meaning)

@@ -1,7 +1,8 @@
-"""Scenarios on their way into the workspace: workers read the facts, the catalogue's intake stores.
+"""Store scenarios in the workspace: workers read their facts, and the catalogue stores them.
 
-A scenario that a tool made is stored by itself. Files of the user's are read by all workers at once and stored in
-batches, in the order of their names.
+A tool's new scenario is stored alone. All workers read the user's files in parallel, and these are stored in batches,
+in
+the order of their names.
 """
 
 import shutil
@@ -22,7 +23,7 @@ from .context import WorkflowContext
 from .operations import READ_FACTS
 
 _GATHER_S = 0.2
-"""How long the store waits for more files (chosen): a transaction each would keep the disk busier than the readers."""
+"""How long to wait for more files (chosen): with a transaction each, the disk would be slower than the readers."""
 _OnDone = Callable[[Path, ImportedItem | PlannerForgeError], None]
 _Outcome = tuple[int, ReadFile | PlannerForgeError]
 
@@ -37,24 +38,24 @@ async def store_scenario(
     beside: Mapping[str, Path] | None = None,
     circumstances: Iterable[str] = (),
 ) -> Artifact:
-    """Store a CommonRoad file, with the SUMO network that it came from where there is one.
+    """Store a CommonRoad file, with the SUMO network that it came from if there is one.
 
     Args:
-        beside: further files of the artifact by name, such as the report of how it was made.
+        beside: further files of the artifact by name, such as the report of its generation.
         circumstances: weather and time of day that the file does not state.
 
     Raises:
         UnsafeInput: the file is broken or hostile.
-        NotPossible: another scenario has this id already.
+        NotPossible: another scenario already has this id.
     """
     facts = await context.run(READ_FACTS, ReadFactsRequest(path=xml))
-    held = {*facts.circumstances, *circumstances}
-    facts = facts.model_copy(update={"circumstances": tuple(word for word in CIRCUMSTANCES if word in held)})
+    present = {*facts.circumstances, *circumstances}
+    facts = facts.model_copy(update={"circumstances": tuple(word for word in CIRCUMSTANCES if word in present)})
     return put_scenario(context.workspace, facts, xml=xml, net=net, recipe=recipe, origin=origin, beside=beside)
 
 
 async def import_scenarios(context: WorkflowContext, paths: Sequence[Path], on_done: _OnDone) -> None:
-    """Import the files; calls ``on_done`` for each, in their order, with what it became or why it was refused.
+    """Import the files, and call ``on_done`` for each, in their order, with the result or refusal.
 
     A compressed file is unpacked into a temporary folder, which is deleted when the scenario is stored.
     """
@@ -84,7 +85,7 @@ async def _read_files(
 async def _read(
     context: WorkflowContext, intake: ScenarioIntake, path: Path, folder: Path
 ) -> ReadFile | PlannerForgeError:
-    """Read a file; it is unpacked into the folder, which is made for it, if it is compressed."""
+    """Read a file, after unpacking it into its own folder if it is compressed."""
     try:
         checked = context.allowed_path(str(path))
         context.limits.check_size(checked)
@@ -101,7 +102,7 @@ async def _read(
 
 
 async def _facts(context: WorkflowContext, path: Path, net: Path | None) -> ScenarioFacts:
-    """Return the facts of a file; a worker that died is no fault of the file's, so a second one tries again."""
+    """Return the facts of a file. If a worker dies, a second one tries again, because the file may be innocent."""
     request = ReadFactsRequest(path=path, net=net, file_bytes=context.limits.file_bytes, keep=False)
     try:
         return await context.services.workers.run(READ_FACTS, request)

@@ -1,7 +1,7 @@
-"""The description of one scenario, and which scenarios the words of a request mean.
+"""Describe one scenario, and resolve the scenarios that a request refers to.
 
 A word is an id, ``ID#problem``, a search, a stage of one (``SEARCH:STAGE``), a coverage plan, or ``preset:N``. A stored
-search keeps the counts of its stages only; the scenarios of a stage are looked up again.
+search keeps only the counts of its stages, so the scenarios of a stage are looked up again.
 """
 
 import hashlib
@@ -28,12 +28,12 @@ from .operations import DESCRIBE_SCENARIO
 
 _LARGEST_PRESET = 500
 _PRESET_SIZES = (10, 50, 100, 200, 300, 400, 500)
-"""The largest size and those that a refusal proposes; chosen."""
+"""The largest size, and those that a refusal suggests (chosen)."""
 
 
 @dataclass(frozen=True)
 class ChosenScenario:
-    """A scenario and one of its planning problems (None: the first)."""
+    """A scenario and one of its planning problems (None means the first)."""
 
     scenario_id: str
     problem_id: int | None = None
@@ -89,14 +89,14 @@ async def describe_scenario(arguments: DescribeScenarioArguments, context: Workf
 
 
 def _other_problems(facts: ScenarioFacts, problem_id: int | None) -> tuple[int, ...]:
-    """Return the other planning problems of a file than the one that is described; None stands for the first."""
+    """Return a file's planning problems other than the described one; None stands for the first."""
     known = [ego.problem_id for ego in facts.egos]
     shown = known[0] if problem_id is None and known else problem_id
     return tuple(key for key in known if key != shown)
 
 
 def one_scenario(word: str, context: WorkflowContext) -> tuple[Artifact, int | None]:
-    """Return the scenario that an id or ``ID#problem`` names, and the planning problem; None if none is named.
+    """Return the scenario of an id or ``ID#problem``, and the planning problem, or None without one.
 
     Raises:
         UnknownName: there is no such scenario or planning problem.
@@ -116,12 +116,12 @@ def one_scenario(word: str, context: WorkflowContext) -> tuple[Artifact, int | N
 
 
 def choose_scenarios(words: Sequence[str], context: WorkflowContext) -> _Choice:
-    """Resolve the words of a call; ``latest`` and ``search:latest`` become concrete ids.
+    """Resolve the words of a call; ``latest`` and ``search:latest`` become ids.
 
     Raises:
-        UnknownName: scenarios, planning problems, searches or stages of them that do not exist; all of them at once.
+        UnknownName: unknown scenarios, planning problems, searches or stages, all at once.
         InvalidRequest: ``preset:`` without a number from 1 to 500.
-        NotPossible: a search without hits, or no scenario that could be run.
+        NotPossible: a search without hits, or no scenario that can run.
     """
     open_catalogue(context.workspace, with_starter=context.services.with_starter)
     chosen: dict[ChosenScenario, None] = {}
@@ -129,16 +129,16 @@ def choose_scenarios(words: Sequence[str], context: WorkflowContext) -> _Choice:
     faults = Faults()
     for word in words:
         with faults.collecting():
-            scenarios, remarks = _meant(word.strip(), context)
+            scenarios, remarks = _resolve_word(word.strip(), context)
             chosen.update(dict.fromkeys(scenarios))
             notes += remarks
     faults.raise_all()
     if not chosen:
-        raise NotPossible("no scenario is left to run", next_step="name scenario ids, a search id or preset:10")
+        raise NotPossible("no scenario is left to run", next_step="use scenario ids, a search id or preset:10")
     return _Choice(tuple(chosen), tuple(notes))
 
 
-def _meant(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], list[str]]:
+def _resolve_word(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], list[str]]:
     if word.startswith("preset:"):
         return _preset(word, context)
     if word.startswith(("search:", "search_")):
@@ -150,34 +150,36 @@ def _meant(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], l
 
 
 def planned_scenarios(word: str, context: WorkflowContext) -> tuple[str, ...]:
-    """Return what a coverage plan has made until now, in its order; ``plan_latest`` is the client's last one.
+    """Return the scenarios of a coverage plan so far, in its order; ``plan_latest`` is the client's last one.
 
     Raises:
         UnknownName: there is no such plan.
-        NotPossible: it has made nothing yet.
+        NotPossible: it has no scenario yet.
     """
     plan = context.artifact("latest" if word == "plan_latest" else word, "plan")
     ids = PlanRows(context.workspace.database, plan.artifact_id).scenario_ids()
     if not ids:
-        raise NotPossible(f"{plan.artifact_id} has made no scenario yet", next_step="wait for its job with get_job")
+        raise NotPossible(f"{plan.artifact_id} has no scenario yet", next_step="wait for its job with get_job")
     return ids
 
 
 def _preset(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], list[str]]:
-    """Return the first N scenarios with a planning problem, in an order that looks random but is always the same."""
+    """Return the first N scenarios with a planning problem, in an order that looks random but never changes."""
     number = word.removeprefix("preset:")
     if not re.fullmatch(r"\d+", number) or not 1 <= int(number) <= _LARGEST_PRESET:
-        raise InvalidRequest(f"'{word}' names no size", valid=[f"preset:{size}" for size in _PRESET_SIZES], given=word)
+        raise InvalidRequest(
+            f"'{word}' has no valid size", valid=[f"preset:{size}" for size in _PRESET_SIZES], given=word
+        )
     stored = context.workspace.newest(kind="scenario", limit=100_000)
     runnable = [artifact.artifact_id for artifact in stored if artifact.read(ScenarioRecord).facts.egos]
     ordered = sorted(runnable, key=lambda key: hashlib.sha256(key.encode()).hexdigest())
     chosen = [ChosenScenario(key) for key in ordered[: int(number)]]
-    notes = [f"{word}: only {len(chosen)} scenarios with a planning problem are here"]
+    notes = [f"{word}: only {len(chosen)} scenarios with a planning problem exist"]
     return chosen, notes if len(chosen) < int(number) else []
 
 
 def _hits(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], list[str]]:
-    """Return the hits of a search, or with ``:STAGE`` behind its id what one of its stages left."""
+    """Return the hits of a search or, with ``:STAGE`` after its id, those left after that stage."""
     name, mark, stage = word.partition(":")
     search = context.artifact(name, "search")
     ids, notes = _stage_hits(search, stage, context) if mark else (_all_hits(search, context), [])
@@ -193,9 +195,9 @@ def _entry(scenario_id: str) -> ChosenScenario:
 
 
 def _stage_hits(search: Artifact, stage: str, context: WorkflowContext) -> tuple[tuple[str, ...], list[str]]:
-    """Ids of what the stage left, alphabetically, and a remark where versions have changed since the search.
+    """Return the ids left after the stage, alphabetically, and a remark if versions have changed since.
 
-    What was added to the catalogue after the search is not among them.
+    Scenarios added after the search are not included.
 
     Raises:
         UnknownName: the search has no conditions for this stage, or an earlier stage left nothing.
@@ -209,20 +211,20 @@ def _stage_hits(search: Artifact, stage: str, context: WorkflowContext) -> tuple
     numbers = next((left.numbers for left in again.funnel.stages if left.stage == stage), ())
     known = _known_then(search, numbers)
     changed = len(known) != counts[stage]
-    note = f"{search.artifact_id}:{stage} left {counts[stage]}; {len(known)} of them are in the catalogue as they were"
+    note = f"{search.artifact_id}:{stage} left {counts[stage]}; {len(known)} of them are unchanged in the catalogue"
     entries = entries_of(context.workspace.database.connection(), known)
     return tuple(entry.scenario_id for entry in entries), [note] if changed else []
 
 
 def _known_then(search: Artifact, numbers: Iterable[int]) -> list[int]:
-    """Those of some entries that were in the catalogue when a search was stored."""
+    """Return those entries that were in the catalogue when a search was stored."""
     return [number for number in numbers if number < search.sequence * MOST_ENTRIES]
 
 
 def _all_hits(search: Artifact, context: WorkflowContext) -> tuple[str, ...]:
-    """The ids of all hits; where only the first are kept, the others follow alphabetically as the conditions find them.
+    """Return the ids of all hits. If only the first are stored, the others follow alphabetically from a new search.
 
-    What was added to the catalogue after the search is not among them.
+    Scenarios added after the search are not included.
     """
     record = search.read(SearchRecord)
     if record.total is None:
@@ -233,14 +235,14 @@ def _all_hits(search: Artifact, context: WorkflowContext) -> tuple[str, ...]:
 
 
 def searched_within(search_id: str | None, context: WorkflowContext) -> tuple[str, ...] | None:
-    """The hits of the search that another one refines, or what a plan made; None: the whole catalogue is searched."""
+    """Return the hits of the refined search, or a plan's scenarios; None searches the whole catalogue."""
     if search_id is not None and search_id.startswith("plan_"):
         return planned_scenarios(search_id, context)
     return None if search_id is None else _all_hits(context.artifact(search_id, "search"), context)
 
 
 def opened_search(arguments: FindScenariosArguments, context: WorkflowContext) -> Search:
-    """Return a search of the workspace's catalogue, with what is kept of it in memory.
+    """Return a search of the workspace's catalogue, using the cached index.
 
     Raises:
         UnknownName: a word outside the vocabularies.

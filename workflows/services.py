@@ -1,4 +1,4 @@
-"""Opens what workflows work with, the workspace, the workers, the jobs, and closes it at the end."""
+"""Open and close the resources of workflows: the workspace, the workers and the jobs."""
 
 import logging
 from collections.abc import AsyncIterator, Callable, Mapping
@@ -32,19 +32,19 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ServiceOptions:
-    """What services are opened with.
+    """The options of the services.
 
     Args:
-        workspace: folder for everything that is made.
-        limits: bounds on files, time and memory.
-        workspace_bytes: what the workspace may take; 0 is no bound.
-        cluster: address or file of a Dask scheduler that runs and generation go to; empty for this machine alone.
-        planners: programs that are planners, by name.
+        workspace: folder for all artifacts.
+        limits: limits on files, time and memory.
+        workspace_bytes: maximum size of the workspace; 0 means no limit.
+        cluster: address or file of a Dask scheduler for runs and generation; empty uses only this machine.
+        planners: external planner programs, by name.
         map_folders: folders with maps, in addition to the built-in ones.
         with_starter: put the starter scenarios into a new workspace.
         embedding_model: ranks scenarios by text.
-        online: whether and how maps are asked for on the net.
-        links: whether answers link what they made.
+        online: whether and how to request maps from the network.
+        links: whether answers link their artifacts.
     """
 
     workspace: Path
@@ -60,7 +60,7 @@ class ServiceOptions:
 
 
 JobsApart = Callable[[RunApart, JobStore], RunApart]
-"""Given how jobs are run, returns how they are run instead, for instance observed."""
+"""Wraps how jobs are run, for example to observe them."""
 
 
 @asynccontextmanager
@@ -69,15 +69,15 @@ async def open_services(
 ) -> AsyncIterator[tuple[Services, WorkerPool]]:
     """Open workspace, workers and jobs (in these threads), and close them at the end of the block.
 
-    Yields the services, and the workers of this machine, which a cluster may stand in for.
+    Yields the services, and the workers of this machine, which a cluster may replace.
 
     Raises:
-        NotPossible: a cluster is asked for, and the packages for it are not installed.
+        NotPossible: a cluster is requested, but its packages are not installed.
     """
     limits, root = options.limits, options.workspace
     make_private(root)
     for missing in (folder for folder in limits.roots if not folder.is_dir()):
-        logger.warning("the root %s does not exist (yet): nothing can be read from there", missing)
+        logger.warning("the root %s does not exist (yet), so nothing can be read from it", missing)
     workspace = Workspace(root)
     if options.workspace_bytes:
         workspace.limit_room(Quota(workspace, options.workspace_bytes).admit)
@@ -85,7 +85,7 @@ async def open_services(
         with programs_named(options.planners):
             async with (
                 WorkerPool.open(limits, root / "logs" / "workers.log") as workers,
-                carried_out(options.cluster, workers, limits) as executor,
+                operation_executor(options.cluster, workers, limits) as executor,
                 anyio.create_task_group() as tasks,
             ):
                 store = JobStore(workspace.database)
@@ -108,11 +108,11 @@ async def open_services(
 
 
 @asynccontextmanager
-async def carried_out(cluster: str, here: WorkerPool, limits: Limits) -> AsyncIterator[Executor]:
-    """Yield what carries operations out: this machine's workers, or a cluster if one is named.
+async def operation_executor(cluster: str, here: WorkerPool, limits: Limits) -> AsyncIterator[Executor]:
+    """Yield the executor of operations: this machine's workers, or a cluster if one is given.
 
     Raises:
-        NotPossible: a cluster is named, and the packages for it are not installed.
+        NotPossible: a cluster is given, but its packages are not installed.
     """
     if not cluster:
         yield here
@@ -121,7 +121,7 @@ async def carried_out(cluster: str, here: WorkerPool, limits: Limits) -> AsyncIt
         from ..engine.execution import ClusterExecutor
     except ImportError as error:
         raise NotPossible(
-            f"the setting cluster asks for {cluster}, and the packages for it are not installed",
+            f"the setting cluster requests {cluster}, but its packages are not installed",
             next_step="pip install 'plannerforge-mcp[cluster]', or leave the setting out",
         ) from error
     async with ClusterExecutor.open(cluster, here, limits) as executor:

@@ -204,7 +204,7 @@ async def test_a_chosen_vehicle_stands_in_the_call_that_is_proposed(
         raise NotPossible("too fast", remedies=[with_values(speed="4m/s").at(("edits", 0))])
 
     monkeypatch.setattr(modification, "modified_once", edit)
-    monkeypatch.setattr(modification, "with_vehicle_meant", chosen)
+    monkeypatch.setattr(modification, "with_chosen_vehicle", chosen)
     unclear = {"op": "set_speed", "vehicles": ["one:car"], "speed": "5m/s"}
     _, call = await refused(client, "modify_scenario", {"scenario_id": SCENARIO, "edits": [unclear]})
     assert call is not None

@@ -1,4 +1,4 @@
-"""One set of runs against another: the sides, which of them are compared, and the paired tests."""
+"""Compare sets of runs: their sides, the pairs of sides, and the paired tests."""
 
 from collections.abc import Callable, Sequence
 from itertools import accumulate
@@ -31,71 +31,72 @@ async def compare_results(arguments: CompareResultsArguments, context: WorkflowC
         couples=couples,
     )
     result = await context.run(COMPARE, request)
-    asked = arguments.limit if "limit" in arguments.model_fields_set else None
-    return result.model_copy(update={"notes": (*notes, *more, *result.notes), "flips_asked": asked})
+    limit = arguments.limit if "limit" in arguments.model_fields_set else None
+    return result.model_copy(update={"notes": (*notes, *more, *result.notes), "flips_asked": limit})
 
 
 def _words_of(arguments: CompareResultsArguments, context: WorkflowContext) -> tuple[list[str], tuple[str, ...]]:
-    """Return what is compared; by default the configurations of the newest batch, or without one the two newest runs.
+    """Return the results to compare; by default the newest batch's configurations, or the two newest runs.
 
     Raises:
-        InvalidRequest: the newest batch has one configuration, and the call does not name an older baseline.
+        InvalidRequest: the newest batch has one configuration, and the call gives no older baseline.
     """
     if arguments.results:
         return arguments.results, ()
     batches = context.newest("batch", count=2)
     if not batches:
-        told = "there is no batch: the two newest runs are compared, the older one as the baseline"
-        return ["previous_run", "latest_run"], (told,)
+        note = "there is no batch, so the two newest runs are compared, the older one as the baseline"
+        return ["previous_run", "latest_run"], (note,)
     newest = batches[0].artifact_id
     if len(batches) == 1:
-        return [newest], ("there is one batch only: its configurations are compared",)
+        return [newest], ("there is only one batch, so its configurations are compared",)
     if len(batches[0].read(BatchRecord).configs) == 1:
         older = batches[1].artifact_id
         raise InvalidRequest(
-            f"{newest} has one configuration, and which older batch is the baseline was not said",
+            f"{newest} has one configuration, and the call gives no baseline",
             valid=[f"results ['{older}', '{newest}']"],
-            next_step="name both, the baseline first",
+            next_step="give both, the baseline first",
         )
-    return [newest], (f"results were left out: the configurations of {newest}, the newest batch, are compared",)
+    return [newest], (f"without results, the configurations of {newest}, the newest batch, are compared",)
 
 
 _OTHERS_LOOKED_AT, _OTHERS_PROPOSED = 20, 3
-"""Of the newest runs and batches: how many are looked at for another side, and how many are proposed (chosen)."""
+"""How many of the newest runs and batches are searched for another side, and how many are proposed (chosen)."""
 
 
 def _other_sides(chosen: Sequence[ChosenResult], runs: Sequence[RunSource], context: WorkflowContext) -> list[Remedy]:
-    """What the results may be compared with: newest ones of other configurations on their scenarios, or a new run."""
-    named = [result.result_id for result in chosen]
+    """Return comparable results: newest ones of other configurations on the same scenarios, or a new run."""
+    given = [result.result_id for result in chosen]
     configs, scenarios = ({getattr(run.record, key) for run in runs} for key in ("config_id", "scenario_id"))
     fitting = list[str]()
     for artifact in context.newest("run", "batch", count=_OTHERS_LOOKED_AT):
         ids = (artifact.artifact_id,) if artifact.kind == "run" else artifact.read(BatchRecord).runs
         first = [context.workspace.get(key, "run").read(RunRecord) for key in ids[:_OTHERS_LOOKED_AT]]
         is_other = any(one.config_id not in configs and one.scenario_id in scenarios for one in first)
-        if is_other and artifact.artifact_id not in named:
+        if is_other and artifact.artifact_id not in given:
             fitting.append(artifact.artifact_id)
     others = [name for name in PLANNERS if all(run.record.planner != name for run in runs)]
     again = calling("run_planner", scenarios=sorted(scenarios)[:_OTHERS_LOOKED_AT], configs=others[:1])
-    compared = [with_values(results=[*named, other]) for other in fitting[:_OTHERS_PROPOSED]]
+    compared = [with_values(results=[*given, other]) for other in fitting[:_OTHERS_PROPOSED]]
     return [*compared, again] if scenarios and others else compared
 
 
 _Couples = tuple[tuple[int, int], ...]
-"""Which sides are compared, as places among the sides, the baseline of each first; empty: all with the first."""
+"""The pairs of sides to compare, by index, the baseline first; empty compares all with the first."""
 
 
 def _sides_of(
     chosen: Sequence[ChosenResult], runs: Sequence[RunSource]
 ) -> tuple[tuple[Side, ...], _Couples, tuple[str, ...]]:
-    """Return the sides in the given order, which of them are compared with which, and what was left out.
+    """Return the sides in the given order, their pairs, and notes on what was left out.
 
-    A batch gives one side a configuration; single runs with several configurations are put together by configuration;
-    two runs of one configuration stand against each other. Of several batches the first that was named is the baseline,
-    and each side of another batch is compared with its match in it.
+    A batch gives one side per configuration. Single runs with several configurations are grouped by configuration. Two
+    runs
+    of one configuration are compared with each other. Of several batches, the first one given is the baseline, and each
+    side of another batch is compared with its match there.
 
     Raises:
-        InvalidRequest: there is only one side, or no side of a batch matches one in another batch.
+        InvalidRequest: there is only one side, or no side of a batch has a match in another batch.
     """
     by_id = {run.record.run_id: run for run in runs}
     if all(result.kind == "run" for result in chosen) and len({run.record.config_id for run in runs}) > 1:
@@ -107,7 +108,7 @@ def _sides_of(
     if len(sides) < 2:
         labels = ", ".join(side.label for side in sides)
         raise InvalidRequest(
-            f"only one side: {labels}",
+            f"there is only one side: {labels}",
             valid=["two runs or batches", "one batch with several configurations"],
             next_step="run another configuration on the same scenarios with run_planner",
         )
@@ -116,33 +117,35 @@ def _sides_of(
     empty = [group[0] for group, found in zip(groups, split, strict=True) if not found]
     if empty:
         raise InvalidRequest(
-            f"{', '.join(empty)} holds no run that can be compared",
+            f"{', '.join(empty)} has no run to compare",
             valid=["results with at least one finished run each"],
             next_step="leave it out, or run it again with run_planner",
         )
     couples, alone = _matched([len(group) for group in split], sides)
     if not couples:
-        named = [f"{group[0].result_id}: {', '.join(side.config_name for side in group)}" for group in split]
+        configurations = [f"{group[0].result_id}: {', '.join(side.config_name for side in group)}" for group in split]
         raise InvalidRequest(
-            f"no configuration of {groups[0][0]}, the baseline, has a like in the other results",
-            valid=named,
-            next_step="name results with the same configurations or with one each, or a single batch with several",
+            f"no configuration of the baseline {groups[0][0]} has a match in the other results",
+            valid=configurations,
+            next_step="use results with the same configurations or with one each, or a single batch with several",
         )
-    notes = [f"{side.label} has no like in the other results and is in no comparison" for side in alone]
+    notes = [f"{side.label} has no match in the other results and is not compared" for side in alone]
     return tuple(sides), () if couples == _star(len(sides)) else couples, tuple(notes)
 
 
 def _star(count: int) -> _Couples:
-    """Return every side against the first."""
+    """Return the pairs of every side with the first."""
     return tuple((0, place) for place in range(1, count))
 
 
 def _matched(sizes: Sequence[int], sides: Sequence[Side]) -> tuple[_Couples, list[Side]]:
-    """Return the couples of matching sides of the first group and each other, and the sides left over.
+    """Return the pairs of matching sides of the first group and each other, and the remaining sides.
 
-    Sides match if they have the same configuration under the same planner version; otherwise the same configuration;
-    otherwise if they are the only ones left of a planner in both groups; otherwise if they are the only ones
-    left at all. A baseline with one side matches every side of a group without a closer match.
+    Sides match if they have the same configuration and planner version, or else the same configuration, or else if they
+    are
+    the only remaining ones of a planner in both groups, or else the only remaining ones. A baseline with one side
+    matches
+    every side of a group without a closer match.
     """
     ends = list(accumulate(sizes))
     groups = [list(range(end - size, end)) for size, end in zip(sizes, ends, strict=True)]
@@ -172,11 +175,11 @@ _LIKENESS: tuple[Callable[[Side], str], ...] = (
     lambda side: side.config_name.partition(":")[0],
     lambda _: "",
 )
-"""What makes two sides alike, the strictest first."""
+"""Criteria for matching sides, the strictest first."""
 
 
 def _by_config(result_id: str, members: Sequence[RunSource]) -> list[Side]:
-    """Return a side for each configuration and planner version; its label is its name."""
+    """Return a side for each configuration and planner version, with its name as the label."""
     groups: dict[str, list[RunRecord]] = {}
     for member in members:
         groups.setdefault(member.record.config_id, []).append(member.record)
@@ -194,14 +197,14 @@ def _by_config(result_id: str, members: Sequence[RunSource]) -> list[Side]:
 
 
 def _labelled(sides: Sequence[Side]) -> list[Side]:
-    """Return the sides; equal names are told apart by the configuration and the result that they belong to."""
-    told = []
+    """Return the sides, with the configuration and result added to equal labels."""
+    labelled = []
     for side in sides:
         twins = [one for one in sides if one.config_name == side.config_name and one is not side]
-        words = side.config_name
+        label = side.config_name
         if any(one.config_id != side.config_id for one in twins):
-            words = f"{words} {side.config_id}"
+            label = f"{label} {side.config_id}"
         if any(one.result_id != side.result_id for one in twins):
-            words = f"{words} ({side.result_id})"
-        told.append(side.model_copy(update={"label": words}))
-    return told
+            label = f"{label} ({side.result_id})"
+        labelled.append(side.model_copy(update={"label": label}))
+    return labelled

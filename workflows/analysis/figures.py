@@ -1,4 +1,4 @@
-"""What a set of runs shows: rates, metrics, costs and findings, and trials of what the findings suggest."""
+"""Analyse a set of runs: rates, metrics, costs and findings, and trials of suggestions."""
 
 from ...schemas.results import AnalyseRequest, AnalyzeResultsArguments, AnalyzeResultsResult
 from ..context import WorkflowContext
@@ -9,7 +9,7 @@ from .trial import with_trials
 
 
 async def analyze_results(arguments: AnalyzeResultsArguments, context: WorkflowContext) -> AnalyzeResultsResult:
-    """Rates, metrics, costs and findings of runs."""
+    """Return rates, metrics, costs and findings of runs."""
     chosen, runs = chosen_runs(arguments.results, context)
     if arguments.detail in ("summary", "findings") and len(runs) > 1:
         runs = await looked_at(runs, context)

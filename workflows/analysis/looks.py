@@ -1,4 +1,4 @@
-"""Looks at runs that are made once, in workers, and kept in the workspace for every later analysis."""
+"""Looks at runs, computed once by workers and stored in the workspace for every later analysis."""
 
 import logging
 from collections import deque
@@ -14,17 +14,18 @@ from ..operations import LOOK_AT_RUNS
 from ..results import keep_look, scenario_sources
 
 _AT_ONCE = 8
-"""Number of runs in one request (chosen): a second or two of a worker's time."""
+"""How many runs one request has (chosen): a second or two of a worker's time."""
 _WITHIN_S = 20.0
 """How long an answer waits for looks (chosen): an answer has 50 s, and the analysis needs its share."""
 logger = logging.getLogger(__name__)
 
 
 async def looked_at(runs: Sequence[RunSource], context: WorkflowContext) -> tuple[RunSource, ...]:
-    """Return the runs with their looks, as many as are kept or can be made in twenty seconds.
+    """Return the runs with their looks, as many as are stored or can be computed in twenty seconds.
 
-    Runs without a look are examined in random order, so that the examined ones are a random sample. The
-    next call goes on where this one stopped.
+    Runs without a look are examined in random order, so that the examined ones are a random sample. The next call
+    continues
+    where this one stopped.
     """
     by_id = {run.record.run_id: run for run in runs}
     missing = [run.record for run in runs if run.look is None and run.steps_path and is_worth_a_look(run.record)]
@@ -38,7 +39,7 @@ async def looked_at(runs: Sequence[RunSource], context: WorkflowContext) -> tupl
                 response = await context.services.workers.run(
                     LOOK_AT_RUNS, ReviewRequest(runs=tuple(some), scenarios=scenarios)
                 )
-            except PlannerForgeError as error:  # the analysis says what is wrong with these runs, if it needs them
+            except PlannerForgeError as error:  # the analysis reports what is wrong with these runs, if it needs them
                 logger.warning("no look at %s: %s", some[0].record.run_id, error.text)
                 continue
             for run, look in zip(some, response.looks, strict=True):

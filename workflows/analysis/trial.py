@@ -1,7 +1,7 @@
-"""Trials of what an analysis suggests: the change is run on what failed and on some of what passed.
+"""Try the suggestions of an analysis: run each change on failed and on some passed runs.
 
-For each suggestion two sizes of the change are run; the better one is told, with what it bought and what it cost. Runs
-are those of ``run_planner``: what was run before is found again, so that the same call goes on where one was left.
+Each suggestion is tried with two sizes of the change, and the better one is reported with its gains and losses. The
+runs are those of ``run_planner``. Stored runs are found again, so a repeated call resumes.
 """
 
 import hashlib
@@ -22,20 +22,20 @@ from ..context import WorkflowContext
 from ..runs import Cell, CellResult, own_versions, run_grid
 
 MOST_TRIED = 3
-"""Suggestions that one call tries (chosen)."""
+"""How many suggestions one call tries (chosen)."""
 _MOST_FAILING, _FEWEST_PASSING, _MOST_PASSING = 40, 8, 20
-"""Runs that a trial takes (chosen): a change is run on at most sixty, twice."""
+"""How many runs a trial uses (chosen): a change runs on at most sixty, twice."""
 _RAISED, _LOWERED = (2.0, 5.0), (0.5, 0.2)
-"""By which a weight is multiplied (chosen)."""
+"""The factors for a weight (chosen)."""
 _FROM_NOTHING = (0.2, 1.0)
-"""What a weight of 0 is raised to where the planner's default is 0 too (chosen: most weights lie between)."""
+"""The value to raise a weight of 0 to if the planner's default is 0 too (chosen: most weights are in between)."""
 _WAIT_S = 45.0
-"""The call answers after this time at most; chosen to be less than clients wait."""
+"""The call answers after this time at most (chosen to be shorter than clients wait)."""
 
 
 @dataclass(frozen=True)
 class _Change:
-    """A suggestion with one size of its change, the configuration with it, and the runs that it is tried on."""
+    """A suggestion with one size of its change, the changed configuration, and the runs to try it on."""
 
     suggestion: Suggestion
     words: str
@@ -54,16 +54,16 @@ class _Change:
 async def with_trials(
     result: AnalyzeResultsResult, runs: Sequence[RunSource], context: WorkflowContext
 ) -> AnalyzeResultsResult:
-    """The analysis with its first suggestions tried; while the runs are under way, with the job that makes them."""
+    """Return the analysis with its first suggestions tried or, while the trial runs, with its job."""
     unpreventable = frozenset(() if result.causes is None else result.causes.not_preventable)
     suggestions = _chosen(result.findings)
     edited = {source.record.planner for source in runs if _was_edited(source.record)}
     if edited:
         return _noted(
-            result, f"nothing was tried: {', '.join(sorted(edited))} is another version now than in these runs"
+            result, f"nothing was tried: {', '.join(sorted(edited))} has another version now than in these runs"
         )
     if not suggestions:
-        return _noted(result, "nothing to be tried: no finding suggests a change of a weight")
+        return _noted(result, "nothing to try: no finding suggests a change of a weight")
     changes = [
         change
         for suggestion in suggestions
@@ -76,7 +76,7 @@ async def with_trials(
         context.made("job", job.job_id)
         job = await context.wait_for(job.job_id, _WAIT_S)
         if job.state == "running":
-            return _noted(result, f"the trial of {len(suggestions)} suggestions runs: {job.message}", job.job_id)
+            return _noted(result, f"the trial of {len(suggestions)} suggestions is running: {job.message}", job.job_id)
         if job.error:
             return _noted(result, f"the trial ended early: {job.error}", job.job_id)
     outcomes = {id(change): _outcome(change, context) for change in changes}
@@ -99,10 +99,10 @@ async def with_trials(
 
 
 def _was_edited(record: RunRecord) -> bool:
-    """Return whether a run's planner version differs from the one that would drive a trial; unknown counts as equal."""
+    """Return whether a run's planner version differs from the installed one; an unknown version counts as equal."""
     try:
         return record.planner_source not in ("", source_that_drives(record.planner))
-    except (UnknownName, PlannerFailure):  # it is not installed any more: what resolves its configuration says so
+    except (UnknownName, PlannerFailure):  # no longer installed: resolving its configuration reports this
         return False
 
 
@@ -123,7 +123,7 @@ def _noted(result: AnalyzeResultsResult, note: str, job_id: str = "") -> Analyze
 def _changes(
     suggestion: Suggestion, records: Sequence[RunRecord], unpreventable: frozenset[str], context: WorkflowContext
 ) -> list[_Change]:
-    """Return the sizes of a suggested change that the weight allows, each with its configuration and runs."""
+    """Return the valid sizes of a suggested change, each with its configuration and runs."""
     base = resolve_configuration(suggestion.config_id, context)
     own = [one for one in records if one.config_id == suggestion.config_id and one.outcome != "invalid"]
     failing = [one for one in own if one.outcome != "goal_reached" and one.run_id not in unpreventable]
@@ -132,18 +132,18 @@ def _changes(
     passing = _drawn(passing, min(max(len(failing), _FEWEST_PASSING), _MOST_PASSING))
     made = []
     for value in _values(suggestion, base):
-        words = f"{suggestion.weight}={value:g}"
+        assignment = f"{suggestion.weight}={value:g}"
         try:
-            configuration, _ = changed_configuration(base, None, [words])
-        except InvalidRequest:  # beyond what the weight may be: the other size is tried
+            configuration, _ = changed_configuration(base, None, [assignment])
+        except InvalidRequest:  # beyond the weight's range: the other size is tried
             continue
         recipe = Recipe(
             tool="configure_planner",
-            arguments={"base": base.config_id, "preset": None, "weights": [words], "settings": []},
+            arguments={"base": base.config_id, "preset": None, "weights": [assignment], "settings": []},
             parents=(base.config_id,),
         )
         store_configuration(context, configuration, recipe)
-        made.append(_Change(suggestion, words, configuration, tuple(failing), tuple(passing)))
+        made.append(_Change(suggestion, assignment, configuration, tuple(failing), tuple(passing)))
     return made
 
 
@@ -158,7 +158,7 @@ def _values(suggestion: Suggestion, base: PlannerConfiguration) -> tuple[float, 
 
 
 def _drawn(records: Sequence[RunRecord], most: int) -> list[RunRecord]:
-    """At most so many runs, drawn by their ids: always the same ones."""
+    """Return at most so many runs in an order that depends only on their ids."""
     drawn = sorted(records, key=lambda record: hashlib.sha256(record.run_id.encode()).hexdigest())[:most]
     return sorted(drawn, key=lambda record: record.run_id)
 
@@ -177,7 +177,7 @@ def _recipe(changes: Sequence[_Change]) -> Recipe:
 
 
 def _work(cells: Sequence[Cell], total: int, context: WorkflowContext) -> JobWork:
-    """Return the job: makes the runs that are missing."""
+    """Return the job that makes the missing runs."""
 
     async def work(progress: JobProgress) -> None:
         done = total - len(cells)
@@ -195,7 +195,7 @@ def _work(cells: Sequence[Cell], total: int, context: WorkflowContext) -> JobWor
 
 
 def _outcome(change: _Change, context: WorkflowContext) -> TriedChange:
-    """Return what became of the runs under the change; one that was lost is in no figure."""
+    """Return the outcome of the runs with the change; lost runs enter no figure."""
     after = {}
     for cell, run in zip(change.cells(), (*change.failing, *change.passing), strict=True):
         stored = context.workspace.find_by_recipe("run", cell.recipe())
@@ -216,8 +216,9 @@ def _outcome(change: _Change, context: WorkflowContext) -> TriedChange:
 
 
 def _one_sided(gained: int, lost: int) -> float:
-    """The chance of as many gains among all flips, were either way as likely; that the better size was taken is told
-    by its caller.
+    """Return the chance of as many gains among all flips if both directions were equally likely.
+
+    The caller reports that the better of two sizes was chosen.
     """
     flips = gained + lost
     return float(sum(comb(flips, count) for count in range(gained, flips + 1)) / 2**flips)

@@ -296,11 +296,11 @@ def impossible_turns(asked: AskedPlan) -> Iterator[tuple[Combination, str]]:
         for level, name in enumerate(asked.factors[turn].levels):
             if name not in possible:
                 key = ((turn, level),) if types is None else tuple(sorted(((types, index), (turn, level))))
-                yield key, f"no ego makes that turn at a site of the type {kind}"
+                yield key, f"an ego cannot make that turn at a site of the type {kind}"
 
 
-def held_before(asked: AskedPlan, context: WorkflowContext) -> list[Levels]:
-    """Return the levels of what the workspace holds, each once: by what was asked for each of its scenarios."""
+def existing_levels(asked: AskedPlan, context: WorkflowContext) -> list[Levels]:
+    """Return the levels of existing scenarios, each combination once, from the requests that generated them."""
     held = HeldLevels(asked)
     found = {held.of(shape): None for shape in made_before(context.workspace.database.connection())}
     return [levels for levels in found if levels is not None and any(level is not None for level in levels)]
@@ -317,11 +317,11 @@ _OWN: Mapping[str, tuple[str, ...]] = {
     "place": _WHERE,
     "country": _WHERE,
 }
-"""The fields of a scenario's request that a factor says."""
+"""The fields of a scenario's request that a factor determines."""
 
 
 class HeldLevels:
-    """Tells the levels of a plan that a scenario has, by what was asked for it."""
+    """Finds the levels of a plan that an existing scenario has, from its request."""
 
     def __init__(self, asked: AskedPlan) -> None:
         self._asked = asked
@@ -341,19 +341,19 @@ class HeldLevels:
         self._everywhere = {spot for group in asked.of_spot() for spot in self._spots(group)}
 
     def of(self, shape: Mapping[str, Any]) -> Levels | None:
-        """A level of each factor, None for one that the plan does not have; None for what belongs to another plan."""
-        said = {field for name in self._names for field in _OWN[name]} | set(_WHERE)
-        fields = (set(self._common) | set(shape)) - said
+        """Return a level per factor (None if not in the plan), or None if the request belongs to another plan."""
+        determined = {field for name in self._names for field in _OWN[name]} | set(_WHERE)
+        fields = (set(self._common) | set(shape)) - determined
         if any(self._common.get(field) != shape.get(field) for field in fields):
             return None
         if _spot_of(shape) not in self._everywhere:
             return None
         levels = tuple(self._level(index, shape) for index in range(len(self._names)))
-        asked = [*self._common["vehicles"]]
+        classes = [*self._common["vehicles"]]
         for index, level in enumerate(levels):
             if self._names[index] == "vehicles" and level is not None:
-                asked += [one for one in self._shapes[index][level]["vehicles"] if one not in asked]
-        return levels if all(one in asked for one in shape["vehicles"]) else None
+                classes += [one for one in self._shapes[index][level]["vehicles"] if one not in classes]
+        return levels if all(one in classes for one in shape["vehicles"]) else None
 
     def _level(self, factor: int, shape: Mapping[str, Any]) -> int | None:
         name = self._names[factor]

@@ -32,7 +32,7 @@ from ...schemas.jobs import JobState
 from ...schemas.text import one_line
 from ..context import WorkflowContext
 from ..operations import COUNT_SITES, PLAN_COVERAGE
-from .cover_words import AskedPlan, held_before, impossible_turns
+from .cover_words import AskedPlan, existing_levels, impossible_turns
 from .making import make_scenario
 from .map_choice import AssignedSite, nth_site, request_for
 
@@ -150,7 +150,7 @@ class _PlanWork:
         self._progress.report(0.0, "examining the maps and the workspace")
         record = await self._record()
         spots = {words: self._spot(words, group, record) for group, words in self._groups()}
-        self._rows.prepare(held_before(self._asked, self._call))
+        self._rows.prepare(existing_levels(self._asked, self._call))
         self._tally = self._rows.counts()
         while not self._has_enough(0):
             if not self._tally.waiting and not await self._plan_more(record, spots):

@@ -1,4 +1,4 @@
-"""Tables of counted traffic (``counts=FILE.csv``, ``od=FILE.csv``): their rows, as a call writes flows out."""
+"""Convert tables of counted traffic (``counts=FILE.csv``, ``od=FILE.csv``) to flows as a call writes them."""
 
 import csv
 import re
@@ -10,7 +10,7 @@ from ...schemas.text import shown_name
 from ..context import WorkflowContext
 
 NAMING = ("counts", "od")
-"""Conditions with names of roads as their values: the spelling is kept."""
+"""Conditions with road names as values, which keep their spelling."""
 _LARGEST_TABLE_BYTES = 1_000_000
 _COLUMNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -20,15 +20,15 @@ _COLUMNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "direction": ("direction", "heading"),
     }
 )
-"""Columns of a table of counts, and the names that each may have."""
+"""The columns of a table of counts, and their accepted names."""
 
 
 def with_tables_read(conditions: Sequence[str], context: WorkflowContext) -> list[str]:
-    """Return conditions with the content of tables (``counts=FILE.csv``, ``od=FILE.csv``) in the place of their names.
+    """Return conditions with the content of tables (``counts=FILE.csv``, ``od=FILE.csv``) instead of their names.
 
     Raises:
-        InvalidRequest: a table is missing, too large, no text, or lacks a column; naming its line.
-        OutsideRoots: it lies elsewhere than tools may read.
+        InvalidRequest: a table is missing, too large, not text, or lacks a column; states the line.
+        OutsideRoots: tools may not read from its folder.
     """
     return [_with_table_read(text, context) for text in conditions]
 
@@ -39,7 +39,9 @@ def _with_table_read(text: str, context: WorkflowContext) -> str:
         return text
     path = context.allowed_path(value)
     if not path.is_file():
-        raise InvalidRequest(f"{key}: there is no file {value}", next_step="name a CSV file, or write flows out")
+        raise InvalidRequest(
+            f"{key}: there is no file {value}", next_step="use a CSV file, or write the flows in the call"
+        )
     if path.stat().st_size > _LARGEST_TABLE_BYTES:
         raise InvalidRequest(
             f"{key}: {shown_name(path.name)} is larger than 1 MB", next_step="keep the rows of one town"
@@ -47,12 +49,12 @@ def _with_table_read(text: str, context: WorkflowContext) -> str:
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
-        raise InvalidRequest(f"{key}: {shown_name(path.name)} is no text in UTF-8") from error
+        raise InvalidRequest(f"{key}: {shown_name(path.name)} is not UTF-8 text") from error
     return f"{key}={'; '.join(_rows(lines, key.lower(), path.name))}"
 
 
 def _rows(lines: list[str], key: str, name: str) -> Iterator[str]:
-    """Yield the flows of a table as they are written out in a call."""
+    """Yield the flows of a table as a call writes them."""
     separator = max(",;\t", key=(lines[0] if lines else "").count)
     reader = csv.reader(lines, delimiter=separator)
     header = [word.strip().lower().replace(" ", "_") for word in next(reader, [])]
@@ -63,7 +65,7 @@ def _rows(lines: list[str], key: str, name: str) -> Iterator[str]:
     needed = ("road", "to", "per_h") if key == "od" else ("road", "per_h")
     if missing := [" or ".join(_COLUMNS[column][:2]) for column in needed if columns[column] is None]:
         raise InvalidRequest(
-            f"{key}: the first line of {name} names no column {' and no column '.join(missing)}",
+            f"{key}: the first line of {name} lacks the columns {' and '.join(missing)}",
             valid=["from,to,vehicles_per_h" if key == "od" else "road,vehicles_per_h,direction"],
         )
     for number, row in enumerate(reader, 2):
@@ -74,7 +76,7 @@ def _rows(lines: list[str], key: str, name: str) -> Iterator[str]:
             for column, at in columns.items()
         }
         if not cells["road"] or not re.fullmatch(r"\d+(\.\d+)?", cells["per_h"]):
-            raise InvalidRequest(f"{key}: line {number} of {name} holds no road and number: {', '.join(row)[:80]!r}")
+            raise InvalidRequest(f"{key}: line {number} of {name} has no road and number: {', '.join(row)[:80]!r}")
         if float(cells["per_h"]) == 0:
             continue
         road = f"{cells['road']}>{cells['to']}" if key == "od" else cells["road"]

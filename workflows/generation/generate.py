@@ -1,4 +1,4 @@
-"""Making scenarios from maps: the maps, a site for each scenario, each scenario in a worker."""
+"""Generate scenarios from maps: choose the maps and a site for each scenario, and run the workers."""
 
 from ...engine.catalog import open_catalogue
 from ...engine.maps import MapMatch
@@ -22,18 +22,18 @@ from .map_choice import (
 from .specification import read_specification
 
 MOST_SINGLY = 50
-"""Scenarios of a call without a coverage plan: it waits for all of them."""
+"""The maximum number of scenarios of a call without a coverage plan, which waits for all of them."""
 
 
 async def generate_scenarios(
     arguments: GenerateScenariosArguments, context: WorkflowContext
 ) -> GenerateScenariosResult:
-    """Find the maps, make each scenario in a worker, store it, and say what was asked and what came out.
+    """Find the maps, generate and store each scenario, and report the requested and realised values.
 
-    What could not be made is told in a note.
+    A note reports each scenario that could not be generated.
 
     Raises:
-        InvalidRequest: nothing could be made; the reason of the first scenario.
+        InvalidRequest: no scenario could be generated, with the reason for the first one.
     """
     open_catalogue(
         context.workspace, with_starter=context.services.with_starter
@@ -46,14 +46,14 @@ async def generate_scenarios(
     spec = read_specification(arguments)
     at_hand = await maps_at_hand(context)
     choice = await with_cuts(spec, context, at_hand.entries)
-    spec, told = choice.spec, (*choice.notes, *at_hand.notes)
+    spec, messages = choice.spec, (*choice.notes, *at_hand.notes)
     if arguments.cover:
-        return await cover_combinations(arguments, spec, context, choice.entries, told)
+        return await cover_combinations(arguments, spec, context, choice.entries, messages)
     if spec.count > MOST_SINGLY:
         raise InvalidRequest(
-            f"count {spec.count:,} is more than one call makes without a plan",
+            f"count {spec.count:,} is more than a call without a plan allows",
             valid=[f"1 to {MOST_SINGLY}; to 5,000 with cover"],
-            next_step="say by cover what is to be varied, such as ['density=low|high', 'turn=left|right|straight']",
+            next_step="use cover to say what to vary, such as ['density=low|high', 'turn=left|right|straight']",
         )
     spec.check_turn()
     try:
@@ -63,9 +63,9 @@ async def generate_scenarios(
     sites = await assign_sites(spec, context, plan.matches)
     made, failures = await _make_all(spec, context, sites)
     context.made("scenario", *(summary.scenario_id for summary in made))
-    notes = [*spec.notes, *plan.notes, *told, *failures]
+    notes = [*spec.notes, *plan.notes, *messages, *failures]
     if len(sites.planned) < spec.count:
-        notes.append(f"only {len(sites.planned)} different site(s) fit; {spec.count} were asked for")
+        notes.append(f"only {len(sites.planned)} different site(s) match, {spec.count} were requested")
     if notice := context.services.workers.notice:
         notes.append(notice)
     used = {summary.map_id for summary in made}
@@ -76,10 +76,10 @@ async def generate_scenarios(
 async def _make_all(
     spec: GenerationSpec, context: WorkflowContext, sites: SiteAssignment
 ) -> tuple[list[ScenarioSummary], list[str]]:
-    """Return the scenarios that could be made, and notes on those that could not.
+    """Return the scenarios that could be generated, and notes on the others.
 
     Raises:
-        PlannerForgeError: nothing could be made.
+        PlannerForgeError: no scenario could be generated.
     """
     made: list[ScenarioSummary] = []
     notes: list[str] = []
@@ -90,14 +90,14 @@ async def _make_all(
         try:
             summary, given_up = await _make_somewhere(spec, context, site, spare, index, share)
             made.append(await with_trial_run(context, summary) if spec.trial_run else summary)
-            notes += [f"another map was taken: {refusal.message}" for refusal in given_up]
+            notes += [f"another map was used: {refusal.message}" for refusal in given_up]
         except NotPossible as refusal:
             refusals.append(refusal)
-            notes.append(f"scenario {index + 1} was not made: {refusal.message}")
+            notes.append(f"scenario {index + 1} was not generated: {refusal.message}")
         except (UnknownName, WorkerFailure) as failure:
             if not made:
                 raise
-            notes.append(f"scenario {index + 1} and those after it were not made: {failure.message}")
+            notes.append(f"scenario {index + 1} and the following ones were not generated: {failure.message}")
             break
     if not made:
         raise refusals[0]
@@ -112,12 +112,12 @@ async def _make_somewhere(
     index: int,
     share: tuple[float, float],
 ) -> tuple[ScenarioSummary, list[NotPossible]]:
-    """A scenario at its site, otherwise on the first spare map where it can be made; and the refusals on the way.
+    """Return a scenario at its site, or on the first spare map where it is possible, and the refusals before.
 
-    Spare maps that were tried are taken off the list.
+    Tried spare maps are removed from the list.
 
     Raises:
-        NotPossible: it can be made on none; the reason of the assigned site.
+        NotPossible: no map allows it, with the reason for the assigned site.
     """
     refusals: list[NotPossible] = []
     while True:

@@ -1,6 +1,4 @@
-"""One scenario: made in a worker and stored, or found by its recipe; its words in the answer; and the default planner's
-run on it.
-"""
+"""Generate one scenario in a worker, or find it by its recipe; describe it, and run the default planner on it."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -32,20 +30,21 @@ from .specification import circumstances_of
 
 CHECK = "planner can run"
 _SHOWN_STREETS = 4
-"""Streets of a site that an answer names (chosen)."""
-_ADVICE = "the default planner cannot run here; another seed makes other traffic and another ego"
+"""How many streets of a site an answer lists (chosen)."""
+_ADVICE = "the default planner cannot run here; another seed gives other traffic and another ego"
 
 
 async def make_scenario(
     context: WorkflowContext, request: GenerationRequest, share: tuple[float, float]
 ) -> ScenarioSummary:
-    """Return one scenario: the stored one where the same recipe made it before, otherwise a new one.
+    """Return one scenario: the stored one of the same recipe, otherwise a new one.
 
-    Of a million scenarios some dozens would get the id of another one: such a one is made again with other digits of
-    its digest in the id.
+    Of a million scenarios, some dozens would get the id of another one. Such a scenario is generated again with other
+    digits
+    of its digest in the id.
 
     Raises:
-        NotPossible: it cannot be made, or another scenario has both of its ids.
+        NotPossible: it cannot be generated, or another scenario has both of its ids.
     """
     recipe = recipe_of(request)
     stored = context.workspace.find_by_recipe("scenario", recipe)
@@ -85,7 +84,7 @@ async def _made(
 def summarise(
     scenario: GeneratedScenario, request: GenerationRequest, scenario_id: str, *, reused: bool
 ) -> ScenarioSummary:
-    """Return what was asked and what came out, for one scenario."""
+    """Return the request and the result of one scenario."""
     site, ego = scenario.site, scenario.ego
     streets = cited_all(site.streets[:_SHOWN_STREETS], " / ") or "unnamed roads"
     passed, failed = verdicts(scenario.checks)
@@ -124,7 +123,7 @@ def summarise(
 
 
 def _ego_words(ego: GeneratedEgo, request: GenerationRequest) -> str:
-    """Return which vehicle of its class the ego is and its speed; if it is not a car, also its size and limits."""
+    """Return the ego's place among its class and its speed; if it is not a car, also its size and limits."""
     one_of = f"one of {counted(ego.cars_to_choose_from, ego.vehicle_class)} ({request.ego})"
     if ego.vehicle_class == "car":
         return f"Ego: {one_of}, at {ego.speed_mps:.1f} m/s"
@@ -133,23 +132,23 @@ def _ego_words(ego: GeneratedEgo, request: GenerationRequest) -> str:
 
 
 def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator[str]:
-    """Tell the share of each class that was asked for without a number, and the statistics that it comes from."""
+    """Yield the share of each requested class without a number, and the source of the statistics."""
     for demand in request.vehicles:
         name, share = demand.vehicle_class, demand.share
-        if share is None or (name == PEDESTRIAN.name and not share):  # as many people as the density asks for
+        if share is None or (name == PEDESTRIAN.name and not share):  # the density sets the number of pedestrians
             continue
         if share == NATURAL_SHARES.get(name):
-            yield f"{name}: its share of traffic, {100 * share:g} % of all vehicles ({SHARES_SOURCE}), one at least"
+            yield f"{name}: its share of traffic, {100 * share:g} % of all vehicles ({SHARES_SOURCE}), at least one"
         elif share == 0:
-            yield f"{name}: one at least; how many there are in traffic is not known here, {name}=30% asks for a share"
+            yield f"{name}: at least one; its share of traffic is not known here, {name}=30% sets a share"
         else:
             realised = scenario.classes_realised.get(name, 0) / max(scenario.vehicles_realised, 1)
-            yield f"{name}: {share:.0%} of all vehicles asked, {realised:.0%} realised"
+            yield f"{name}: {share:.0%} of all vehicles requested, {realised:.0%} realised"
 
 
 def _unlike(realised: str, asked: str) -> str:
-    """Return what was asked for, where it is another type of site."""
-    return "" if asked in ("any", realised) else f" (for the {asked} that was asked for)"
+    """Return the requested type of site, if the realised one differs."""
+    return "" if asked in ("any", realised) else f" (instead of the requested {asked})"
 
 
 def _density(density: DensityFacts) -> str:
@@ -164,11 +163,11 @@ _RECORDED = (
     *("vehicles", "duration_s", "ego", "goal", "index", "site_index", "site_step", "most_sites", "most_rounds"),
     *("conditions", "others"),
 )
-"""The fields of a request that a recipe holds, in the order in which recipes have always held them."""
+"""The fields of a request in a recipe, in the order that recipes have always used."""
 
 
 def recipe_of(request: GenerationRequest) -> Recipe:
-    """Return the resolved request without paths; the map counts by its content."""
+    """Return the request without paths as a recipe; the map counts by its content."""
     dumped = request.model_dump(mode="json")
     arguments = {name: dumped[name] for name in _RECORDED if name in dumped}
     arguments["map_content"] = content_digest(Path(request.map_path))
@@ -179,18 +178,19 @@ def recipe_of(request: GenerationRequest) -> Recipe:
 
 
 def shape_of(request: GenerationRequest) -> dict[str, Any]:
-    """What a request says of its scenario: not on which copy of a map, at which of its sites, and by which numbers."""
+    """Return what a request says of its scenario, without the copy of the map, the site and the numbering."""
     numbers = {"map_path", "folder", "benchmark_number", "seed", "index", "site_index", "site_step"}
     others = {"most_sites", "most_rounds", "place", "country", "attribution"}
     return request.model_dump(mode="json", exclude=numbers | others)
 
 
 async def with_trial_run(context: WorkflowContext, summary: ScenarioSummary) -> ScenarioSummary:
-    """Return the summary with what the default planner made of the scenario; the run is stored as any other.
+    """Return the summary with the default planner's outcome; the run is stored like any other.
 
-    A collision or a missed goal is a result, not a fault of the scenario. The check fails where no run was possible:
-    the planner found the problem invalid or no trajectory for it, or the run was lost. The scenario is handed out all
-    the same, with a note.
+    A collision or a missed goal is a result, not a fault of the scenario. The check fails if a run was impossible: the
+    planner found the problem invalid or found no trajectory, or the run was lost. The scenario is still returned, with
+    a
+    note.
     """
     configuration = resolve_configuration(DEFAULT_CONFIGURATION, context)
     store_configuration(context, configuration)

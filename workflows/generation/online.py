@@ -1,4 +1,4 @@
-"""Maps from the net: the place that is meant, and its roads, fetched and stored."""
+"""Maps from the network: find the place, download its roads and store them."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,25 +13,25 @@ from ..context import Question, WorkflowContext
 from ..operations import FETCH_MAPS, LOCATE_PLACE
 
 AMBIGUOUS = "ambiguous"
-"""Reason of a refusal because several places have the name."""
+"""The reason of a refusal because several places have the name."""
 _LOCATED, _FETCHED = 0.1, 0.3
-"""Shares of a call that are done when the place is known, and the map there (chosen)."""
+"""The shares of a call that are done when the place is known, and when the map is there (chosen)."""
 
 
 async def find_place(context: WorkflowContext, words: str, country: str | None) -> NamedPlace:
-    """Return the place that is meant; of several, the one that the person at the client chooses.
+    """Return the place for the words; of several, the one that the user chooses.
 
     Raises:
         UnknownName: there is no such place.
-        InvalidRequest: there are several, and the person did not choose.
-        ServiceFailure: the service cannot be asked.
+        InvalidRequest: there are several, and the user did not choose.
+        ServiceFailure: the service is not available.
     """
     request = LocateRequest(services=context.services.online, place=words, country=country)
     located = await context.run(LOCATE_PLACE, request, share=(0.0, _LOCATED))
     if located.place is not None:
         return located.place
     labels = tuple(candidate.label for candidate in located.candidates)
-    chosen = await context.ask(Question(f"Which {words} is meant?", labels))
+    chosen = await context.ask(Question(f"Which {words} do you mean?", labels))
     for candidate in located.candidates:
         if candidate.label == chosen:
             return candidate
@@ -39,11 +39,11 @@ async def find_place(context: WorkflowContext, words: str, country: str | None) 
 
 
 def _ambiguous(place: str, candidates: Sequence[NamedPlace]) -> InvalidRequest:
-    """Return the refusal where several places have a name, with how to choose one."""
+    """Return the refusal of a name that several places have, with how to choose one."""
     return InvalidRequest(
-        f"several places are called {place!r}",
+        f"several places have the name {place!r}",
         valid=[cited(candidate.label) for candidate in candidates],
-        next_step=f"name one of them, such as place={cited(candidates[0].label)}, or give its bbox",
+        next_step=f"use one of them, such as place={cited(candidates[0].label)}, or give its bbox",
         reason=AMBIGUOUS,
     )
 
@@ -51,10 +51,10 @@ def _ambiguous(place: str, candidates: Sequence[NamedPlace]) -> InvalidRequest:
 async def fetch_maps(
     context: WorkflowContext, request: FetchMapRequest, *, beside: bool = False
 ) -> tuple[list[MapEntry], list[str]]:
-    """Fetch maps and store them, or find them stored; and notes on where they come from.
+    """Return downloaded or stored maps, and notes on their origin.
 
     Raises:
-        PlannerForgeError: they cannot be had; nothing is stored then.
+        PlannerForgeError: they are not available; nothing is stored then.
     """
     with context.workspace.scratch() as folder:
         request = request.model_copy(update={"folder": str(folder)})
@@ -91,19 +91,19 @@ def _named(request: FetchMapRequest) -> str:
 
 
 def _origin(fetched: FetchedMap, request: FetchMapRequest) -> str:
-    """Where a map comes from, in a sentence."""
-    how = "downloaded before" if fetched.kept else "downloaded"
+    """Return the origin of a map in one sentence."""
+    how = "downloaded earlier" if fetched.kept else "downloaded"
     of_when = f", data of {fetched.data_time}" if fetched.data_time else ""
-    return f"roads of {_named(request)} {how} from {fetched.service}{of_when}"
+    return f"roads of {_named(request)}, {how} from {fetched.service}{of_when}"
 
 
-async def fetch_beside(
+async def fetch_to_keep(
     context: WorkflowContext, words: str, country: str | None, scenario_type: ScenarioType
 ) -> tuple[MapFacts, list[str]]:
-    """Fetch a place's map to have it beside one: it then counts like a map that was imported.
+    """Download a place's map so that it counts like an imported one.
 
     Raises:
-        PlannerForgeError: it cannot be had.
+        PlannerForgeError: it is not available.
     """
     place = await find_place(context, words, country)
     request = FetchMapRequest(

@@ -1,4 +1,4 @@
-"""The report on a generated scenario that is kept with it, and its words for ``describe_scenario``."""
+"""The stored report on a generated scenario, and its text for ``describe_scenario``."""
 
 from collections.abc import Sequence
 
@@ -8,15 +8,15 @@ from ...schemas.scenarios import DescribedGeneration, DescribedVehicle, Detail
 from ..context import WorkflowContext
 
 REPORT = "generation.json"
-"""What came out of the generation, kept with the scenario for when it is asked for again."""
+"""The result of the generation, stored with the scenario."""
 _IN_FULL: tuple[Detail, ...] = ("checks", "recipe")
 """Details that list notes and warnings."""
 _SHOWN_FLOWS = 8
-"""Counted flows that an answer names (chosen)."""
+"""How many counted flows an answer lists (chosen)."""
 
 
 def verdicts(checks: Checks) -> tuple[list[str], list[str]]:
-    """The checks that a scenario passed, and those that it failed, in words. One that was not made is in neither."""
+    """Return the passed and the failed checks in words; a check that did not run is in neither."""
     by_name = {
         "schema-valid": checks.schema_valid,
         "goal reachable": checks.goal_reachable,
@@ -29,13 +29,13 @@ def verdicts(checks: Checks) -> tuple[list[str], list[str]]:
 
 
 def kept_report(artifact: Artifact, context: WorkflowContext) -> GeneratedScenario | None:
-    """Return what was kept when a scenario was generated; None for scenarios of other origin."""
+    """Return the report of a scenario's generation; None for scenarios of other origin."""
     path = context.workspace.folder("scenario", artifact.artifact_id) / REPORT
     return GeneratedScenario.model_validate_json(path.read_bytes()) if path.is_file() else None
 
 
 def described_generation(report: GeneratedScenario, artifact: Artifact, detail: Detail) -> DescribedGeneration:
-    """Say what was asked and what came out; notes and warnings as the detail asks for."""
+    """Return the requested and realised values; notes and warnings depend on the detail."""
     full = detail in _IN_FULL
     return DescribedGeneration(
         site=report.site,
@@ -60,24 +60,24 @@ def described_generation(report: GeneratedScenario, artifact: Artifact, detail: 
 
 
 def _conditions(artifact: Artifact) -> tuple[str, ...]:
-    """Return the conditions of the request as they are written in a call."""
+    """Return the conditions of the request as a call writes them."""
     kept, others = (artifact.recipe.arguments.get(name) for name in ("conditions", "others"))
-    asked = TrafficConditions.model_validate(kept or {})
+    conditions = TrafficConditions.model_validate(kept or {})
     words = {
-        "time": asked.time,
-        "weather": asked.weather,
-        "drivers": asked.drivers,
-        "mix": "natural" * asked.natural_mix,
-        "counts": _flows([flow for flow in asked.flows if not flow.to]),
-        "od": _flows([flow for flow in asked.flows if flow.to]),
-        "trips": "" if asked.trips == "usual" else asked.trips,
+        "time": conditions.time,
+        "weather": conditions.weather,
+        "drivers": conditions.drivers,
+        "mix": "natural" * conditions.natural_mix,
+        "counts": _flows([flow for flow in conditions.flows if not flow.to]),
+        "od": _flows([flow for flow in conditions.flows if flow.to]),
+        "trips": "" if conditions.trips == "usual" else conditions.trips,
         "others": others,
     }
     return tuple(f"{name}={word}" for name, word in words.items() if word)
 
 
 def _flows(flows: Sequence[RoadFlow]) -> str:
-    """Counted flows as they are written in a call; of many the first."""
+    """Return counted flows as a call writes them; if there are many, only the first."""
     written = [
         ":".join(filter(None, (f"{flow.road}>{flow.to}" if flow.to else flow.road, f"{flow.per_h:g}", flow.direction)))
         for flow in flows[:_SHOWN_FLOWS]
@@ -87,7 +87,7 @@ def _flows(flows: Sequence[RoadFlow]) -> str:
 
 
 def with_classes(vehicles: tuple[DescribedVehicle, ...], report: GeneratedScenario) -> tuple[DescribedVehicle, ...]:
-    """Return the vehicles with the class that they were generated as, where CommonRoad's type has another name."""
+    """Return the vehicles with the class that they were generated as, if CommonRoad's type has another name."""
     classes = report.vehicle_classes
     return tuple(
         vehicle.model_copy(update={"vehicle_class": name})

@@ -20,10 +20,10 @@ from plannerforge.engine.tuning import (
 from plannerforge.schemas.analysis.optimization import (
     DesignRequest,
     EffectsRequest,
+    EvaluatedTrial,
     GainRequest,
     ProposeRequest,
     SearchMethod,
-    EvaluatedTrial,
 )
 from plannerforge.schemas.errors import PlannerForgeError
 from plannerforge.schemas.measures import RunMetrics
