@@ -1,1 +1,1 @@
-"""MCP prompts: whole tasks to pick and fill in, and each task of the paper under its five conditions."""
+"""MCP prompts: whole tasks to fill in, and each task of the paper with its five conditions."""

@@ -1,4 +1,4 @@
-"""The prompts of the server, text only (some hosts fail on anything else): whole tasks, and tasks under a condition."""
+"""The prompts of the server: whole tasks, and tasks with a condition. Text only, because some hosts fail otherwise."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ from ..schemas.text import one_line, quoted
 from .composition import CONDITIONS, DEFAULT_CONDITION, TASKS, Task, WorkspaceFacts, system_prompt
 
 _LONGEST = 1000
-"""Characters of an argument that a prompt holds; chosen."""
+"""The maximum length of an argument in a prompt, in characters (chosen)."""
 _MOST_IDS = 1000
-"""Newest artifacts of a kind among which an id is completed; chosen."""
+"""How many of the newest artifacts of a kind complete an id (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -46,15 +46,15 @@ _WHOLE_TASKS: Final[tuple[_WholeTask, ...]] = (
     _WholeTask(
         "compare_presets",
         "Compare two planner presets",
-        "Run two presets on the same scenarios and say what got better",
+        "Run two presets on the same scenarios and report what improved",
         {
             "scenarios": ("what the scenarios should show, in words", ""),
             "preset_a": ("first preset", "Default"),
             "preset_b": ("second preset", "Safety-Conservative"),
         },
         "Find or generate scenarios that show: {scenarios}. Run Frenetix on them with preset {preset_a} and with "
-        "preset {preset_b} in one run_planner call. Then use compare_results and tell me, with figures and run "
-        "ids, which scenarios flipped each way, what got better, what got worse, and whether the "
+        "preset {preset_b} in one run_planner call. Then use compare_results and report, with figures and run "
+        "ids, which scenarios flipped in each direction, what improved, what got worse, and whether the "
         "difference is significant. Show a picture of one scenario that flipped.",
     ),
     _WholeTask(
@@ -70,9 +70,9 @@ _WHOLE_TASKS: Final[tuple[_WholeTask, ...]] = (
     _WholeTask(
         "explain_a_run",
         "Explain a run",
-        "What happened in a run and which weight to change",
+        "What happened in a run, and which weight to change",
         {"run": ("run id", "latest_run")},
-        "Explain the run {run}: its outcome, the seconds before the end, the cost terms that dominated, and which "
+        "Explain the run {run}: its outcome, the seconds before the end, the dominant cost terms, and which "
         "weight of which configuration you would change in which direction, and why. Quote figures from "
         "analyze_results only.",
     ),
@@ -83,7 +83,7 @@ _TITLES: Final[dict[Task, tuple[str, str]]] = {
     "generation": ("Generate scenarios", "How to turn a request into scenarios from a map"),
     "selection": ("Find scenarios", "How to turn a request into a search of the catalogue"),
     "modification": ("Modify a scenario", "How to turn a request into edits of traffic or goal"),
-    "routing": ("Choose the tool", "How to tell which tool a request is for"),
+    "routing": ("Choose the tool", "How to choose the tool for a request"),
     "tuning": ("Tune a planner", "How to turn a request into cost weights"),
     "analysis": ("Analyse runs", "How to run planners, explain runs and compare configurations"),
     "session": ("A whole session", "How to take an engineer from a scenario to a tuned planner"),
@@ -96,7 +96,7 @@ _TASK_ARGUMENTS: Final[dict[str, str]] = {
 
 def listed_prompts() -> list[Prompt]:
     """Return all prompts as a client lists them: the tasks, then the whole tasks."""
-    arguments = [PromptArgument(name=name, description=told) for name, told in _TASK_ARGUMENTS.items()]
+    arguments = [PromptArgument(name=name, description=meaning) for name, meaning in _TASK_ARGUMENTS.items()]
     tasks = [
         Prompt(name=task, title=_TITLES[task][0], description=_TITLES[task][1], arguments=arguments) for task in TASKS
     ]
@@ -107,7 +107,7 @@ def prompt_text(name: str, given: dict[str, str], facts: WorkspaceFacts) -> GetP
     """Return a prompt with its arguments filled in.
 
     Args:
-        facts: what is in the workspace; prompts of tasks name it.
+        facts: the content of the workspace, for the prompts of tasks.
 
     Raises:
         UnknownName: no such prompt, argument or condition.
@@ -134,7 +134,7 @@ def prompt_text(name: str, given: dict[str, str], facts: WorkspaceFacts) -> GetP
 
 
 def completions(name: str, argument: str, typed: str, workspace: Workspace) -> list[str]:
-    """Return the values of a prompt's argument that begin with what was typed, in any case; none for free words.
+    """Return the values of a prompt's argument that complete the typed text, in any case; empty for free text.
 
     Raises:
         UnknownName: no such prompt or argument.
@@ -147,8 +147,8 @@ def completions(name: str, argument: str, typed: str, workspace: Workspace) -> l
 
 
 def workspace_facts(workspace: Workspace, map_places: tuple[str, ...]) -> WorkspaceFacts:
-    """Return what prompts say of a workspace, with the places of the maps at hand."""
-    from ..engine.catalog import is_ready, known_places  # not needed before the first answers
+    """Return the facts that prompts state about a workspace, with the places of the local maps."""
+    from ..engine.catalog import is_ready, known_places  # the first answers do not need it
 
     connection = workspace.database.connection()
     countries = known_places(connection).countries if is_ready(connection) else ()
@@ -175,8 +175,8 @@ def _presets(_: Workspace) -> list[str]:
 
 
 def _configurations(workspace: Workspace) -> list[str]:
-    named = [f"{planner}:{preset}" for planner in PLANNERS for preset in tuning_of(planner).presets]
-    return [*named, *_ids("config")(workspace)]
+    presets = [f"{planner}:{preset}" for planner in PLANNERS for preset in tuning_of(planner).presets]
+    return [*presets, *_ids("config")(workspace)]
 
 
 def _no_values(_: Workspace) -> list[str]:
@@ -184,7 +184,7 @@ def _no_values(_: Workspace) -> list[str]:
 
 
 def _ids(kind: ArtifactKind) -> Callable[[Workspace], list[str]]:
-    """Ids of a kind, newest first."""
+    """Return a function that lists the ids of a kind, newest first."""
     return lambda workspace: [found.artifact_id for found in workspace.newest(kind=kind, limit=_MOST_IDS)]
 
 
@@ -196,4 +196,4 @@ _VALUES: Final[dict[str, Callable[[Workspace], list[str]]]] = {
     "scenario": _ids("scenario"),
     "run": _ids("run"),
 }
-"""Arguments that have a list of values, by their name, which means the same in every prompt."""
+"""Arguments with a list of values, by name. A name means the same in every prompt."""

@@ -1,4 +1,4 @@
-"""Prompts for the tasks of the paper, put together from the parts in ``parts/``, with words that the schemas know.
+"""Compose the prompts for the paper's tasks from the parts in ``parts/`` and the vocabularies of the schemas.
 
 The five conditions are those of the paper (Methodology, Prompting Techniques): the task alone (``baseline``), with
 context (``cp``), and that with demonstrations (``icl``) and reasoning steps (``cot``).
@@ -33,26 +33,26 @@ CONDITIONS: Final[Mapping[Condition, tuple[str, ...]]] = MappingProxyType(
         "cp_icl_cot": ("Task", "Context", "Demonstrations", "Reasoning"),
     }
 )
-"""Conditions with their parts, in the order in which they are read."""
+"""The conditions with their parts, in reading order."""
 DEFAULT_CONDITION: Final[Condition] = "cp_icl_cot"
 _PLANNER = "frenetix"
 _MOST_PLACES, _LONGEST_PLACE = 12, 60
-"""Places of a workspace that a prompt names, and characters of each (chosen)."""
+"""How many places of a workspace a prompt lists, and the maximum length of each (chosen)."""
 
 
 @dataclass(frozen=True)
 class WorkspaceFacts:
-    """What a prompt says of a workspace: names of places that maps show, and countries (ISO alpha-3) of scenarios."""
+    """The facts of a workspace in a prompt: places on its maps, and countries (ISO alpha-3) of its scenarios."""
 
     map_places: tuple[str, ...] = ()
     countries: tuple[str, ...] = ()
 
 
 def system_prompt(task: str, condition: str, facts: WorkspaceFacts | None = None) -> str:
-    """Return what a model is told before a request of this task, under this condition.
+    """Return the system prompt of a task with a condition.
 
     Args:
-        facts: what is in the workspace; without it the prompt says where to look it up.
+        facts: the content of the workspace; without it, the prompt says where to look it up.
 
     Raises:
         UnknownName: no such task or condition.
@@ -63,19 +63,19 @@ def system_prompt(task: str, condition: str, facts: WorkspaceFacts | None = None
     if headings is None:
         raise UnknownName(f"there is no condition {quoted(condition)}", valid=tuple(CONDITIONS))
     parts = task_parts(task)
-    told = {**parts, "Context": Template(parts["Context"]).substitute(_words(facts or WorkspaceFacts()))}
-    return "\n\n".join([told["Task"], *(f"{heading}:\n{told[heading]}" for heading in headings[1:])])
+    filled = {**parts, "Context": Template(parts["Context"]).substitute(_words(facts or WorkspaceFacts()))}
+    return "\n\n".join([filled["Task"], *(f"{heading}:\n{filled[heading]}" for heading in headings[1:])])
 
 
 def task_parts(task: str) -> dict[str, str]:
-    """The parts of a task as their file has them, by heading; words of the vocabulary still stand as ``$names``."""
+    """Return the parts of a task's file by heading, with vocabulary still as ``$names``."""
     text = files(__package__).joinpath("parts", f"{task}.md").read_text(encoding="utf-8")
     sections = (section.partition("\n") for section in f"\n{text}".split("\n## ")[1:])
     return {heading.strip(): body.strip() for heading, _, body in sections}
 
 
 def _words(facts: WorkspaceFacts) -> dict[str, str]:
-    """Return what stands for each ``$name`` in a part."""
+    """Return the value of each ``$name`` in a part."""
     tuning = tuning_of(_PLANNER)
     return {
         "map_places": _places(facts.map_places),
@@ -97,7 +97,7 @@ def _words(facts: WorkspaceFacts) -> dict[str, str]:
 
 
 def _places(names: Sequence[str]) -> str:
-    """Names of places in one line; names come from files, so each is cut and kept to its line."""
+    """Return names of places in one line; they come from files, so each is cut and kept to its line."""
     if not names:
         return "see describe_catalog"
     shown = [cited(name, _LONGEST_PLACE) for name in names[:_MOST_PLACES]]

@@ -1,1 +1,1 @@
-"""MCP resources: where the files of artifacts can be read."""
+"""MCP resources: read the files of artifacts."""

@@ -1,10 +1,10 @@
-"""MCP Apps: a host that has the extension shows the answers of some tools in the pages of views.
+"""MCP Apps: a host with the extension shows the answers of some tools in pages with views.
 
-A tool names its page (``_meta.ui.resourceUri``), an answer the view that the page shows (``VIEW_KEY`` in its
-``_meta``); the page reads the view's data as a resource through the host, so that they never pass through the model.
-Hosts without the extension get the same answers without that name.
+A tool refers to its page (``_meta.ui.resourceUri``), and an answer to the view on that page (``VIEW_KEY`` in its
+``_meta``). The page reads the view's data as a resource through the host, so they never pass through the model. Hosts
+without the extension get the same answers without that reference.
 
-What makes pages and views is imported when one is asked for: the first answer of the server does not wait for it.
+The code for pages and views is imported at the first request, so that the server's first answer does not wait for it.
 """
 
 import re
@@ -20,19 +20,19 @@ from ..engine.workspace import VIEWED_KINDS, Workspace
 from .templates import SCHEME
 
 VIEW_KEY = "plannerforge/view"
-"""Names the URI of an answer's view in its ``_meta``."""
+"""The key of the URI of an answer's view in its ``_meta``."""
 PAGES = "ui://plannerforge/"
 PageKind = Literal["player", "board"]
 _TITLES: dict[PageKind, str] = {"player": "Scenario and run player", "board": "Board of runs"}
 _MOST_NAMED = 20
-"""Ids in the URI of a view (chosen): more are runs without a batch that nobody looks at one by one."""
+"""How many ids the URI of a view may have (chosen): more are runs without a batch, too many to view one by one."""
 _MOST_COMPLETED = 300
-"""Newest artifacts of each kind among which the ids of a view are completed; chosen."""
+"""How many of the newest artifacts per kind complete the ids of a view (chosen)."""
 VIEW_TEMPLATE = ResourceTemplate(
     uri_template=f"{SCHEME}view/{{ids}}",
     name="view",
     title="View",
-    description="What the pages of MCP Apps show of a scenario or run, of two joined by +, or of a batch",
+    description="Data for the MCP Apps pages: a scenario or run, two joined by +, or a batch",
     mime_type="application/json",
 )
 
@@ -43,19 +43,19 @@ def page_uri(kind: PageKind) -> str:
 
 
 def view_uri(ids: Sequence[str]) -> str | None:
-    """Return the URI of the data of a view; None if there is nothing to show, or too much."""
+    """Return the URI of a view's data; None without ids, or with too many."""
     return f"{SCHEME}view/{'+'.join(ids)}" if 1 <= len(ids) <= _MOST_NAMED else None
 
 
 def viewed_ids(uri: str) -> list[str]:
-    """Return what the data behind a URI show; empty if it is not that of a view."""
-    plain = uri.replace("%2B", "+")  # as clients fill a template in
+    """Return the ids of the data behind a URI; empty if it is not that of a view."""
+    plain = uri.replace("%2B", "+")  # encoded as clients fill in a template
     match = re.fullmatch(rf"{re.escape(SCHEME)}view/([\w.\-]+(?:\+[\w.\-]+){{0,{_MOST_NAMED - 1}}})", plain)
     return match[1].split("+") if match else []
 
 
 def completed_views(typed: str, workspace: Workspace) -> list[str]:
-    """Return what a view can show whose last id begins as the last one typed, in any case; newest first."""
+    """Return the ids for a view that complete the last one typed, in any case; newest first."""
     before, plus, last = typed.rpartition("+")
     stored = [artifact for kind in VIEWED_KINDS for artifact in workspace.newest(kind=kind, limit=_MOST_COMPLETED)]
     newest = sorted(stored, key=lambda artifact: -artifact.sequence)
@@ -64,7 +64,7 @@ def completed_views(typed: str, workspace: Workspace) -> list[str]:
 
 
 def pages() -> Apps:
-    """Return the extension with both pages, which are put together when a host reads them."""
+    """Return the extension with both pages, which are built when a host reads them."""
     apps = Apps()
     for kind, title in _TITLES.items():
         apps.add_resource(

@@ -1,6 +1,6 @@
 """Resources by URI: files and records of artifacts, jobs, pictures, vocabularies, presets.
 
-Of artifacts only the newest are listed (a workspace holds thousands); tools find the others and answer with links.
+Only the newest artifacts are listed, because a workspace contains thousands. Tools find the others and link to them.
 """
 
 import json
@@ -23,11 +23,11 @@ from ..schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ORIGINS, RO
 
 SCHEME = RESOURCE_SCHEME
 MOST_BYTES = 16 * 1024**2
-"""Of a resource: its file stands in one message, several times over in memory. Chosen."""
+"""The maximum size of a resource (chosen): its file is part of one message, several times in memory."""
 MOST_LISTED = 20
-"""Newest artifacts that are listed."""
+"""How many of the newest artifacts are listed."""
 _MOST_IDS = 1_000
-"""Newest artifacts or jobs of a kind among which an id is completed; chosen."""
+"""How many of the newest artifacts or jobs of a kind complete an id (chosen)."""
 _JSON, _XML, _YAML = "application/json", "application/xml", "application/yaml"
 _TEMPLATES: Final = (
     ("scenario/{id}/xml", "scenario", "Scenario", "CommonRoad XML of a scenario", _XML),
@@ -35,15 +35,15 @@ _TEMPLATES: Final = (
     ("config/{id}/yaml", "configuration", "Configuration", "Cost weights of a planner as YAML", _YAML),
     ("run/{id}/steps", "run_steps", "Steps of a run", "Trajectory and cost terms of a run", _JSON),
     ("{kind}/{id}/record", "record", "Record", "Record and recipe of any artifact", _JSON),
-    ("job/{id}", "job", "Job", "State of long work; it can be subscribed to", _JSON),
-    ("picture/{name}.png", "picture", "Picture", "A picture that render made", "image/png"),
-    ("picture/{name}.gif", "animation", "Animation", "An animation that render made", "image/gif"),
-    ("vocabulary/{name}", "vocabulary", "Vocabulary", "Words that an argument takes, with their meaning", _JSON),
+    ("job/{id}", "job", "Job", "State of long work; supports subscriptions", _JSON),
+    ("picture/{name}.png", "picture", "Picture", "A picture from render", "image/png"),
+    ("picture/{name}.gif", "animation", "Animation", "An animation from render", "image/gif"),
+    ("vocabulary/{name}", "vocabulary", "Vocabulary", "Accepted words of an argument, with their meanings", _JSON),
     ("preset/{planner}/{name}", "preset", "Preset", "Cost weights of a planner's preset as YAML", _YAML),
 )
 TEMPLATES: tuple[ResourceTemplate, ...] = tuple(
-    ResourceTemplate(uri_template=SCHEME + path, name=name, title=title, description=told, mime_type=mime_type)
-    for path, name, title, told, mime_type in _TEMPLATES
+    ResourceTemplate(uri_template=SCHEME + path, name=name, title=title, description=description, mime_type=mime_type)
+    for path, name, title, description, mime_type in _TEMPLATES
 )
 _FILES = {
     ("scenario", "xml"): ("scenario.xml", _XML),
@@ -52,29 +52,29 @@ _FILES = {
     ("run", "steps"): ("steps.json", _JSON),
 }
 _KINDS = {"config": "Configuration", "plan": "Coverage plan"}
-"""Kinds of artifacts that have other names in words."""
+"""The kinds of artifacts with another name in texts."""
 _MAIN_PARTS = {"scenario": "xml", "config": "yaml"}
-"""What of an artifact a link leads to, where it is not the record."""
+"""The file that an artifact's link leads to, if it is not the record."""
 _MADE = {"png": "image/png", "gif": "image/gif"}
 _VOCABULARIES: Final[dict[str, tuple[str, Callable[[], dict[str, str]]]]] = {
     "tags": ("Tags of scenarios", lambda: TAGS),
-    "features": ("Features that are computed of scenarios", lambda: FEATURES),
-    "measures": ("Numbers that are computed of scenarios", lambda: MEASURES),
+    "features": ("Computed features of scenarios", lambda: FEATURES),
+    "measures": ("Computed numbers of scenarios", lambda: MEASURES),
     "signs": ("Traffic signs", lambda: SIGNS),
     "road_net": ("Keys of road networks", lambda: ROAD_NET_KEYS),
     "obstacles": ("Types of obstacles", lambda: dict.fromkeys(OBSTACLE_TYPES, "")),
-    "origins": ("Where scenarios come from", lambda: {str(name): told for name, told in ORIGINS.items()}),
+    "origins": ("Origins of scenarios", lambda: {str(name): meaning for name, meaning in ORIGINS.items()}),
     "edits": ("Edits of modify_scenario, with their arguments", lambda: _edits()),
     "behaviours": ("Presets of set_behaviour, with their values", lambda: _behaviours()),
 }
 
 
 def read_resource(uri: str, workspace: Workspace) -> tuple[str | bytes, str]:
-    """Content and media type behind a URI.
+    """Return the content and media type behind a URI.
 
     Raises:
-        UnknownName: nothing is there; the valid forms are named.
-        NotPossible: the file has more than 16 MiB.
+        UnknownName: there is no such resource; lists the valid forms.
+        NotPossible: the file exceeds 16 MiB.
     """
     match = re.fullmatch(rf"{re.escape(SCHEME)}([a-z]+)/([\w.\-]+)(?:/([\w.\-]+))?", uri)
     if match is None:
@@ -101,7 +101,7 @@ def read_resource(uri: str, workspace: Workspace) -> tuple[str | bytes, str]:
 
 
 def listed_resources(workspace: Workspace) -> list[Resource]:
-    """Return what a client is shown without asking for anything: vocabularies, the newest artifacts, presets."""
+    """Return the resources that a client sees without a request: vocabularies, the newest artifacts, presets."""
     words = [
         Resource(
             uri=f"{SCHEME}vocabulary/{name}",
@@ -118,7 +118,7 @@ def listed_resources(workspace: Workspace) -> list[Resource]:
 
 
 def _preset_link(planner: str, name: str) -> Resource:
-    """Without the size of its YAML, which is made when it is read: that takes longer than all of a list."""
+    """Return the link of a preset without the size of its YAML, which would take longer than the whole list."""
     return Resource(
         uri=f"{SCHEME}preset/{planner}/{name}",
         name=f"{planner}:{name}",
@@ -129,7 +129,7 @@ def _preset_link(planner: str, name: str) -> Resource:
 
 
 def artifact_link(artifact: Artifact, workspace: Workspace) -> Resource:
-    """Where an artifact can be read: its file where it has one that says it all, otherwise its record."""
+    """Return the link of an artifact: its file if that says everything, otherwise its record."""
     part = _MAIN_PARTS.get(artifact.kind, "record")
     if part == "record":
         size, mime_type = len(_record(artifact).encode()), _JSON
@@ -141,14 +141,14 @@ def artifact_link(artifact: Artifact, workspace: Workspace) -> Resource:
         name=artifact.artifact_id,
         title=shown_name(artifact.name) * bool(artifact.name)
         or f"{_KINDS.get(artifact.kind, artifact.kind.capitalize())} {artifact.artifact_id}",
-        description=f"{artifact.kind}, made by {artifact.recipe.tool}",
+        description=f"{artifact.kind}, created by {artifact.recipe.tool}",
         mime_type=mime_type,
         size=size,
     )
 
 
 def job_link(job_id: str) -> Resource:
-    """Where the state of a job can be read and subscribed to."""
+    """Return the link of a job's state, which supports subscriptions."""
     return Resource(
         uri=f"{SCHEME}job/{job_id}",
         name=job_id,
@@ -159,7 +159,7 @@ def job_link(job_id: str) -> Resource:
 
 
 def picture_link(path: Path, mime_type: str) -> Resource:
-    """Where a picture or animation can be read."""
+    """Return the link of a picture or animation."""
     return Resource(
         uri=f"{SCHEME}picture/{path.name}",
         name=path.name,
@@ -172,7 +172,7 @@ def picture_link(path: Path, mime_type: str) -> Resource:
 def resource_completions(
     template: str, argument: str, typed: str, given: dict[str, str], workspace: Workspace
 ) -> list[str]:
-    """Return the values of a template's argument that begin with what was typed, in any case, newest first.
+    """Return the values of a template's argument that complete the typed text, in any case, newest first.
 
     Args:
         given: the template's other arguments, as far as they are known.
@@ -211,8 +211,8 @@ def _values(kind: str, argument: str, template: str, given: dict[str, str], work
 
 
 def _planners(given: dict[str, str]) -> Iterable[str]:
-    named = given.get("planner", "")
-    return [named] if named in PLANNERS else PLANNERS
+    planner = given.get("planner", "")
+    return [planner] if planner in PLANNERS else PLANNERS
 
 
 def _presets(planners: Iterable[str]) -> Iterable[str]:
@@ -225,7 +225,7 @@ def _edits() -> dict[str, str]:
 
 
 def _behaviours() -> dict[str, str]:
-    from ..engine.cosimulation import presets  # read when asked for: not needed before the first answers
+    from ..engine.cosimulation import presets  # imported at the first request, because the first answers do not need it
 
     return {name: ", ".join(f"{key}={value:g}" for key, value in one.items()) for name, one in presets().items()}
 
@@ -251,12 +251,12 @@ def _content(path: Path) -> bytes:
         content = stream.read(MOST_BYTES + 1)
     if len(content) > MOST_BYTES:
         raise NotPossible(
-            f"{shown_name(path.name)} has more than {MOST_BYTES:,} bytes, too much for one message",
-            next_step="export_artifacts copies it into a folder",
+            f"{shown_name(path.name)} has more than {MOST_BYTES:,} bytes, too many for one message",
+            next_step="use export_artifacts to copy it into a folder",
         )
     return content
 
 
 def unknown_resource(uri: str) -> UnknownName:
-    """Return the refusal of a URI behind which nothing is."""
+    """Return the refusal of a URI without a resource."""
     return UnknownName(f"there is no resource {quoted(uri)}", valid=[template.uri_template for template in TEMPLATES])

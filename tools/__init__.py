@@ -1,1 +1,1 @@
-"""The tools of MCP: validated arguments in, one workflow, a shaped answer out. No domain logic."""
+"""The tools of MCP: validate the arguments, run one workflow, shape the answer. No domain logic."""

@@ -1,4 +1,4 @@
-"""The tools that list what was made, and look at and stop what is being made."""
+"""The tools that list artifacts, and show and stop jobs."""
 
 from ..schemas.artifacts import ListArtifactsArguments, ListArtifactsResult
 from ..schemas.jobs import CancelJobArguments, GetJobArguments, JobResult
@@ -12,7 +12,7 @@ async def list_artifacts(arguments: ListArtifactsArguments, call: ToolCall) -> L
 
 
 async def get_job(arguments: GetJobArguments, call: ToolCall) -> JobResult:
-    """Wait for the end of a job; a view shows the batch that it made."""
+    """Wait for the end of a job; a view shows its batch."""
     result = await artifacts.get_job(arguments, call)
     call.shows(*[key for key in result.results if key.startswith("batch_")][-1:])
     return result

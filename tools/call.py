@@ -1,4 +1,4 @@
-"""One call of a tool: what a workflow works with, and what the client's host can show of the answer."""
+"""One call of a tool: the workflow's resources, and what the client's host can show of the answer."""
 
 import sys
 from dataclasses import dataclass, replace
@@ -13,9 +13,9 @@ class ToolCall(WorkflowContext):
     """One call of a tool.
 
     Attributes:
-        most_image_bytes: limit for all pictures in the answer together; larger ones are only linked.
-        names_view: whether the answer names its view, because the host shows views.
-        shown: ids of what the answer is about, for a host that shows it in a view.
+        most_image_bytes: limit for all pictures of the answer together; larger ones are only linked.
+        names_view: whether the answer refers to its view, because the host shows views.
+        shown: ids of the answer's artifacts, for a host that shows them in a view.
     """
 
     most_image_bytes: int = sys.maxsize
@@ -23,11 +23,11 @@ class ToolCall(WorkflowContext):
     shown: tuple[str, ...] = ()
 
     def shows(self, *ids: str) -> None:
-        """Name what the answer is about: scenarios, runs or batches that one view shows together."""
+        """Set the artifacts of the answer: scenarios, runs or batches that one view shows together."""
         self.shown = ids
 
     def trial(self) -> "ToolCall":
-        """Return a call to try something with: it asks the person nothing, and leaves no trace in this one."""
+        """Return a call for a dry run. It asks the user nothing, and does not change this call."""
         return ToolCall(replace(self.services, recent=self.services.recent.copied()))
 
 
@@ -41,9 +41,9 @@ class Image:
 
 @dataclass(frozen=True)
 class ImageAnswer:
-    """The answer of a tool that shows pictures: such a tool has no output schema, or hosts drop the pictures.
+    """The answer of a tool that shows pictures. It has no output schema, because hosts would drop the pictures.
 
-    ``links`` are resources where the same can be fetched.
+    ``links`` are resources with the same content.
     """
 
     text: str

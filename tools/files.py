@@ -1,4 +1,4 @@
-"""The tools that take in the user's files, and that write files for the user."""
+"""The tools that import the user's files, and that write files for the user."""
 
 from ..schemas.artifacts import ExportArtifactsArguments, ExportArtifactsResult, ImportFilesArguments, ImportFilesResult
 from ..workflows import exporting, importing
@@ -6,7 +6,7 @@ from .call import ToolCall
 
 
 async def import_files(arguments: ImportFilesArguments, call: ToolCall) -> ImportFilesResult:
-    """Take in scenarios, maps, weight files and archives; many files become a job."""
+    """Import scenarios, maps, weight files and archives; many files become a job."""
     return await importing.import_files(arguments, call)
 
 

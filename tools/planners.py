@@ -1,4 +1,4 @@
-"""The tools around planners: what can be set, new configurations, runs, searches for better configurations."""
+"""The planner tools: list settings, create configurations, run, and search for better configurations."""
 
 from ..schemas.analysis.optimization import OptimizePlannerArguments, OptimizePlannerResult
 from ..schemas.planning import (
@@ -15,12 +15,12 @@ from .call import ToolCall
 
 
 async def list_planners(arguments: ListPlannersArguments, call: ToolCall) -> ListPlannersResult:
-    """Return the planners, and what can be set in one with the values in force."""
+    """Return the planners, and the current values of one."""
     return await planners.list_planners(arguments, call)
 
 
 async def configure_planner(arguments: ConfigurePlannerArguments, call: ToolCall) -> ConfigurePlannerResult:
-    """Store a configuration that is made from a preset and changes."""
+    """Store a configuration created from a preset and changes."""
     return await planners.configure_planner(arguments, call)
 
 
@@ -35,5 +35,5 @@ async def run_planner(arguments: RunPlannerArguments, call: ToolCall) -> RunPlan
 
 
 async def optimize_planner(arguments: OptimizePlannerArguments, call: ToolCall) -> OptimizePlannerResult:
-    """Search for a better configuration, or say which weights matter."""
+    """Search for a better configuration, or find out which weights matter."""
     return await optimization.optimize_planner(arguments, call)

@@ -1,8 +1,8 @@
-"""Every tool by name and where its function is. Nothing is imported until used.
+"""Every tool by name, with the module of its function. Modules are imported at first use.
 
 To add a tool, write its arguments and its result (``schemas/``), its workflow (``workflows/``), a function of its name
-in a module here, its entry in ``TOOLS``, and its method of the Python door (``library/workspace.py``). The listing, its
-schema, the protocol's hints, what refusals propose, and which servers offer it are derived from the entry.
+in a module here, its entry in ``TOOLS``, and its method of the Python library (``library/workspace.py``). The listing,
+its schema, the protocol's hints, the calls that refusals suggest, and the servers that offer it follow from the entry.
 """
 
 import importlib
@@ -21,22 +21,23 @@ class ToolSpec:
     """One tool.
 
     Args:
-        name: verb in snake_case, as clients call it; the function has it too.
-        title: what a person reads.
-        module: where the function is, below ``plannerforge.tools``.
-        read_only: makes nothing that can be listed afterwards.
-        essential: part of the small set for small models.
-        seldom: arguments that the small set does not list, and still takes.
-        unlisted: arguments that this listing leaves out.
-        making: arguments with which a tool that is read-only otherwise makes something.
+        name: verb in snake_case, as clients call it, and the name of the function.
+        title: name for people.
+        module: module of the function, below ``plannerforge.tools``.
+        read_only: creates nothing that can be listed afterwards.
+        essential: belongs to the small set for small models.
+        seldom: arguments that the small set accepts but does not list.
+        unlisted: arguments that this listing omits.
+        making: arguments that make an otherwise read-only tool create something.
         refused: arguments that this listing refuses.
-        open_world: may ask services on the net.
-        trial: the arguments that make a call a dry run, so that a refusal can try what it proposes; empty if no call
-            makes anything, None if there is no dry run.
-        view: the page that shows its answers, in hosts that show pages.
-        looks: calls that list valid values; a refusal proposes the first that the client may make, if it knows no
-            better remedy.
-        proposed: a refusal may propose a call of it. One that cannot be taken back is only the caller's to decide.
+        open_world: may use services on the network.
+        trial: arguments that make a call a dry run, so that a refusal can test its suggestion; empty if no call creates
+            anything, None if there is no dry run.
+        view: page that shows its answers, in hosts that show pages.
+        looks: calls that list valid values; a refusal suggests the first that the client may make, if it has no better
+            remedy.
+        proposed: whether a refusal may suggest a call of it; False if only the caller should decide, because the call
+            cannot be undone.
     """
 
     name: str
@@ -56,18 +57,18 @@ class ToolSpec:
 
     @cached_property
     def arguments_type(self) -> type[Arguments]:
-        """The model of the arguments, as the function declares it; its docstring is the tool's description."""
+        """The model of the arguments that the function declares; its docstring is the tool's description."""
         arguments: type[Arguments] = get_type_hints(self.load_function())["arguments"]
         return arguments
 
     @property
     def result_type(self) -> type[Result] | None:
-        """The model of the structured answer, as the function declares it; None for one that answers with pictures."""
+        """The model of the structured answer that the function declares; None if it answers with pictures."""
         result: type[Result | ImageAnswer] = get_type_hints(self.load_function())["return"]
         return result if issubclass(result, Result) else None
 
     def only_reading(self) -> "ToolSpec":
-        """Return the tool as a server that makes nothing offers it."""
+        """Return the tool for a server that creates nothing."""
         return replace(self, making=(), refused=self.making, unlisted=(*self.unlisted, *self.making))
 
     def load_function(self) -> Callable[[Arguments, Any], Awaitable[Any]]:
@@ -139,5 +140,5 @@ TOOLS: tuple[ToolSpec, ...] = (
 
 
 def only_reading(tools: Iterable[ToolSpec]) -> tuple[ToolSpec, ...]:
-    """Those of some tools that make nothing, as whoever must not make anything is offered them."""
+    """Return the tools that create nothing, for clients that must not create anything."""
     return tuple(spec.only_reading() for spec in tools if spec.read_only)

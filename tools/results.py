@@ -1,4 +1,4 @@
-"""The tools that say what runs show: figures, comparisons, pictures."""
+"""The tools for the results of runs: figures, comparisons, pictures."""
 
 from pathlib import Path
 

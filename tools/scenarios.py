@@ -1,4 +1,4 @@
-"""The tools around scenarios: look into the catalogue, generate, find, describe, edit."""
+"""The scenario tools: describe the catalogue, generate, find, describe, edit."""
 
 from ..schemas.catalog import (
     DescribeCatalogArguments,
@@ -15,7 +15,7 @@ from .call import ToolCall
 
 
 async def describe_catalog(arguments: DescribeCatalogArguments, call: ToolCall) -> DescribeCatalogResult:
-    """Return what the catalogue holds, and the words by which it can be searched."""
+    """Return the content of the catalogue, and the words to search it with."""
     return await catalog.describe_catalog(arguments, call)
 
 
@@ -25,7 +25,7 @@ async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> F
 
 
 async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCall) -> GenerateScenariosResult:
-    """Make scenarios from maps; a view shows the first."""
+    """Generate scenarios from maps; a view shows the first."""
     result = await generate.generate_scenarios(arguments, call)
     if result.plan is None:
         call.shows(*(one.scenario_id for one in result.scenarios[:1]))
@@ -40,7 +40,7 @@ async def describe_scenario(arguments: DescribeScenarioArguments, call: ToolCall
 
 
 async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) -> ModifyScenarioResult:
-    """Store a scenario with edits; a view shows it next to the one that was edited."""
+    """Store a scenario with edits; a view shows it next to its original."""
     result = await modification.modify_scenario(arguments, call)
     if result.scenario_id is not None:
         call.shows(result.base_id, result.scenario_id)
