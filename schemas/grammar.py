@@ -297,7 +297,7 @@ def _compared(text: str, operator: str, right: str, unit: BaseUnit, whole: bool)
             interval = Interval(None, bound - (strict if operator == "<" else 0.0))
     if whole and any(end is not None and end != int(end) for end in (interval.low, interval.high)):
         raise InvalidRequest(
-            f"'{text}' is not a whole number",
+            f"'{text}' compares a count with a fraction",
             valid=["a whole number"],
             next_step="write a whole number",
             remedies=[instead(right, _whole(right))],

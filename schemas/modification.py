@@ -423,12 +423,12 @@ class ModifyScenarioResult(Result):
             yield f"{number}{edit.op}{verdict}: {what}{selected}"
             routes = [route for route in edit.routes if route.arrives is not None or self.detail == "checks"]
             grouped = _grouped((route.vehicle_id, _route_text(route)) for route in routes)
-            lines = [f"  {_ids(keys)} {text}" for text, keys in grouped]
+            lines = [f"  {_ids(keys)}: {text}" for text, keys in grouped]
             shown, others = self._most(_MOST_ROUTES)
             yield from first_of(lines, max(shown // len(self.edits), _MOST_ROUTES), others)
         undone = [edit.index for edit in self.edits[most:] if edit.verdict != "done"]
         if self.edits[most:]:
-            yield f"… {len(self.edits) - most} more edits, not done or not reached: {_ids(undone)} ({rest})"
+            yield f"… {len(self.edits) - most} more edits, not done or not reached: {_ids(undone)}: {rest}"
 
     def _others(self) -> list[str]:
         """Return which vehicles react in addition, and why, and how many keep their recording."""
@@ -503,8 +503,8 @@ def _route_text(route: VehicleRoute) -> str:
         lanelets[_MOST_LANELETS - 1 : -1] = "…"
     driven = f"lanelets {' → '.join(map(str, lanelets))}"
     if route.arrives is False:
-        return f"does not arrive: {route.reason} ({driven})"
-    return f"arrives: {driven}" if route.arrives else f"drives {driven}"
+        return f"target not reached: {route.reason} ({driven})"
+    return f"target reached, {driven}" if route.arrives else driven
 
 
 def _within(sentences: Sequence[str], characters: int) -> list[str]:

@@ -449,8 +449,8 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
         counts = f"{counted(sum(off_the_lanes), 'obstacle')} in {counted(len(off_the_lanes), 'run')}"
         yield f"lane prediction: {counts} off the lanes, predicted with constant velocity"
     if on_recording := [len(record.on_recording) for record in records if record.on_recording]:
-        shown = f"{sum(on_recording)} (in {len(on_recording)} of {len(records)} runs)"
-        yield f"reactive traffic: {shown} moving obstacles still followed their recording"
+        shown = f"{counted(sum(on_recording), 'obstacle')} in {len(on_recording)} of {len(records)} runs"
+        yield f"reactive traffic: {shown} still followed the recording"
     if len(records) == 1:
         yield from (trigger.in_words() for trigger in records[0].triggers[:_SHOWN_TRIGGERS])
     elif waiting := [record.run_id for record in records if any(one.time_s is None for one in record.triggers)]:

@@ -110,7 +110,7 @@ def test_limits_decide_the_exit_code_and_every_file_says_the_same(workspace: Pat
     ("keys", "said"),
     [
         ({"limits": ["succes >= 0.9"]}, "Valid: success"),
-        ({"limits": ["success >= 0.9 for fast"]}, "the suite has not"),
+        ({"limits": ["success >= 0.9 for fast"]}, "not in the suite"),
         ({"limits": []}, "limits"),
         ({"scenario": ["preset:1"]}, "scenario"),
         ({"scenarios": ["ZAM_Nowhere-1_1_T-1"]}, "ZAM_Nowhere-1_1_T-1"),
@@ -121,7 +121,7 @@ def test_limits_decide_the_exit_code_and_every_file_says_the_same(workspace: Pat
         ({"configurations": [{"name": "a", "wieghts": ["x=1"]}]}, "suite.yaml, configuration 1"),
         ({"scenarios": [{"find": {"obstacles": ["bus>=500"]}}]}, "no scenario meets"),
         ({"configurations": ["frenetix:Nobody"]}, "no preset 'Nobody'"),
-        ({"configurations": ["idm:Default", "idm:Default"]}, "two configurations are called"),
+        ({"configurations": ["idm:Default", "idm:Default"]}, "two configurations"),
         ({"limits": ["not worse than gone.json"]}, "--save-baseline gone.json"),
         ({"limits": ["not worse than suite.yaml"]}, "is no baseline"),
         ({"limits": ["not worse than ../../../etc/passwd"]}, "outside"),

@@ -129,7 +129,7 @@ async def test_a_diverse_choice_says_what_it_covers(connect: Connect, settings: 
     async with connect(settings) as client:
         _, text, found = await call(client, "find_scenarios", diverse=3)
         assert len(found["matches"]) == 3
-        assert "They cover" in text
+        assert ", covering " in text
         covered = {one["dimension"]: one["covered"] for one in found["coverage"]}
         assert len(covered["obstacles"]) >= 4
 

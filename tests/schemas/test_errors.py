@@ -65,7 +65,7 @@ def test_text_holds_code_message_valid_values_and_next_step() -> None:
 
 
 def test_text_without_valid_values_says_what_usually_helps() -> None:
-    usual = "Next: ask for something that is possible there, or elsewhere."
+    usual = f"Next: {NotPossible.usual_step}."
     assert NotPossible("the lane ends").text == f"[not_possible] the lane ends. {usual}"
 
 

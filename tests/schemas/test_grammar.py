@@ -122,7 +122,7 @@ def test_condition(text: str, expected: Condition) -> None:
 
 
 def test_a_word_where_a_number_is_compared_is_refused() -> None:
-    with pytest.raises(InvalidRequest, match="compares with 'many', which is no number"):
+    with pytest.raises(InvalidRequest, match="compares with 'many', which is not a number"):
         parse_condition("car=many", whole=True)
 
 

@@ -58,18 +58,18 @@ def route(vehicle_id: int, *lanelets: int, arrives: bool | None = None) -> Vehic
 
 def test_the_answer_tells_what_is_new_for_the_ego_and_nothing_else() -> None:
     assert (
-        "New for the ego (it does not see the edited traffic): nearest 1.49 m → 0 m, time to collision none within "
+        "Change for the ego (it does not see the edited traffic): nearest 1.49 m → 0 m, time to collision none within "
         "60 s → 0 s, risk score (0 worst, 5 best) 4 → 0, collision none → with 39 at 6.5 s."
     ) in text(SHIFTED).splitlines()
-    assert "Nothing new for the ego: risk score (0 worst, 5 best) 4." in text(ego_after=CALM).splitlines()
+    assert "No change for the ego: risk score (0 worst, 5 best) 4." in text(ego_after=CALM).splitlines()
     nearer = text(ego_after=CALM.model_copy(update={"minimum_distance_m": 0.7}))
-    assert "New for the ego: nearest 1.49 m → 0.7 m." in nearer.replace(" (it does not see the edited traffic)", "")
+    assert "Change for the ego: nearest 1.49 m → 0.7 m." in nearer.replace(" (it does not see the edited traffic)", "")
 
 
 def test_a_figure_that_cannot_be_had_says_why() -> None:
-    assert "Ego's danger: none, as no ordinary drive of an ego can be simulated here." in text(ego_after=None)
+    assert "Ego's danger: unknown, because no ordinary drive of an ego can be simulated here." in text(ego_after=None)
     nobody = EgoDanger(minimum_distance_m=None, minimum_time_to_collision_s=None, risk_score=None)
-    assert "nearest 1.49 m → none, nobody is near" in text(ego_after=nobody)
+    assert "nearest 1.49 m → no other near" in text(ego_after=nobody)
 
 
 def test_the_verdict_on_a_motion_that_was_only_moved_in_time_is_its_recording_s() -> None:
@@ -108,7 +108,7 @@ def test_an_edit_that_is_not_reached_is_not_called_done_and_says_what_to_do() ->
     late = route(31, 1, 11, arrives=False).model_copy(update={"advice": "send 31 to lanelet 11, which it reaches"})
     told = text(edits=(edit(0, late),))
     assert "the edit is not reached" in told.splitlines()[0]
-    assert "  31 does not get there: the scenario ends at 10.0 s (lanelets 1 → 11)" in told
+    assert "  31: target not reached: the scenario ends at 10.0 s (lanelets 1 → 11)" in told
     assert told.endswith("Next: send 31 to lanelet 11, which it reaches")
     assert "done" not in told
 
@@ -121,18 +121,18 @@ def test_of_several_edits_the_headline_counts_what_became_of_them() -> None:
 def test_vehicles_that_differ_in_nothing_are_told_of_once() -> None:
     routes = [route(key, 4, 5, arrives=True) for key in (31, 32, 33)]
     assert text(edits=(edit(0, *routes),)).count("lanelets 4 → 5") == 1
-    assert "31, 32, 33 gets there: lanelets 4 → 5" in text(edits=(edit(0, *routes),))
+    assert "31, 32, 33: target reached, lanelets 4 → 5" in text(edits=(edit(0, *routes),))
 
 
 def test_routes_without_a_target_are_told_in_detail_only() -> None:
     edits = (edit(0, route(31, *range(1, 21))),)
     assert "lanelets" not in text(edits=edits)
-    assert "31 drives lanelets 1 → 2 → 3 → 4 → 5 → 6 → 7 → … → 20" in text(edits=edits, detail="checks")
+    assert "31: lanelets 1 → 2 → 3 → 4 → 5 → 6 → 7 → … → 20" in text(edits=edits, detail="checks")
 
 
 def test_a_vehicle_that_is_driven_besides_is_named_with_the_reason() -> None:
     reacting = SHIFTED.model_copy(update={"cause": "handed_over", "reason": "would hit 12 at 3.4 s"})
-    assert "Driven besides, to react: 44 (would hit 12 at 3.4 s)." in text(reacting)
+    assert "Also simulated, to avoid a collision: 44 (would hit 12 at 3.4 s)." in text(reacting)
 
 
 def test_the_vehicles_that_a_word_meant_stand_behind_what_was_done() -> None:

@@ -1,4 +1,4 @@
-"""Over HTTP a job belongs to the token that began it: all may look at it, that one alone may stop it."""
+"""Over HTTP a job belongs to the token that started it: all may look at it, that one alone may stop it."""
 
 from typing import Any
 
@@ -33,8 +33,8 @@ async def test_job_is_cancelled_with_the_token_that_began_it_alone(serve: Serve,
             looked_at = await asked(two, "get_job", job_id=mine, wait_s=0)
         async with server.client(era, WRITER) as later:
             stopped = await asked(later, "cancel_job", job_id=mine)
-    assert "was not begun with this token" in refused
-    assert "cancel it with the token that began it" in refused
+    assert "was not started with this token" in refused
+    assert "cancel it with the token that started it" in refused
     assert joined == [refused, refused]
     assert f"{mine} (batch): running" in looked_at
     assert f"{mine} (batch): cancelled" in stopped
@@ -54,9 +54,9 @@ async def test_latest_job_to_cancel_is_never_that_of_another_token(serve: Serve,
             refused = await asked(later, "cancel_job", job_id=last)
         running = [await asked(one, "get_job", job_id=each, wait_s=0) for each in (mine, last)]
         assert f"{last} (batch): cancelled" in await asked(one, "cancel_job", job_id="latest")
-    assert "no job was begun with this token" in nothing
-    assert f"{mine}: the workspace's newest job, as this session has made none." in told
-    assert f"{theirs}: this token's newest job, as this session has made none." in looked_at
+    assert "no job was started with this token" in nothing
+    assert f"{mine} is the workspace's newest job;" in told
+    assert f"{theirs} is this token's newest job;" in looked_at
     assert f"{theirs} (batch): cancelled" in stopped
     assert "Valid" not in refused, "its own has ended"
     assert all(": running" in each for each in running)
@@ -80,7 +80,7 @@ async def test_job_is_its_token_s_own_after_a_restart_too(serve: Serve, era: str
         own = await asked(one, "cancel_job", job_id="latest")
         other = await asked(two, "cancel_job", job_id=job_id)
     assert f"{job_id} (batch): interrupted" in own
-    assert "was not begun with this token" in other
+    assert "was not started with this token" in other
 
 
 async def test_without_tokens_every_client_may_cancel_every_job(serve: Serve, era: str) -> None:

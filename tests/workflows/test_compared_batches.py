@@ -96,7 +96,7 @@ async def test_batches_without_a_like_are_refused(connect: Connect, settings: Se
         one = _store(workspace, "one", _runs("one", DEFAULT), _runs("one", SAFE))
         two = _store(workspace, "two", _runs("two", third), _runs("two", fourth))
         told = await _compared(client, results=[one, two])
-        assert "no configuration of batch_one, the baseline, has a like" in told
+        assert "no configuration of the baseline batch_one has a match" in told
 
 
 async def test_no_older_batch_is_the_baseline_unless_it_is_named(connect: Connect, settings: Settings) -> None:

@@ -52,7 +52,9 @@ async def test_maps_of_other_formats_are_imported_and_used(connect: Connect, tmp
         told = (await client.call_tool("import_files", {"path": str(folder)})).structured_content
         assert told is not None
         assert [item["kind"] for item in told["items"]] == ["map", "map"], told
-        assert "lost on the way: " in next(item["summary"] for item in told["items"] if item["file"] == "harbour.xodr")
+        assert "lost in the conversion: " in next(
+            item["summary"] for item in told["items"] if item["file"] == "harbour.xodr"
+        )
         for item in told["items"]:
             wish = {"place": item["artifact_id"], "duration_s": 6, "goal": "steps:30"}
             answer = await client.call_tool("generate_scenarios", wish)

@@ -173,9 +173,9 @@ def test_counts_and_origins_stand_side_by_side() -> None:
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("counts=Main Street", "is no flow"),
-        ("counts=A>B:5", "is no flow"),
-        ("od=A:5", "is no flow"),
+        ("counts=Main Street", "is not a flow"),
+        ("counts=A>B:5", "is not a flow"),
+        ("od=A:5", "is not a flow"),
         ("counts=A:5:up", "directions: north"),
         ("counts=A:0", "above 0"),
         ("counts=A:999999", "20,000"),
@@ -213,7 +213,7 @@ def test_a_table_of_counts_is_read(call: WorkflowContext, allowed: Path, text: s
         (b"road,flow\nA,many\n", "line 2 of counts.csv"),
         (b"road,flow\nA,nan\n", "line 2 of counts.csv"),
         (b"road,flow\n,5\n", "line 2 of counts.csv"),
-        (b"\xff\xfe\x00", "no text in UTF-8"),
+        (b"\xff\xfe\x00", "is not UTF-8 text"),
         (b"road,flow\n" + b"A,5\n" * 300_000, "larger than 1 MB"),
     ],
 )

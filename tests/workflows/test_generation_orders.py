@@ -114,7 +114,7 @@ async def test_a_box_over_two_maps_is_served_by_the_one_that_holds_a_site_in_it(
         assert answer is not None
         made = answer["scenarios"][0]
         assert made["place"] != "Fahrhausen"
-        assert any(note.startswith("another map was taken: “Fahrhausen”") for note in answer["notes"])
+        assert any(note.startswith("another map was used: “Fahrhausen”") for note in answer["notes"])
 
 
 @pytest.mark.anyio

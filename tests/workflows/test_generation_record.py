@@ -80,10 +80,10 @@ async def test_shares_of_traffic_are_told_with_their_source(connect: Connect) ->
         bus, taxi, truck = made["scenarios"][0]["notes"][:3]
         source = "ACEA, Vehicles in use in Europe: EU, 2019"
         assert bus == f"bus: its share of traffic, 0.25 % of all vehicles ({source}), one at least"
-        assert taxi.startswith("taxi: one at least; how many there are in traffic is not known here")
+        assert taxi.startswith("taxi: at least one; its share of traffic is not known here")
         realised = made["scenarios"][0]["classes_realised"]
         assert (realised["bus"], realised["taxi"]) == (1, 1)
-        assert truck.startswith("truck: 30% of all vehicles asked, ")
+        assert truck.startswith("truck: 30% of all vehicles requested, ")
         assert 0.2 < realised["truck"] / made["scenarios"][0]["vehicles_realised"] < 0.4
 
 

@@ -40,7 +40,7 @@ async def test_a_country_is_refused_where_there_is_no_map(connect: Connect, tmp_
     async with connect() as client:
         answer = await client.call_tool("import_files", {"path": "some.yaml", "country": "DEU"})
         assert answer.is_error
-        assert "country is for maps" in str(answer.content)
+        assert "country is only for maps" in str(answer.content)
 
 
 async def test_a_map_is_taken_by_its_content_whatever_its_name(connect: Connect, tmp_path: Path) -> None:

@@ -163,7 +163,7 @@ async def test_an_extract_that_is_written_while_it_is_read_is_refused(
     monkeypatch.setattr(extracts, "content_digest", digest_before_more_comes)
     async with connect() as client:
         answer = await structured(client, "import_files", path=country.name)
-        assert "was written while it was read" in answer["refusals"][0]["reason"]
+        assert "changed while it was read" in answer["refusals"][0]["reason"]
     assert list((settings.workspace / "extracts").iterdir()) == []
 
 

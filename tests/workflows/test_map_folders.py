@@ -86,7 +86,7 @@ async def test_a_box_larger_than_the_maps_is_used_where_they_lie(connect: Connec
         country = {"bbox": [50.0, 0.0, 60.0, 10.0], "duration_s": 5}
         answer = await client.call_tool("generate_scenarios", country)
         assert answer.structured_content is not None
-        assert any("no map shows the whole bbox" in note for note in answer.structured_content["notes"])
+        assert any("no map covers the whole bbox" in note for note in answer.structured_content["notes"])
 
 
 async def test_what_an_older_program_kept_of_a_map_is_read_anew(connect: Connect, settings: Settings) -> None:

@@ -111,6 +111,6 @@ async def test_a_cut_list_says_the_count_and_the_call_for_the_rest(call: Workflo
 
 
 async def test_a_place_without_scenarios_and_maps_is_refused(call: WorkflowContext) -> None:
-    with pytest.raises(UnknownName, match="no scenario and no map lies in 'Vigoo'") as refused:
+    with pytest.raises(UnknownName, match="no scenario, map or search matches 'Vigoo'") as refused:
         await asked(call, within="Vigoo")
     assert "“Vigo”" in refused.value.valid

@@ -92,7 +92,7 @@ async def test_a_place_is_fetched_kept_and_made_again_without_a_net(
     async with connect(other) as client:
         text, again = await generate(client, place="Ringstadt", scenario_type="roundabout")
     assert again == [made]
-    assert "downloaded before" in text
+    assert "downloaded earlier" in text
     assert len(servers.requests) == asked
     file = Path("scenarios") / made / "scenario.xml"
     assert (online.workspace / file).read_bytes() == (other.workspace / file).read_bytes()
@@ -153,7 +153,7 @@ async def test_what_can_never_be_met_is_refused_before_a_service_is_asked(
         for given, told in (
             ({"vehicles": ["tank=5"]}, "there is no vehicle class 'tank'"),
             ({"road_classes": ["canal"]}, "there is no road class 'canal'"),
-            ({"bbox": [48.2, 16.4, 48.1, 16.3]}, "is no box"),
+            ({"bbox": [48.2, 16.4, 48.1, 16.3]}, "is not a box"),
             ({"place": "map_0123456789ab"}, "no map shows"),
         ):
             text, made = await generate(client, **{"place": "Ringstadt", **given})
@@ -189,7 +189,7 @@ async def test_an_invented_place_is_no_failure_of_the_service(
         assert "GeoNames" in invented
         real, _ = await generate(client, place="Ouagadougou")
         assert real.startswith("[service_failure]")
-        assert "only the maps at hand are searched" in real
+        assert "only local maps are searched" in real
         assert "Next: call again" not in real
         street, _ = await generate(client, place="Moonlight Alley, Kreiselheim")
         assert "“Kreiselheim”" in street
@@ -225,7 +225,7 @@ async def test_which_of_two_towns_is_told_where_no_choice_is_made(
     for callback in (None, decline):
         async with Client(server, mode=era, elicitation_callback=callback) as client:  # type: ignore[arg-type]
             text, _ = await generate(client, place="Springfield")
-        assert text.startswith("[invalid_request] several places are called 'Springfield'")
+        assert text.startswith("[invalid_request] several places have the name 'Springfield'")
         assert "Springfield, Illinois, United States of America" in text
         assert "place=“Springfield, Illinois, United States of America”" in text
     assert stored(online, "map") == []

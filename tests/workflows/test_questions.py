@@ -49,10 +49,10 @@ async def test_which_of_several_vehicles_is_asked_and_the_choice_is_told(opened:
         named = {**SLOWER, "vehicles": ["32"]}
         again = await client.call_tool("modify_scenario", {"scenario_id": ONE, "edits": [named]})
     assert len(asked) == 1
-    assert "Which vehicle does 'one:car' mean" in asked[0]
+    assert "does 'one:car' mean" in asked[0]
     assert edited.structured_content is not None
     assert again.structured_content is not None
-    assert "taken as vehicle 32, as chosen" in str(edited.content[0].text)
+    assert "means vehicle 32, as chosen" in str(edited.content[0].text)
     assert edited.structured_content["scenario_id"] == again.structured_content["scenario_id"]
     assert again.structured_content["reused"]
 
@@ -78,7 +78,7 @@ async def test_very_many_runs_are_asked_about_and_made_unless_refused(
         again = None if answered.is_error else await client.call_tool("run_planner", arguments)
     assert len(asked) == questions
     if made == 0:
-        assert "2 runs were not wanted" in str(answered.content[0].text)
+        assert "declined 2 runs" in str(answered.content[0].text)
         return
     assert answered.structured_content is not None
     assert answered.structured_content["finished"] == made

@@ -41,9 +41,7 @@ async def test_a_reactive_run_is_asked_for_refused_told_stored_and_drawn(setting
         reactive = await ask("run_planner", traffic="reactive")
         recorded = await ask("run_planner")
     assert reactive["traffic"] == "reactive"
-    assert reactive["notes"] == [
-        "reactive traffic: moving obstacles that followed their recording all the same: 1 (in 1 of 1 runs)"
-    ]
+    assert reactive["notes"] == ["reactive traffic: 1 obstacle in 1 of 1 runs still followed the recording"]
     assert recorded["notes"] == []
     assert reactive["runs"][0]["run_id"] != recorded["runs"][0]["run_id"]
     workspace = Workspace(own.workspace)

@@ -83,7 +83,7 @@ async def test_a_client_without_anything_of_its_own_gets_the_newest_and_is_told_
 ) -> None:
     first, second = sessions
     made = await first.ask("configure_planner", weights=["jerk=0.5"])
-    told = f"{ONE}: the workspace's newest scenario, as this session has made none."
+    told = f"{ONE} is the workspace's newest scenario; this session has not made one."
     assert told in (await second.text("describe_scenario")).splitlines()
     assert told not in await second.text("describe_scenario")
     assert told not in await first.text("describe_scenario")

@@ -15,7 +15,7 @@ def test_obstacles_that_a_lane_prediction_could_not_follow_are_counted() -> None
     runs = [run.model_copy(update={"off_the_lanes": off}) for run, off in zip(runs, ((), (4,), (4, 9)), strict=True)]
     cells = [Cell(run.scenario_id, None, configuration, "lane") for run in runs]
     said = answer(cells, [CellResult(run) for run in runs])
-    assert said.notes == ("lane prediction: 3 obstacles in 2 runs off the lanes: constant velocity there",)
+    assert said.notes == ("lane prediction: 3 obstacles in 2 runs off the lanes, predicted with constant velocity",)
     assert said.notes[0] in said.to_text()
     assert answer(cells[:1], [CellResult(runs[0])]).notes == ()
 
@@ -56,5 +56,5 @@ def test_a_grid_says_rates_and_then_failures_only() -> None:
     assert lines[1].endswith("goal 1 of 5; collision 2; timeout 1; off_road 1; invalid, in no rate: 1")
     assert lines[2] == "4 failed:"
     assert [line.split()[3] for line in lines[3:6]] == ["ZAM_T-1_1_T-1", "ZAM_T-2_1_T-1", "ZAM_T-3_1_T-1"]
-    assert lines[6] == "… 1 more: analyze_results with where '!outcome=goal_reached', detail rows"
+    assert lines[6] == "… 1 more: analyze_results with where=['!outcome=goal_reached'], detail=rows"
     assert len(said.runs) == 6

@@ -55,4 +55,4 @@ async def test_networks_beside_scenarios_become_maps_only_where_maps_are_asked_f
         assert sorted(item["file"] for item in maps["items"]) == ["harbour.net.xml", "plain.osm"]
         scenarios = await client.call_tool("import_files", {"path": str(net.parent), "kind": "scenario"})
         assert scenarios.is_error
-        assert "holds no file to import" in str(scenarios.content)
+        assert "contains no file to import" in str(scenarios.content)

@@ -24,7 +24,7 @@ async def test_a_trial_runs_the_change_and_tells_what_it_bought_and_cost(connect
         batch = await ask("run_planner", scenarios=[*LATE, *IN_TIME], configs=[careless["config_id"]])
         assert batch["state"] == "done"
         untried = await client.call_tool("analyze_results", {})
-        assert "untried: trial=true runs it" in str(untried.content[0].text)  # type: ignore[union-attr]
+        assert "trial=true tries it" in str(untried.content[0].text)  # type: ignore[union-attr]
         tried = await ask("analyze_results", trial=True)
         while tried["job_id"]:
             tried = await ask("analyze_results", trial=True)

@@ -89,7 +89,7 @@ def test_the_rate_stands_with_and_without_what_no_ego_prevents(tmp_path: Path) -
         "Collisions: rear end by other 2, rear end by ego 1; laid to recording 2; no reference driver prevents 2 of 3"
     )
     assert REFERENCE_DRIVERS_DO in told
-    assert "; without them goal 1/2" in told
+    assert "goal 1/2" in told
 
 
 def test_where_followers_of_a_recording_decide_reactive_traffic_is_advised(tmp_path: Path) -> None:
@@ -126,7 +126,7 @@ def test_many_collisions_are_told_as_a_random_sample_with_its_interval(
     assert without.low is not None
     assert without.high is not None
     assert without.low < 20 / 30 < without.high
-    assert f"Of 20 collisions a random {MOST} were looked at" in found.in_words()
+    assert f"In a random {MOST} of 20 collisions" in found.in_words()
     assert len(found.evidence) == MOST
     assert found == collision_causes(RunSet((*reversed(ahead), *behind, *goals))).model_copy(  # type: ignore[union-attr]
         update={"evidence": found.evidence, "not_preventable": found.not_preventable}
@@ -175,7 +175,7 @@ def test_goals_that_ask_for_no_driving_are_counted_apart(tmp_path: Path) -> None
     assert found.success_without is not None
     assert (found.success_without.count, found.success_without.of) == (1, 2)
     assert found.in_words().startswith(
-        "Goals that asked for no driving: at the start 1, by time alone 1, standing 1; without them goal 1/2"
+        "Goals that required no driving: at the start 1, by time alone 1, standing 1; without these runs, goal 1/2"
     )
 
 

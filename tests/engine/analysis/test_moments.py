@@ -103,7 +103,7 @@ def test_one_that_comes_across_into_the_way_cuts_in(tmp_path: Path) -> None:
     found = contact(moving(ego, key=0), moving(other, sideways=3.5), folder=tmp_path)
     assert found.kind == "cut_in"
     assert found.came_in_s == pytest.approx(3.5, abs=0.11)
-    assert "ran into car 7 that cut in, in the way since 3.6 s" in found.in_words()
+    assert "ran into car 7, which had cut in at 3.6 s," in found.in_words()
     by_ego = contact(moving((0, 0, EAST, 8), sideways=3.5, key=0), moving((-4.4, 0, EAST, 12)), folder=tmp_path)
     assert by_ego.kind == "cut_in_by_ego"
 

@@ -179,7 +179,7 @@ def test_steering_aside_helps_where_braking_cannot_any_more() -> None:
     assert not found.possible
     # 0.5 m beside half of both widths: 1.8 m aside after sqrt(2 · 1.8 / 5) = 0.85 s
     assert found.by_steering_until_s == pytest.approx((45.0 - LENGTH_M) / 30.0 - 0.87, abs=0.25)
-    assert found.in_words().endswith("; steering aside until 0.4 s does")
+    assert found.in_words().endswith("; steering aside until 0.4 s prevents it")
 
 
 @pytest.mark.parametrize(
@@ -240,7 +240,7 @@ def test_an_ego_that_sped_up_has_made_the_encounter_itself() -> None:
     found = prevention_of(ego.part(0, hit + 1), other, hit, STEP_S)
     assert verdict(found, "keep_lane", "start").prevents
     assert found.possible
-    assert found.in_words().endswith("from the start all do")
+    assert found.in_words().endswith("from the start, all drivers prevent it")
 
 
 def test_from_the_start_a_driver_that_runs_into_someone_else_prevents_nothing() -> None:

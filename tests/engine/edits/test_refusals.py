@@ -20,7 +20,7 @@ GOAL = {"op": "set_goal", "to": ["11"]}
 WRONG: list[tuple[dict[str, Any], str, str]] = [
     ({"op": "reroute", "vehicles": ["31"], "to": ["99"]}, "99 is no lanelet", "21"),
     ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau=nan"]}, "assigns 'nan'", "tau in (0, 10]"),
-    ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau 2"]}, "no assignment", "tau in (0, 10]"),
+    ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau 2"]}, "not an assignment", "tau in (0, 10]"),
     ({"op": "set_speed", "vehicles": ["31"], "speed": "nan"}, "'nan' is not a quantity", "0 … "),
     (CAR | {"at": "11", "speed": "inf"}, "'inf' is not a quantity", "0 … "),
     ({"op": "set_ego", "speed": "slow"}, "'slow' is not a quantity", "0 … "),

@@ -198,7 +198,7 @@ def test_programs_are_known_while_they_are_named(monkeypatch: pytest.MonkeyPatch
         ({"command": ("./planner",)}, "absolute path"),
         ({"command": ()}, "at least 1 item"),
         ({"command": ("python3",), "time_s": 0}, "greater than 0"),
-        ({"command": ("python3",), "presets": {"Fast": {"weights": {"absent": 1.0}}}}, "absent, which is no weight"),
+        ({"command": ("python3",), "presets": {"Fast": {"weights": {"absent": 1.0}}}}, "absent, which is not a weight"),
     ],
 )
 def test_a_wrong_declaration_is_refused_by_name(fields: dict[str, Any], told: str) -> None:
