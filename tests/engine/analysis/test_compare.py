@@ -285,7 +285,7 @@ def test_a_difference_that_turns_round_between_predictions_is_told() -> None:
         ("ground_truth/recorded", 0, 2),
     ]
     assert "The sign turns under ground_truth/recorded" in comparison.verdict
-    assert "- apart: constant_velocity/recorded +70 points of 10 pairs" in found.to_text()
+    assert "constant_velocity/recorded +70 points in 10 pairs" in found.to_text()
 
 
 def test_three_sides_are_ranked_and_equal_ones_share_a_rank() -> None:

@@ -118,8 +118,8 @@ def test_the_words_say_the_moment_the_speeds_and_what_came_first(tmp_path: Path)
     hit = contact(ego, other, folder=tmp_path)
     assert hit.prevention is not None
     assert hit.in_words() == (
-        "hit while standing by car 7 from behind at 4.0 s (ego 0.0 m/s, standing since 0.0 s; car 7 9.0 m/s); "
-        f"{hit.prevention.in_words()}; laid to the recording"
+        "stood still and was hit by car 7 from behind at 4.0 s (ego 0.0 m/s, standing since 0.0 s; car 7 9.0 m/s); "
+        f"{hit.prevention.in_words()}; attributed to the recording"
     )
     braking = (0.0,) * 31 + (-3.0,) * 10
     ego, other = moving((0, 0, EAST, 12), key=0), moving((4.4, 0, EAST, 5))
@@ -161,7 +161,7 @@ def test_the_closest_moment_of_a_success_has_partner_time_and_gap(tmp_path: Path
     assert found.closest.gap_m == pytest.approx(gap)
     assert found.closest.time_s == pytest.approx(1.6, abs=0.1)
     assert "Closest: 1.29 m to car 7 on the left at 1.6 s" in found.nearness_in_words()
-    assert "time to collision: none: never on a collision course." in found.nearness_in_words()
+    assert "never on a collision course." in found.nearness_in_words()
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def test_a_gap_that_the_tracks_do_not_show_is_not_told(tmp_path: Path) -> None:
 
 def test_an_empty_scene_says_that_there_is_no_closest_moment(tmp_path: Path) -> None:
     found = success(moving((20.0, 0.0, EAST, 10.0), key=0), folder=tmp_path)
-    assert found.nearness_in_words() == "Closest: none: no other within 60 m."
+    assert found.nearness_in_words() == "Closest: no other road user within 60 m."
 
 
 def test_the_largest_motions_have_their_times(tmp_path: Path) -> None:
@@ -263,4 +263,4 @@ def test_prediction_is_held_against_what_came(braking_mps2: float, laid_to: str,
     found = reviewed(ego, leader, folder=tmp_path, scenario=scenario).contact
     assert found is not None
     assert found.laid_to == laid_to
-    assert found.in_words().endswith(f"laid to {laid_to}")
+    assert found.in_words().endswith(f"attributed to {laid_to}")

@@ -48,7 +48,7 @@ def test_goals_that_are_refused_stand_beside_the_rate_by_the_papers_rule() -> No
     assert (found.success.count, found.success.of) == (1, 3)
     assert found.by_any_motion is not None
     assert (found.by_any_motion.count, found.by_any_motion.of) == (2, 3)
-    assert "goal by any motion: 2/3" in found.to_text()
+    assert "(any motion counts): goal 2/3" in found.to_text()
     assert analysed(*five_runs()).by_any_motion is None
 
 
