@@ -133,7 +133,8 @@ class Prevention(Model):
             return "; from the start, no driver prevents it"
         if not no:
             return "; from the start, all drivers prevent it"
-        return f"; from the start, {_listed(yes, 'and')} prevent{'' if len(yes) > 1 or yes[0].endswith('drivers') else 's'} it"
+        verb = "prevent" if len(yes) > 1 or yes[0].endswith("drivers") else "prevents"
+        return f"; from the start, {_listed(yes, 'and')} {verb} it"
 
     def _from_start(self, *, prevents: bool) -> list[str]:
         """Return the reference drivers that do or do not prevent it from the start, without steering aside."""
@@ -142,9 +143,11 @@ class Prevention(Model):
             for verdict in self.drivers
             if verdict.start == "start" and verdict.prevents == prevents and verdict.driver != "evading"
         ]
-        both_of_r157 = {"r157_careful", "fsm"} <= set(drivers)
-        names = [_DRIVERS_IN_WORDS[name] for name in drivers if name not in ("r157_careful", "fsm") or not both_of_r157]
-        return [*names, *(["UN R157's careful and fuzzy drivers"] if both_of_r157 else [])]
+        names = {name: _DRIVERS_IN_WORDS[name] for name in drivers}
+        if {"r157_careful", "fsm"} <= names.keys():
+            names["r157_careful"] = "UN R157's careful and fuzzy drivers"
+            del names["fsm"]
+        return list(names.values())
 
     def _drivers(self, *, prevents: bool) -> list[str]:
         """Return the reference drivers, other than full braking, that do or do not prevent it."""

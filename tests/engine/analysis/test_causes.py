@@ -86,7 +86,8 @@ def test_the_rate_stands_with_and_without_what_no_ego_prevents(tmp_path: Path) -
     assert [(one.run_id, one.time_s) for one in found.evidence] == [(one.record.run_id, 4.0) for one in runs[:3]]
     told = found.in_words()
     assert told.startswith(
-        "Collisions: rear end by other 2, rear end by ego 1; attributed to recording 2; no reference driver prevents 2 of 3"
+        "Collisions: rear end by other 2, rear end by ego 1; attributed to recording 2; "
+        "no reference driver prevents 2 of 3"
     )
     assert REFERENCE_DRIVERS_DO in told
     assert "goal 1/2" in told
