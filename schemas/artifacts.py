@@ -265,7 +265,7 @@ class ForeignExport(Model):
 
 
 class ImportFilesArguments(Arguments):
-    """Take in CommonRoad files or folders, maps (.osm, .pbf, .net.xml) or cost YAML from an allowed root. Result: ids,
+    """Import CommonRoad files or folders, maps (.osm, .pbf, .net.xml) or cost YAML from an allowed root. Result: ids,
     what was refused and why; over 100 files: a job."""
 
     longest_texts: ClassVar[Mapping[str, int]] = {"path": LONGEST_PATH}

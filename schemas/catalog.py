@@ -24,7 +24,7 @@ STAGES: tuple[Stage, ...] = ("location", "tags", "road_net", "obstacles", "veloc
 
 
 class DescribeCatalogArguments(Arguments):
-    """What there is, with counts. Read before filtering."""
+    """What exists, with counts. Read before filtering."""
 
     facet: Facet = "all"
     """The facet to count; `all` shows each in brief, with the state of the server."""
@@ -248,9 +248,9 @@ def _line(scenario: FoundScenario, requested: Collection[str]) -> str:
 
 
 class RankRequest(Model):
-    """Which scenarios to rank by likeness to a text, and where catalogue and index lie.
+    """The scenarios to rank by similarity to a text, and the paths of catalogue and index.
 
-    ``candidates``: None ranks all, an empty tuple none.
+    ``candidates`` of None ranks all scenarios, an empty tuple ranks no scenario.
     """
 
     database: Path
@@ -263,7 +263,7 @@ class RankRequest(Model):
 
 
 class BuildIndexRequest(Model):
-    """Of which catalogue the text index is to be ready, and the model that embeds it."""
+    """The catalogue that needs a text index, and the model that embeds it."""
 
     database: Path
     index: Path
@@ -271,7 +271,7 @@ class BuildIndexRequest(Model):
 
 
 class BuildIndexResponse(Model):
-    """How many descriptions the index holds, whether it was built now, and whether it had been damaged."""
+    """The number of descriptions in the index, whether it was just built, and whether it had been damaged."""
 
     descriptions: int
     built: bool
@@ -279,9 +279,9 @@ class BuildIndexResponse(Model):
 
 
 class RankResponse(Model):
-    """Scenario ids with their scores, best first; whether the index was built for that, and had been damaged.
+    """Scenario ids with their scores, best first, and whether the index was built for this or had been damaged.
 
-    ``least_likeness``: a text with no score above it means nothing among the descriptions.
+    A text with no score above ``least_likeness`` is unrelated to all descriptions.
     """
 
     scenario_ids: tuple[str, ...]

@@ -127,9 +127,9 @@ class Edit(Arguments):
         None, description="on the lanelet: beginning, quarter, middle, three_quarter, final, 0.66, '35m'"
     )
     speed: str | None = Field(None, description="'30km/h', '8m/s', '+10%'")
-    time_s: float | None = Field(None, description="from when on; shift_time: later by, - earlier")
+    time_s: float | None = Field(None, description="start; shift_time: later by, - earlier")
     gap_s: float | None = Field(None, description="time gap bumper to bumper: cut_in; in place of offset_m")
-    lateral_s: float | None = Field(None, ge=0.5, description="moving aside takes; prescribed")
+    lateral_s: float | None = Field(None, ge=0.5, description="lateral duration; prescribed")
     rate_mps2: float | None = Field(None, ge=0.1, description="prescribed acceleration or braking")
     when: str | None = Field(None, description="trigger: 'ego@LANELET:35m', 'gap<=2s'; prescribed")
     dodge: bool | None = Field(None, description="brakes for the ego")
@@ -188,7 +188,7 @@ class ModifyScenarioArguments(Arguments):
     """The edits in their order."""
     on_conflict: Literal["report", "refuse"] = "report"
     """What to do if edits end in a collision between others: report it, or refuse all edits."""
-    traffic: TrafficAfterEdits = Field("recorded", description="reactive: all vehicles driven anew")
+    traffic: TrafficAfterEdits = Field("recorded", description="reactive: all vehicles simulated")
     detail: EditDetail = "brief"
     """Whether the text of the answer includes the checks."""
     dry_run: bool = False
@@ -280,7 +280,7 @@ class EgoDanger(Model):
 class TouchedVehicle(Model):
     """A vehicle with a newly computed motion, and whether a car can drive it (judged by ``checked_by``).
 
-    ``reason`` states whom and when a vehicle would have hit, if no edit names it. ``handover_*`` are the jumps between
+    ``reason`` states which vehicle it would have hit, and when, if no edit selects it. ``handover_*`` are the jumps between
     the recorded state at the hand-over and the first new step, beyond those explained by speed. ``moved_m`` is the
     largest
     distance from its recorded position at the same time. Both are None for vehicles without a recording.
@@ -376,7 +376,7 @@ class ModifyScenarioResult(Result):
     warnings: tuple[str, ...] = Field(description="warnings, one sentence each")
 
     def answer(self) -> Answer:
-        """Return what was done and reached, which vehicles react, and what is new for the ego."""
+        """Return what was done and reached, which vehicles react, and what changes for the ego."""
         stored = f"{self.scenario_id} (from {self.base_id}{', already stored' if self.reused else ''})"
         head = stored if self.scenario_id else f"Dry run on {self.base_id}, nothing stored"
         hits = [f"{hit.vehicles[0]} hits {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in self.collisions]

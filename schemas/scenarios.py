@@ -216,8 +216,8 @@ Detail = Literal["brief", "vehicles", "motion", "lanelets", "checks", "recipe"]
 
 
 class DescribeScenarioArguments(Arguments):
-    """Ego, goal, vehicles (id, class, place, speed, gap), their motion, lanelets and what follows
-    them, validity, recipe: what an edit is written from."""
+    """Ego, goal, vehicles (id, class, place, speed, gap), their motion, lanelets and successors,
+    validity, recipe: the basis of edits."""
 
     scenario_id: str = "latest"
     """The scenario."""

@@ -1,1 +1,1 @@
-"""What is said of sets of runs: comparisons, test suites."""
+"""Statements about sets of runs: comparisons, studies, test suites."""

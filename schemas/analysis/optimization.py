@@ -29,7 +29,7 @@ class OptimizePlannerArguments(Arguments):
     """Search better weights on half of the roads, judge them on the rest (job); morris, sobol: which weights matter."""
 
     scenarios: list[str] = Field(["preset:100"], min_length=1, description="as in run_planner; many, of several places")
-    base: str = Field("current", description="config id, PLANNER[:PRESET]: what must be beaten")
+    base: str = Field("current", description="config id, PLANNER[:PRESET]: to beat")
     objective: list[str] = Field(
         ["success"], min_length=1, description="success, collisions, risk, comfort, time; summed, with 'comfort*0.2'"
     )

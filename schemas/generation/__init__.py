@@ -463,7 +463,7 @@ class GeneratedScenario(Model):
 
 
 class GenerateScenariosArguments(Arguments):
-    """Make scenarios from a map; tells asked and realised. Unknown places are refused."""
+    """Generate scenarios from a map; reports requested and realised. Unknown places are refused."""
 
     place: str | None = Field(None, description="city, street, 'street A / street B', road number or map id")
     country: str | None = Field(None, description="ISO alpha-3")
@@ -476,7 +476,7 @@ class GenerateScenariosArguments(Arguments):
     vehicles: list[str] = Field(
         [],
         description=(
-            "beside cars: 'truck=2' at least, 'car=4..4' exactly, 'taxi=30%'. Classes: car truck bus "
+            "besides cars: 'truck=2' at least, 'car=4..4' exactly, 'taxi=30%'. Classes: car truck bus "
             "motorcycle bicycle pedestrian trailer delivery coach taxi emergency moped"
         ),
     )
@@ -497,7 +497,7 @@ class GenerateScenariosArguments(Arguments):
         [], description="time=rush_hour or 17:30, weather=rain, drivers=PRESET, mix=natural, others=cut_in"
     )
     cover: list[str] = Field([], description="combine: 'density=low|high', 'turn=left|right'")
-    source: MapChoice = Field("auto", description="auto: online where no local map shows it")
+    source: MapChoice = Field("auto", description="auto: online if no local map has it")
 
 
 class ScenarioSummary(Model):

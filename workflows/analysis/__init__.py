@@ -1,1 +1,1 @@
-"""The tools that analyse and compare runs: trials of what is suggested, and test suites with limits."""
+"""Analyse and compare runs, try suggestions, optimise planners, and run test suites with limits."""

@@ -1,1 +1,1 @@
-"""The tool that makes scenarios from maps: what is asked of the engine for each, one after the other, or to a plan."""
+"""Generate scenarios from maps: the engine's request for each, in sequence or by a plan."""

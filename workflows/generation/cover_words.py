@@ -127,7 +127,7 @@ def _factor(name: str, values: str | None, known: Sequence[str]) -> PlanFactor:
 
 
 @dataclass(frozen=True)
-class AskedPlan:
+class RequestedPlan:
     """A requested plan; ``arguments`` are those that all of its scenarios share.
 
     ``shown`` maps levels of place and country to their maps. ``notes`` state how the maps were found.
@@ -146,7 +146,7 @@ class AskedPlan:
         spec: GenerationSpec,
         context: WorkflowContext,
         entries: Sequence[MapEntry],
-    ) -> "AskedPlan":
+    ) -> "RequestedPlan":
         """Parse the factors, find or download the maps, and check each level once.
 
         Args:
@@ -284,25 +284,25 @@ class AskedPlan:
             yield from self.matches(group)
 
 
-def impossible_turns(asked: AskedPlan) -> Iterator[tuple[Combination, str]]:
+def impossible_turns(plan: RequestedPlan) -> Iterator[tuple[Combination, str]]:
     """Yield turns that an ego cannot make at sites of a type on any map."""
-    indices = {factor.name: index for index, factor in enumerate(asked.factors)}
+    indices = {factor.name: index for index, factor in enumerate(plan.factors)}
     if "turn" not in indices:
         return
     turn, types = indices["turn"], indices.get("scenario_type")
-    kinds = [asked.arguments.scenario_type] if types is None else list(asked.factors[types].levels)
+    kinds = [plan.arguments.scenario_type] if types is None else list(plan.factors[types].levels)
     for index, kind in enumerate(kinds):
         possible: tuple[Turn, ...] = get_args(Turn) if kind == "any" else TURNS_AT[kind]  # type: ignore[index]
-        for level, name in enumerate(asked.factors[turn].levels):
+        for level, name in enumerate(plan.factors[turn].levels):
             if name not in possible:
                 key = ((turn, level),) if types is None else tuple(sorted(((types, index), (turn, level))))
                 yield key, f"an ego cannot make that turn at a site of the type {kind}"
 
 
-def existing_levels(asked: AskedPlan, context: WorkflowContext) -> list[Levels]:
+def existing_levels(plan: RequestedPlan, context: WorkflowContext) -> list[Levels]:
     """Return the levels of existing scenarios, each combination once, from the requests that generated them."""
-    held = HeldLevels(asked)
-    found = {held.of(shape): None for shape in made_before(context.workspace.database.connection())}
+    existing = ExistingLevels(plan)
+    found = {existing.of(shape): None for shape in made_before(context.workspace.database.connection())}
     return [levels for levels in found if levels is not None and any(level is not None for level in levels)]
 
 
@@ -320,25 +320,25 @@ _OWN: Mapping[str, tuple[str, ...]] = {
 """The fields of a scenario's request that a factor determines."""
 
 
-class HeldLevels:
+class ExistingLevels:
     """Finds the levels of a plan that an existing scenario has, from its request."""
 
-    def __init__(self, asked: AskedPlan) -> None:
-        self._asked = asked
+    def __init__(self, plan: RequestedPlan) -> None:
+        self._plan = plan
         self._common = self._shape({})
-        self._names = [factor.name.partition(" ")[0] for factor in asked.factors]
+        self._names = [factor.name.partition(" ")[0] for factor in plan.factors]
         self._shapes = [
             [self._shape({index: level}) for level in range(len(factor.levels))]
-            for index, factor in enumerate(asked.factors)
+            for index, factor in enumerate(plan.factors)
         ]
         self._where = [
             [
                 self._spots({index: level}) if self._names[index] in ("place", "country") else set()
                 for level in range(len(factor.levels))
             ]
-            for index, factor in enumerate(asked.factors)
+            for index, factor in enumerate(plan.factors)
         ]
-        self._everywhere = {spot for group in asked.of_spot() for spot in self._spots(group)}
+        self._everywhere = {spot for group in plan.of_spot() for spot in self._spots(group)}
 
     def of(self, shape: Mapping[str, Any]) -> Levels | None:
         """Return a level per factor (None if not in the plan), or None if the request belongs to another plan."""
@@ -368,12 +368,12 @@ class HeldLevels:
         )
 
     def _shape(self, levels: Mapping[int, int]) -> dict[str, Any]:
-        match = self._asked.matches(levels)[0]
-        return shape_of(request_for(self._asked.row_spec(levels), AssignedSite(match), 0))
+        match = self._plan.matches(levels)[0]
+        return shape_of(request_for(self._plan.row_spec(levels), AssignedSite(match), 0))
 
     def _spots(self, levels: Mapping[int, int]) -> set[str]:
-        spec = self._asked.row_spec(levels)
-        return {_spot_of(shape_of(request_for(spec, AssignedSite(match), 0))) for match in self._asked.matches(levels)}
+        spec = self._plan.row_spec(levels)
+        return {_spot_of(shape_of(request_for(spec, AssignedSite(match), 0))) for match in self._plan.matches(levels)}
 
 
 def _spot_of(shape: Mapping[str, Any]) -> str:

@@ -32,7 +32,7 @@ from ...schemas.jobs import JobState
 from ...schemas.text import one_line
 from ..context import WorkflowContext
 from ..operations import COUNT_SITES, PLAN_COVERAGE
-from .cover_words import AskedPlan, existing_levels, impossible_turns
+from .cover_words import RequestedPlan, existing_levels, impossible_turns
 from .making import make_scenario
 from .map_choice import AssignedSite, nth_site, request_for
 
@@ -64,7 +64,7 @@ class Spot:
     """A group of possible sites of a row, with the number of sites per map."""
 
     words: str
-    held: tuple[tuple[MapMatch, int], ...]
+    maps: tuple[tuple[MapMatch, int], ...]
 
     def turns(
         self, turns: dict[str, int], levels: Sequence[int], hopeless: Hopeless, seed: int
@@ -83,16 +83,16 @@ class Spot:
         """
         unfit = {
             map_id
-            for match, _ in self.held
+            for match, _ in self.maps
             for map_id in [match.entry.facts.map_id]
             if any((self.words, map_id, factor, level) in hopeless for factor, level in enumerate(levels))
         }
-        most = _MOST_PASSED * len(self.held) if len(unfit) < len(self.held) else 0
+        most = _MOST_PASSED * len(self.maps) if len(unfit) < len(self.maps) else 0
         for passed in range(most + 1):
             turn = turns.get(self.words, 0)
             turns[self.words] = turn + 1
-            place, site, lap = nth_site([count for _, count in self.held], turn)
-            match = self.held[place][0]
+            place, site, lap = nth_site([count for _, count in self.maps], turn)
+            match = self.maps[place][0]
             if passed == most or match.entry.facts.map_id not in unfit:
                 yield match, site, seed + lap, "waiting"
                 return
@@ -100,7 +100,7 @@ class Spot:
 
     def match(self, map_id: str) -> MapMatch:
         """Return how one of its maps matches the request."""
-        return next(match for match, _ in self.held if match.entry.facts.map_id == map_id)
+        return next(match for match, _ in self.maps if match.entry.facts.map_id == map_id)
 
 
 async def cover_combinations(
@@ -116,41 +116,41 @@ async def cover_combinations(
         InvalidRequest: an invalid plan.
         UnknownName: no map contains the place.
     """
-    asked = await AskedPlan.of(arguments, spec, context, entries)
-    notes = [*spec.notes, *asked.notes, *notes]
-    context.made("plan", asked.plan_id)
-    rows = PlanRows(context.workspace.database, asked.plan_id)
+    plan = await RequestedPlan.of(arguments, spec, context, entries)
+    notes = [*spec.notes, *plan.notes, *notes]
+    context.made("plan", plan.plan_id)
+    rows = PlanRows(context.workspace.database, plan.plan_id)
     job: Job | None = None
-    if not _is_enough(asked, rows) or context.workspace.find("plan", asked.plan_id) is None:
+    if not _is_enough(plan, rows) or context.workspace.find("plan", plan.plan_id) is None:
 
         async def work(progress: JobProgress) -> None:
-            await _PlanWork(asked, WorkflowContext(context.services), progress).carry_on()
+            await _PlanWork(plan, WorkflowContext(context.services), progress).carry_on()
 
-        job = context.start_job("plan", asked.recipe, work)
+        job = context.start_job("plan", plan.recipe, work)
         context.made("job", job.job_id)
         job = await context.wait_for(job.job_id, WAIT_S)
-    return await _answer(asked, context, rows, job, notes)
+    return await _answer(plan, context, rows, job, notes)
 
 
-def _is_enough(asked: AskedPlan, rows: PlanRows) -> bool:
-    return asked.wanted is not None and rows.counts().made >= asked.wanted
+def _is_enough(plan: RequestedPlan, rows: PlanRows) -> bool:
+    return plan.wanted is not None and rows.counts().made >= plan.wanted
 
 
 class _PlanWork:
     """The job of a plan: count sites, plan rows, and generate as many at once as there are workers."""
 
-    def __init__(self, asked: AskedPlan, context: WorkflowContext, progress: JobProgress) -> None:
-        self._asked, self._call, self._progress = asked, context, progress
-        self._rows = PlanRows(context.workspace.database, asked.plan_id)
+    def __init__(self, plan: RequestedPlan, context: WorkflowContext, progress: JobProgress) -> None:
+        self._plan, self._call, self._progress = plan, context, progress
+        self._rows = PlanRows(context.workspace.database, plan.plan_id)
         self._tally = PlanCounts()
 
     async def carry_on(self) -> None:
         """Generate rows until there are enough, or no more are possible."""
-        self._progress.add_result(self._asked.plan_id)
+        self._progress.add_result(self._plan.plan_id)
         self._progress.report(0.0, "examining the maps and the workspace")
         record = await self._record()
         spots = {words: self._spot(words, group, record) for group, words in self._groups()}
-        self._rows.prepare(existing_levels(self._asked, self._call))
+        self._rows.prepare(existing_levels(self._plan, self._call))
         self._tally = self._rows.counts()
         while not self._has_enough(0):
             if not self._tally.waiting and not await self._plan_more(record, spots):
@@ -159,23 +159,23 @@ class _PlanWork:
 
     def _has_enough(self, under_way: int) -> bool:
         """Return whether there are enough once those in progress are done."""
-        return self._asked.wanted is not None and self._tally.made + under_way >= self._asked.wanted
+        return self._plan.wanted is not None and self._tally.made + under_way >= self._plan.wanted
 
     def _groups(self) -> list[tuple[dict[int, int], str]]:
-        return [(group, self._asked.words(group)) for group in self._asked.of_spot()]
+        return [(group, self._plan.words(group)) for group in self._plan.of_spot()]
 
     def _spot(self, words: str, group: Mapping[int, int], record: PlanRecord) -> Spot:
-        by_id = {match.entry.facts.map_id: match for match in self._asked.matches(group)}
+        by_id = {match.entry.facts.map_id: match for match in self._plan.matches(group)}
         return Spot(words, tuple((by_id[map_id], count) for map_id, count in record.spots.get(words, ())))
 
     async def _record(self) -> PlanRecord:
         """Return the plan's record, stored or computed from the maps."""
-        asked, workspace = self._asked, self._call.workspace
-        stored = workspace.find("plan", asked.plan_id)
+        plan, workspace = self._plan, self._call.workspace
+        stored = workspace.find("plan", plan.plan_id)
         if stored is not None:
             return stored.read(PlanRecord)
         spots: dict[str, tuple[tuple[str, int], ...]] = {}
-        barred = dict(impossible_turns(asked))
+        barred = dict(impossible_turns(plan))
         for group, words in self._groups():
             if any(set(key) <= set(group.items()) for key in barred):
                 continue
@@ -185,25 +185,25 @@ class _PlanWork:
         if not any(spots.values()):
             raise NotPossible(
                 "no map has a site for any of the combinations",
-                valid=sorted({kind for match in asked.matches({}) for kind in match.entry.facts.sites}),
+                valid=sorted({kind for match in plan.matches({}) for kind in match.entry.facts.sites}),
                 next_step="use another place, or other levels of scenario_type",
             )
         record = PlanRecord(
-            plan_id=asked.plan_id,
-            cover=tuple(asked.recipe.arguments["cover"]),
-            factors=asked.factors,
-            strength=asked.strength,
+            plan_id=plan.plan_id,
+            cover=tuple(plan.recipe.arguments["cover"]),
+            factors=plan.factors,
+            strength=plan.strength,
             barred=tuple(barred.items()),
             spots=spots,
         )
-        workspace.put("plan", record.plan_id, recipe=asked.recipe, record=record, name="; ".join(record.cover))
+        workspace.put("plan", record.plan_id, recipe=plan.recipe, record=record, name="; ".join(record.cover))
         return record
 
     async def _sites(self, group: Mapping[int, int]) -> tuple[tuple[str, int], ...]:
         """Return the maps with sites for some levels, and their number, from the index or counted on the map."""
-        spec = self._asked.row_spec(group)
+        spec = self._plan.row_spec(group)
         kind, found = spec.scenario_type, []
-        for match in self._asked.matches(group):
+        for match in self._plan.matches(group):
             facts = match.entry.facts
             if kind == "any" or spec.road_classes or spec.bbox is not None or match.streets or match.box:
                 count = await self._counted(spec, match)
@@ -224,7 +224,7 @@ class _PlanWork:
 
     async def _plan_more(self, record: PlanRecord, spots: Mapping[str, Spot]) -> bool:
         """Plan the next rows; return False if there are enough, or no more are possible."""
-        wanted = self._asked.wanted
+        wanted = self._plan.wanted
         at_once = min(max(self._tally.made, _FIRST), _AT_ONCE)
         missing = at_once if wanted is None else min(wanted - self._tally.made, at_once)
         if _is_exhausted(self._rows):
@@ -240,10 +240,10 @@ class _PlanWork:
     def _placed(self, rows: Sequence[tuple[int, ...]], spots: Mapping[str, Spot], lap: int) -> Iterator[PlanRow]:
         """Yield rows with a map and a site each: the next one of their group of sites."""
         turns, number, hopeless = self._rows.turns(), self._rows.next_number(), self._rows.hopeless(TRIES)
-        saying = list(next(self._asked.of_spot()))
+        saying = list(next(self._plan.of_spot()))
         for levels in rows:
-            words = self._asked.words({factor: levels[factor] for factor in saying})
-            for match, site, seed, state in spots[words].turns(turns, levels, hopeless, self._asked.arguments.seed):
+            words = self._plan.words({factor: levels[factor] for factor in saying})
+            for match, site, seed, state in spots[words].turns(turns, levels, hopeless, self._plan.arguments.seed):
                 facts = match.entry.facts
                 yield PlanRow(number, lap, levels, words, facts.place, facts.map_id, site, seed, state)
                 number += 1
@@ -274,7 +274,7 @@ class _PlanWork:
 
     async def _make(self, row: PlanRow, match: MapMatch) -> tuple[RowState, bool]:
         """Generate a row's scenario and record the result; return it, and whether it existed already."""
-        spec = self._asked.row_spec(dict(enumerate(row.levels))).model_copy(update={"seed": row.seed})
+        spec = self._plan.row_spec(dict(enumerate(row.levels))).model_copy(update={"seed": row.seed})
         request = request_for(spec, AssignedSite(match, row.site_index), 0)
         if row.lap:  # all is covered: a row that fails, or that could be better, costs more than another one
             request = request.model_copy(update={"most_sites": 1, "most_rounds": _ROUNDS_BEYOND})
@@ -286,14 +286,14 @@ class _PlanWork:
         except (InvalidRequest, ResourceFailure):
             raise
         except PlannerForgeError as failure:
-            logger.warning("row %s of %s failed: %s", row.number, self._asked.plan_id, failure.text)
+            logger.warning("row %s of %s failed: %s", row.number, self._plan.plan_id, failure.text)
             self._rows.end(row, "failed", reason=one_line(failure.message, _LONGEST_REASON))
             return "failed", False
         self._rows.end(row, "made", scenario_id=made.scenario_id, reused=made.reused)
         return "made", made.reused
 
     def _tell(self) -> None:
-        tally, wanted = self._tally, self._asked.wanted
+        tally, wanted = self._tally, self._plan.wanted
         lost = tally.refused + tally.failed
         share = tally.made / wanted if wanted else (tally.made + lost) / max(tally.made + lost + tally.waiting, 1)
         message = f"{tally.made:,}{f' of {wanted:,}' if wanted else ''} generated, {lost:,} refused"
@@ -323,11 +323,11 @@ def coverage_request(record: PlanRecord, rows: PlanRows, *, lap: int, most: int)
 
 
 async def _answer(
-    asked: AskedPlan, context: WorkflowContext, rows: PlanRows, job: Job | None, notes: Sequence[str]
+    plan: RequestedPlan, context: WorkflowContext, rows: PlanRows, job: Job | None, notes: Sequence[str]
 ) -> GenerateScenariosResult:
     """Return the progress of the plan from its rows, which every server shares."""
     state: JobState = "done" if job is None else job.state
-    stored = context.workspace.find("plan", asked.plan_id)
+    stored = context.workspace.find("plan", plan.plan_id)
     messages = [*notes, *([job.error] if job is not None and job.error else []), context.services.workers.notice]
     messages = [note for note in messages if note]
     if stored is None:
@@ -338,29 +338,29 @@ async def _answer(
             scenarios=[], notes=messages, attribution=[], plan=None, job_id=job.job_id if job else "", state=state
         )
     record = stored.read(PlanRecord)
-    summary = await _summary(asked, context, record, rows)
-    if state == "done" and asked.wanted is not None and summary.made < asked.wanted:
+    summary = await _summary(plan, context, record, rows)
+    if state == "done" and plan.wanted is not None and summary.made < plan.wanted:
         messages.append(
             f"no more are possible: the last {_GIVEN_UP_AFTER} rows were all refused"
             if _is_exhausted(rows)
             else "the previous job had a smaller count: repeat this call to continue"
         )
-    ids = {map_id for held in record.spots.values() for map_id, _ in held}
-    shown = (match.entry.facts for match in asked.matches({}))
+    ids = {map_id for maps in record.spots.values() for map_id, _ in maps}
+    shown = (match.entry.facts for match in plan.matches({}))
     sources = sorted({facts.attribution for facts in shown if facts.map_id in ids})
     return GenerateScenariosResult(
         scenarios=[], notes=messages, attribution=sources, plan=summary, job_id=job.job_id if job else "", state=state
     )
 
 
-async def _summary(asked: AskedPlan, context: WorkflowContext, record: PlanRecord, rows: PlanRows) -> PlanSummary:
+async def _summary(plan: RequestedPlan, context: WorkflowContext, record: PlanRecord, rows: PlanRows) -> PlanSummary:
     report = await context.run(PLAN_COVERAGE, coverage_request(record, rows, lap=0, most=0))
     counts = rows.counts()
     cannot = [*record.barred, *zip(report.cannot, _reasons(report, record, rows), strict=True)]
     return PlanSummary(
         plan_id=record.plan_id,
         strength=record.strength,
-        asked=asked.wanted,
+        asked=plan.wanted,
         made=counts.made,
         reused=counts.reused,
         refused=counts.refused,
@@ -369,9 +369,9 @@ async def _summary(asked: AskedPlan, context: WorkflowContext, record: PlanRecor
         allowed=report.allowed,
         covered=report.covered,
         left_total=len(report.left),
-        left=tuple(asked.words(dict(key)) for key in report.left[:_LISTED]),
+        left=tuple(plan.words(dict(key)) for key in report.left[:_LISTED]),
         cannot_total=len(cannot),
-        cannot=tuple(CannotBe(combination=asked.words(dict(key)), reason=why) for key, why in cannot[:_LISTED]),
+        cannot=tuple(CannotBe(combination=plan.words(dict(key)), reason=why) for key, why in cannot[:_LISTED]),
         places=dict(list(rows.places().items())[:_LISTED]),
     )
 
