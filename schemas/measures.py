@@ -157,7 +157,7 @@ class RunMetrics(Model):
 
     @field_validator("*")
     @classmethod
-    def _has_a_square(cls, value: float | None) -> float | None:
+    def _has_finite_square(cls, value: float | None) -> float | None:
         """Refuse a figure without a finite square: an archive may contain any number, and deviations use squares."""
         if value is not None and abs(value) > _LARGEST_FIGURE:
             raise ValueError(f"larger than {_LARGEST_FIGURE:g}, so not a figure of a run")

@@ -280,10 +280,9 @@ class EgoDanger(Model):
 class TouchedVehicle(Model):
     """A vehicle with a newly computed motion, and whether a car can drive it (judged by ``checked_by``).
 
-    ``reason`` states which vehicle it would have hit, and when, if no edit selects it. ``handover_*`` are the jumps between
-    the recorded state at the hand-over and the first new step, beyond those explained by speed. ``moved_m`` is the
-    largest
-    distance from its recorded position at the same time. Both are None for vehicles without a recording.
+    ``reason`` states which vehicle it would have hit, and when, if no edit selects it. ``handover_*`` are the jumps
+    between the recorded state at the hand-over and the first new step, beyond those explained by speed. ``moved_m`` is
+    the largest distance from its recorded position at the same time. Both are None for vehicles without a recording.
     """
 
     vehicle_id: int
@@ -441,7 +440,7 @@ class ModifyScenarioResult(Result):
             most, _ = self._most(_MOST_TOUCHED)
             more = f" and {len(labels) - most} more" if len(labels) > most else ""
             lines.append(f"Also simulated, to avoid a collision: {', '.join(labels[:most])}{more}.")
-        lines += [*self._moved(), *self._standing_before()]
+        lines += [*self._moved(), *self._previously_standing()]
         if self.detail == "checks":
             lines += first_of([_touched_text(vehicle) for vehicle in self.touched], *self._most(0))
         return [*lines, f"{counted(self.untouched, 'vehicle')} exactly as recorded."]
@@ -457,7 +456,7 @@ class ModifyScenarioResult(Result):
         least = f" and {len(moved) - most} more by less" if len(moved) > most else ""
         return [f"Largest distance from the recording: {distances}{least}."] if moved else []
 
-    def _standing_before(self) -> list[str]:
+    def _previously_standing(self) -> list[str]:
         """Return the vehicles that stood in the recording, perhaps at a light missing in the file, and move now."""
         stood = [(one.vehicle_id, one.stood_until_s) for one in self.touched if one.stood_until_s is not None]
         most, _ = self._most(_MOST_TOUCHED)

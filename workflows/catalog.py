@@ -53,7 +53,7 @@ async def describe_catalog(arguments: DescribeCatalogArguments, context: Workflo
     connection = context.workspace.database.connection()
     maps = _maps_within(arguments.within, context)
     if arguments.within is not None and not within and not maps and not _is_search(arguments.within):
-        raise _nowhere(arguments.within, context)
+        raise _unknown_place(arguments.within, context)
     if arguments.offset and arguments.facet != "maps":
         raise InvalidRequest(
             f"offset counts maps, and facet={arguments.facet} has no pages",
@@ -117,7 +117,7 @@ def _is_search(word: str) -> bool:
     return word.startswith(("search", "plan_")) or word == "latest"
 
 
-def _nowhere(word: str, context: WorkflowContext) -> UnknownName:
+def _unknown_place(word: str, context: WorkflowContext) -> UnknownName:
     """Return the refusal of a place without scenarios and maps."""
     places = {entry.facts.place for entry in maps_seen(context).entries}
     places |= {

@@ -245,7 +245,7 @@ async def _batch(context: WorkflowContext, artifact: Artifact) -> list[ReportSec
     sections.append(await _illustrated(analysis_section(found), context, batch.runs, "findings"))
     ruled = await analyze_results(AnalyzeResultsArguments(results=ids, detail="rules"), context)
     sections += [rules_section(ruled)] if ruled.rule_shares else []
-    shown = _telling(runs, whole)
+    shown = _most_informative_run(runs, whole)
     together = [run.record.run_id for run in runs if run.record.scenario_id == shown.scenario_id]
     looked_at = await analyze_results(AnalyzeResultsArguments(results=[shown.run_id]), context)
     section = run_section(shown, looked_at, await _measures(context, shown))
@@ -278,7 +278,7 @@ async def _illustrated(
     return section.model_copy(update={"images": tuple(images), "text": (*section.text, *absent)})
 
 
-def _telling(runs: Sequence[RunSource], whole: AnalyzeResultsResult) -> RunRecord:
+def _most_informative_run(runs: Sequence[RunSource], whole: AnalyzeResultsResult) -> RunRecord:
     """Return the run to show: the first failure that a reference driver prevents, otherwise the first failure."""
     records = [run.record for run in runs]
     hopeless = whole.causes.not_preventable if whole.causes is not None else ()

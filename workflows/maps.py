@@ -51,12 +51,12 @@ async def maps_at_hand(context: WorkflowContext) -> MapInventory:
     A file that cannot be used is skipped with a note. Imported maps come first, newest first, then the package's.
     """
     seen = SeenFiles(context.workspace.database)
-    notes = [note for folder in context.services.map_folders for note in await _taken_in(context, seen, folder)]
-    notes += await _amend_old(context)
-    return _together(context, notes)
+    notes = [note for folder in context.services.map_folders for note in await _import_folder(context, seen, folder)]
+    notes += await _reread_outdated(context)
+    return _whole_inventory(context, notes)
 
 
-async def _amend_old(context: WorkflowContext) -> list[str]:
+async def _reread_outdated(context: WorkflowContext) -> list[str]:
     """Read maps again that an older program stored: it knew fewer names, and counted sites that cannot be built.
 
     Returns notes on maps that can no longer be read.
@@ -92,13 +92,13 @@ def maps_seen(context: WorkflowContext) -> MapInventory:
         paths, complaints = _files(folder)
         known = [(path, seen.find(path)) for path in paths]
         unread += sum(file is None for _, file in known)
-        notes += complaints + [_left_out(path, file) for path, file in known if file and file.refusal]
+        notes += complaints + [_skipped_note(path, file) for path, file in known if file and file.refusal]
     if unread:
         notes.insert(0, f"{unread} more map files will be read by the next generate_scenarios")
-    return _together(context, notes)
+    return _whole_inventory(context, notes)
 
 
-def _together(context: WorkflowContext, notes: list[str]) -> MapInventory:
+def _whole_inventory(context: WorkflowContext, notes: list[str]) -> MapInventory:
     imported = []
     for artifact in context.workspace.newest(kind="map", limit=_MOST_MAPS):
         try:
@@ -138,11 +138,11 @@ def _files(folder: Path) -> tuple[list[Path], list[str]]:
     return paths[:_MOST_FILES], notes
 
 
-def _left_out(path: Path, file: SeenFile) -> str:
+def _skipped_note(path: Path, file: SeenFile) -> str:
     return f"the map {shown_name(path.name)} was left out: {file.refusal}"
 
 
-async def _taken_in(context: WorkflowContext, seen: SeenFiles, folder: Path) -> list[str]:
+async def _import_folder(context: WorkflowContext, seen: SeenFiles, folder: Path) -> list[str]:
     """Import the maps of a folder; return notes on skipped and unfinished ones."""
     paths, notes = _files(folder)
     for path in paths:
@@ -155,7 +155,7 @@ async def _taken_in(context: WorkflowContext, seen: SeenFiles, folder: Path) -> 
                 f"the map {shown_name(path.name)} is still being split into tiles: {file.job_id}, {file.share:.0%} done"
             )
         elif file.refusal:
-            notes.append(_left_out(path, file))
+            notes.append(_skipped_note(path, file))
     return notes
 
 

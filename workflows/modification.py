@@ -60,7 +60,7 @@ async def with_chosen_vehicle(
 ) -> ModifyScenarioArguments | None:
     """Return the arguments with the id of the vehicle that the user chose, or None without a choice."""
     kind, _, selector = refusal.reason.partition(" ")
-    fitting = [edit for edit in arguments.edits if any(_reads_as(text, selector) for text in edit.vehicles)]
+    fitting = [edit for edit in arguments.edits if any(_is_same_selector(text, selector) for text in edit.vehicles)]
     if kind != AMBIGUOUS_VEHICLE or not fitting:
         return None
     choices = refusal.valid[: refusal.shown_values]
@@ -70,7 +70,7 @@ async def with_chosen_vehicle(
     vehicle_id = chosen.partition(" ")[0]
     edits = [
         edit.model_copy(
-            update={"vehicles": [vehicle_id if _reads_as(text, selector) else text for text in edit.vehicles]}
+            update={"vehicles": [vehicle_id if _is_same_selector(text, selector) else text for text in edit.vehicles]}
         )
         for edit in arguments.edits
     ]
@@ -78,7 +78,7 @@ async def with_chosen_vehicle(
     return arguments.model_copy(update={"edits": edits})
 
 
-def _reads_as(text: str, selector: str) -> bool:
+def _is_same_selector(text: str, selector: str) -> bool:
     """Return whether two texts differ only in their spelling."""
     try:
         return str(parse_selector(text)) == selector

@@ -209,14 +209,14 @@ def _stage_hits(search: Artifact, stage: str, context: WorkflowContext) -> tuple
         raise UnknownName(f"{search.artifact_id} has no stage '{stage}'", valid=valid)
     again = opened_search(record.arguments, context)
     numbers = next((left.numbers for left in again.funnel.stages if left.stage == stage), ())
-    known = _known_then(search, numbers)
+    known = _known_at_search(search, numbers)
     changed = len(known) != counts[stage]
     note = f"{search.artifact_id}:{stage} left {counts[stage]}; {len(known)} of them are unchanged in the catalogue"
     entries = entries_of(context.workspace.database.connection(), known)
     return tuple(entry.scenario_id for entry in entries), [note] if changed else []
 
 
-def _known_then(search: Artifact, numbers: Iterable[int]) -> list[int]:
+def _known_at_search(search: Artifact, numbers: Iterable[int]) -> list[int]:
     """Return those entries that were in the catalogue when a search was stored."""
     return [number for number in numbers if number < search.sequence * MOST_ENTRIES]
 
@@ -230,7 +230,7 @@ def _all_hits(search: Artifact, context: WorkflowContext) -> tuple[str, ...]:
     if record.total is None:
         return record.scenario_ids
     matches = opened_search(record.arguments, context).funnel.matches
-    entries = entries_of(context.workspace.database.connection(), _known_then(search, matches))
+    entries = entries_of(context.workspace.database.connection(), _known_at_search(search, matches))
     return tuple(dict.fromkeys((*record.scenario_ids, *(entry.scenario_id for entry in entries))))
 
 

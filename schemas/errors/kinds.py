@@ -183,7 +183,7 @@ class Faults:
             f"{len(self._found)} faults: {'; '.join(shown)}{f'; and {more} more' if more else ''}",
             next_step="; ".join(steps),
             reason=first.reason,
-            remedies=_mending_all(self._found),
+            remedies=_common_remedies(self._found),
             complete=all(fault.complete for fault in self._found),
         )
         together.faults = tuple(self._found)
@@ -222,7 +222,7 @@ class _Collecting:
         return True
 
 
-def _mending_all(faults: Sequence[InvalidRequest]) -> list[Remedy]:
+def _common_remedies(faults: Sequence[InvalidRequest]) -> list[Remedy]:
     """Return one remedy for all faults: the first change from each of them, otherwise the first call."""
     changing = [next((remedy for remedy in fault.remedies if remedy.changes), None) for fault in faults]
     if all(remedy is not None for remedy in changing):

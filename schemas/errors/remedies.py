@@ -122,10 +122,12 @@ def misspelt(word: str, names: Iterable[str], *fields: str) -> list[Remedy]:
     """Return replacements of a word, in the given fields or in all, by the names that it may misspell."""
     if re.fullmatch(r"[\d.]+", word):
         return []
-    return [instead(word, name, *fields) for name in names if _may_mean(word.strip().lower(), name.lower())]
+    return [
+        instead(word, name, *fields) for name in names if _is_likely_misspelling(word.strip().lower(), name.lower())
+    ]
 
 
-def _may_mean(word: str, name: str) -> bool:
+def _is_likely_misspelling(word: str, name: str) -> bool:
     if len(word) >= _SHORTEST_PART and word in re.split(r"[^a-z]+", name):
         return True
     cutoff = _ALIKE_IDS if _RANDOM_ID.fullmatch(name) else _ALIKE
@@ -146,7 +148,7 @@ class NextCall:
         name = "again" if self.changed is not None else self.tool
         arguments = cited_parts(dict(self.arguments))
         if self.changed is not None:  # what the caller wrote stays as it was written
-            arguments = _where_new(self.arguments, arguments, set(_texts(dict(self.changed))))
+            arguments = _cite_new_texts(self.arguments, arguments, set(_texts(dict(self.changed))))
         whole = json.dumps(arguments, ensure_ascii=False)
         if self.changed is None or len(whole) <= SHOWN_CALL:
             return f"call {name} with {whole}" if self.arguments or self.changed is not None else f"call {name}"
@@ -166,13 +168,13 @@ def _texts(value: Any) -> Iterator[str]:
             yield from _texts(part)
 
 
-def _where_new(value: Any, cited: Any, new: set[str]) -> Any:
+def _cite_new_texts(value: Any, cited: Any, new: set[str]) -> Any:
     """Return a JSON value with its new texts cited."""
     if isinstance(value, Mapping):
         pairs = zip(value.items(), cited.values(), strict=True)
-        return {name: _where_new(part, other, new) for (name, part), other in pairs}
+        return {name: _cite_new_texts(part, other, new) for (name, part), other in pairs}
     if isinstance(value, list | tuple):
-        return [_where_new(part, other, new) for part, other in zip(value, cited, strict=True)]
+        return [_cite_new_texts(part, other, new) for part, other in zip(value, cited, strict=True)]
     return cited if value in new else value
 
 

@@ -367,7 +367,7 @@ class _Search:
             if configuration.config_id == self.plan.base.config_id:
                 shares.append(ChangeShare(change=change, gain=round(self._gain(best, self.trials[0]), 6)))
                 continue
-            without = await self._apart(configuration)
+            without = await self._separate_trial(configuration)
             gain = self._gain(best, without)
             if gain <= 0 and self.is_within(without):
                 best = without
@@ -393,7 +393,7 @@ class _Search:
             [word for word in assignments if word.partition("=")[0] not in weights],
         )[0]
 
-    async def _apart(self, configuration: PlannerConfiguration) -> _Trial:
+    async def _separate_trial(self, configuration: PlannerConfiguration) -> _Trial:
         """Return a configuration's trial on all training scenarios, outside of the search."""
         runs = await self._run([self.plan.cell(scenario, configuration) for scenario in self.plan.training])
         self.driven += 1

@@ -57,7 +57,7 @@ async def with_trials(
     """Return the analysis with its first suggestions tried or, while the trial runs, with its job."""
     unpreventable = frozenset(() if result.causes is None else result.causes.not_preventable)
     suggestions = _chosen(result.findings)
-    edited = {source.record.planner for source in runs if _was_edited(source.record)}
+    edited = {source.record.planner for source in runs if _has_other_version(source.record)}
     if edited:
         return _noted(
             result, f"nothing was tried: {', '.join(sorted(edited))} has another version now than in these runs"
@@ -98,7 +98,7 @@ async def with_trials(
     return result.model_copy(update={"findings": findings})
 
 
-def _was_edited(record: RunRecord) -> bool:
+def _has_other_version(record: RunRecord) -> bool:
     """Return whether a run's planner version differs from the installed one; an unknown version counts as equal."""
     try:
         return record.planner_source not in ("", source_that_drives(record.planner))

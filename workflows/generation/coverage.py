@@ -266,7 +266,7 @@ class _PlanWork:
                 state, reused = await self._make(row, spots[row.spot].match(row.map_id))
                 begun.discard(row.number)
                 self._tally = self._tally.after(state, reused=reused)
-                self._tell()
+                self._report_progress()
 
         async with anyio.create_task_group() as tasks:
             for _ in range(self._call.services.workers.capacity + 1):  # one stores while the others compute
@@ -292,7 +292,7 @@ class _PlanWork:
         self._rows.end(row, "made", scenario_id=made.scenario_id, reused=made.reused)
         return "made", made.reused
 
-    def _tell(self) -> None:
+    def _report_progress(self) -> None:
         tally, wanted = self._tally, self._plan.wanted
         lost = tally.refused + tally.failed
         share = tally.made / wanted if wanted else (tally.made + lost) / max(tally.made + lost + tally.waiting, 1)

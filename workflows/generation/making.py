@@ -93,7 +93,7 @@ def summarise(
         reused=reused,
         map_id=request.map_id,
         place=request.place,
-        site=f"{site.scenario_type} at {streets}" + _unlike(site.scenario_type, request.scenario_type),
+        site=f"{site.scenario_type} at {streets}" + _other_type_note(site.scenario_type, request.scenario_type),
         latitude=site.latitude,
         longitude=site.longitude,
         osm_id=site.osm_id,
@@ -146,7 +146,7 @@ def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator
             yield f"{name}: {share:.0%} of all vehicles requested, {realised:.0%} realised"
 
 
-def _unlike(realised: str, asked: str) -> str:
+def _other_type_note(realised: str, asked: str) -> str:
     """Return the requested type of site, if the realised one differs."""
     return "" if asked in ("any", realised) else f" (instead of the requested {asked})"
 

@@ -129,7 +129,7 @@ def plan_matches(spec: GenerationSpec, matches: Sequence[MapMatch]) -> Generatio
     notes = [f"the map does not contain the name {word!r}, but its street was found" for word in unnamed]
     notes += list(dict.fromkeys(text for match in holding for text in match.understood))[:_SHOWN_PLACES]
     if spec.bbox is not None:
-        notes += _beyond_the_maps(spec.bbox, holding)
+        notes += _uncovered_box_notes(spec.bbox, holding)
     return GenerationPlan((*holding[turn:], *holding[:turn]), tuple(notes))
 
 
@@ -145,7 +145,7 @@ def _no_such_site(scenario_type: ScenarioType, matches: Sequence[MapMatch]) -> N
     )
 
 
-def _beyond_the_maps(box: Box, matches: Sequence[MapMatch]) -> list[str]:
+def _uncovered_box_notes(box: Box, matches: Sequence[MapMatch]) -> list[str]:
     """Return a note for a box that no map covers, such as that of a country: which parts were searched."""
     shown = [match.entry.facts for match in matches]
     south, west, north, east = box
@@ -186,7 +186,7 @@ async def without_refused(
     places = [place for remedy in refusal.remedies if (place := _other_place(remedy)) is not None]
     if not places or spec.scenario_type == "any":
         return refusal
-    refused = {place for place in places[:_MOST_TRIED] if not await _could_be(spec, context, entries, place)}
+    refused = {place for place in places[:_MOST_TRIED] if not await _is_available(spec, context, entries, place)}
     refused.update(places[_MOST_TRIED:])
     refusal.remedies = tuple(remedy for remedy in refusal.remedies if _other_place(remedy) not in refused)
     kept = tuple(value for value in refusal.valid if uncited(value) not in refused)
@@ -201,7 +201,9 @@ def _other_place(remedy: Remedy) -> str | None:
     return str(values["place"]) if values is not None and values.keys() == {"place"} and values["place"] else None
 
 
-async def _could_be(spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry], place: str) -> bool:
+async def _is_available(
+    spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry], place: str
+) -> bool:
     """Return whether a local map contains a place and has the requested type of site there."""
     other = spec.model_copy(update={"place": place})
     try:
@@ -313,27 +315,27 @@ async def maps_for(spec: GenerationSpec, context: WorkflowContext, entries: Sequ
         try:
             return plan_maps(spec, local, Closeness.HEARD)
         except UnknownName as refusal:
-            if refusal.reason != NOT_SHOWN or not _names_somewhere(spec):
+            if refusal.reason != NOT_SHOWN or not _names_real_place(spec):
                 raise
-            return await _fetched_or_at_hand(spec, context, entries, refusal)
+            return await _downloaded_or_local(spec, context, entries, refusal)
     if online.mode == "offline":
         raise NotPossible(
             "source=online needs a download, but maps_online is offline",
             next_step="leave source out, or set maps_online to online at the server's start",
         )
-    if not _names_somewhere(spec):
+    if not _names_real_place(spec):
         raise InvalidRequest("source=online needs a place, a country or a bbox", next_step="give one")
     return await _fetched(spec, context, await _located(spec, context))
 
 
-def _names_somewhere(spec: GenerationSpec) -> bool:
+def _names_real_place(spec: GenerationSpec) -> bool:
     """Return whether a call refers to a real place; the id of a map or a file does not."""
     if spec.place is not None:
         return not spec.place.startswith("map_") and not is_map(Path(spec.place))
     return spec.bbox is not None or spec.country is not None
 
 
-async def _fetched_or_at_hand(
+async def _downloaded_or_local(
     spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry], refusal: UnknownName
 ) -> GenerationPlan:
     """Return a downloaded map or, without network access, one downloaded for another request that contains the place.
@@ -347,17 +349,17 @@ async def _fetched_or_at_hand(
         is_located = True
         return await _fetched(spec, context, place)
     except UnknownName as unknown:
-        half_typed = _half_typed(spec, entries)
+        half_typed = _partial_matches(spec, entries)
         if half_typed is None:
-            raise _with_names_at_hand(unknown, refusal) from unknown
+            raise _with_local_names(unknown, refusal) from unknown
         return half_typed
     except (ServiceFailure, NotPossible) as failure:
         if isinstance(failure, NotPossible) and failure.reason != "not_asked":
             raise
         try:
-            plan = plan_maps(spec, [entry for entry in entries if _is_called_so(entry.facts, spec.place)])
+            plan = plan_maps(spec, [entry for entry in entries if _has_exact_name(entry.facts, spec.place)])
         except InvalidRequest:
-            half_typed = _half_typed(spec, entries)
+            half_typed = _partial_matches(spec, entries)
             if half_typed is None:
                 raise _failure_with(failure, refusal, None if is_located else spec.place) from failure
             return half_typed
@@ -365,7 +367,7 @@ async def _fetched_or_at_hand(
         return GenerationPlan(plan.matches, (*plan.notes, note))
 
 
-def _half_typed(spec: GenerationSpec, entries: Sequence[MapEntry]) -> GenerationPlan | None:
+def _partial_matches(spec: GenerationSpec, entries: Sequence[MapEntry]) -> GenerationPlan | None:
     """Return a plan for the user's maps with names that contain the words; None without one."""
     try:
         return plan_maps(spec, [entry for entry in entries if entry.facts.source is None])
@@ -373,7 +375,7 @@ def _half_typed(spec: GenerationSpec, entries: Sequence[MapEntry]) -> Generation
         return None
 
 
-def _is_called_so(facts: MapFacts, place: str | None) -> bool:
+def _has_exact_name(facts: MapFacts, place: str | None) -> bool:
     """Return whether a downloaded map has exactly the requested name; a similar name means another place."""
     if facts.source is None or place is None:
         return facts.source is not None
@@ -381,7 +383,7 @@ def _is_called_so(facts: MapFacts, place: str | None) -> bool:
     return all(fold(part) in names for part in place_parts(place))
 
 
-def _with_names_at_hand(unknown: UnknownName, refusal: UnknownName) -> UnknownName:
+def _with_local_names(unknown: UnknownName, refusal: UnknownName) -> UnknownName:
     """Return the refusal of an unknown place, with similar local names."""
     source = unknown if unknown.valid else refusal
     return UnknownName(

@@ -151,7 +151,7 @@ def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
     notes: list[str] = []
     for text in arguments.conditions:
         with faults.collecting():
-            key, value = _parted(text)
+            key, value = _split_condition(text)
             if key in read:
                 raise InvalidRequest(f"{key} occurs twice in conditions", next_step="give every condition once")
             read[key], note = _READERS[key](value)
@@ -203,7 +203,7 @@ def circumstances_of(conditions: TrafficConditions | None) -> tuple[str, ...]:
     return (*weather, *(() if conditions.hour is None else words_of_hour(conditions.hour)))
 
 
-def _parted(text: str) -> tuple[str, str]:
+def _split_condition(text: str) -> tuple[str, str]:
     key, mark, value = (part.strip() for part in text.partition("="))
     key = key.lower()
     if not mark or key not in _KEYS:
@@ -363,7 +363,7 @@ def read_vehicles(
         UnknownName: a vehicle class that does not exist.
         InvalidRequest: invalid numbers of vehicles.
     """
-    in_our_words = [_in_our_words(text) for text in texts]
+    in_our_words = [_normalised_demand(text) for text in texts]
     demands = _vehicle_demands(texts, [words for words, _ in in_our_words])
     demands = _with_ego_class(_with_actor_class(demands, others), ego)
     _check_classes(demands, texts)
@@ -497,7 +497,7 @@ def _with_actor_class(demands: tuple[VehicleDemand, ...], others: AskedManoeuvre
     return demands if name in (None, "car") or demand_of_class is not None else (*demands, _bare_demand(name))
 
 
-def _in_our_words(text: str) -> tuple[str, str]:
+def _normalised_demand(text: str) -> tuple[str, str]:
     """Return a demand with our word for its class, and a note if the word was replaced."""
     found = re.fullmatch(r"(\s*!?\s*)([^\W\d][^<>=!]*?)(\s*(?:[<>=].*)?)", text, re.DOTALL)
     name = None if found is None else vehicle_class_of(found[2])
