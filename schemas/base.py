@@ -126,8 +126,7 @@ def problem_of(model: type[BaseModel], detail: ErrorDetails, noun: str = "field"
     """Return a problem with the valid values, the nearest first.
 
     The text is never pydantic's, which refers to Python's types. An unknown kind of error is described by what the
-    field
-    accepts. Messages of our own checks are used unchanged.
+    field accepts. Messages of our own checks are used unchanged.
     """
     kind, path = detail["type"], _path(detail["loc"])
     if kind == "extra_forbidden":

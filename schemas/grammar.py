@@ -59,8 +59,7 @@ class Condition:
     """A condition on a named quantity.
 
     ``value`` is the right-hand side as written if it is not a number (``outcome=collision``), otherwise None. ``scope``
-    is
-    the part after ``@``. Without an operator, the interval is "at least one".
+    is the part after ``@``. Without an operator, the interval is "at least one".
     """
 
     name: str

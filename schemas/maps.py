@@ -27,11 +27,9 @@ class MapServices(Model):
     """The services for places and roads, the rules for requests, and the cache.
 
     ``user_agent`` identifies the program, as the services' policies require. ``delay_s`` is the minimum time between
-    two
-    requests to one host, over all processes of the workspace. ``timeout_s`` limits one request. ``cache`` is the folder
-    of
-    cached answers, and those older than ``cache_days`` are requested again. ``most_km2`` limits the area of one
-    download.
+    two requests to one host, over all processes of the workspace. ``timeout_s`` limits one request. ``cache`` is the
+    folder of cached answers, and those older than ``cache_days`` are requested again. ``most_km2`` limits the area of
+    one download.
     """
 
     mode: OnlineMode = "offline"
@@ -56,10 +54,8 @@ class NamedPlace(Model):
     """A real place as Nominatim knows it.
 
     ``names`` are all of its names, and ``around`` those of the areas that contain it, the nearest first. ``kind`` is
-    its
-    type (city, road, bus_stop …). ``lines`` are the courses of a road as (latitude, longitude). ``country`` is ISO
-    3166-1
-    alpha-3. ``importance`` is Nominatim's, in [0, 1].
+    its type (city, road, bus_stop …). ``lines`` are the courses of a road as (latitude, longitude). ``country`` is ISO
+    3166-1 alpha-3. ``importance`` is Nominatim's, in [0, 1].
     """
 
     label: str

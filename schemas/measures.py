@@ -47,10 +47,8 @@ class Measure:
     The rest is for comparisons of stored measures. ``basis`` selects the pairs: progress and comfort count only if both
     runs reached the goal, because a run that ends in a collision is short and never brakes for its goal. Nearness to
     others counts in every valid run. ``within_one_configuration`` means that it depends on the weights. Values that
-    differ
-    by at most ``tolerance`` are equal: a hundredth of a commonly visible difference, and less than the error of
-    positions
-    rounded to centimetres.
+    differ by at most ``tolerance`` are equal: a hundredth of a commonly visible difference, and less than the error of
+    positions rounded to centimetres.
     """
 
     name: str
@@ -78,8 +76,7 @@ class MeasuredValue(Model):
     """A measure of one run: a value, or the reason why it is undefined.
 
     ``time_s`` is the decisive time of the run. ``obstacle_id``, ``obstacle_class`` and ``relation`` describe the
-    decisive
-    other road user, or are None, for example for the ego's own motion. ``note`` adds a remark.
+    decisive other road user, or are None, for example for the ego's own motion. ``note`` adds a remark.
     """
 
     name: str = Field(description="name of the measure")

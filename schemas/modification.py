@@ -264,9 +264,8 @@ class EgoDanger(Model):
 
     ``risk_score`` runs from 0 collision over 1 extreme, 2 high, 3 medium and 4 low to 5 negligible (From Words to
     Collisions). ``most_critical_*`` describe the road user at the lowest score: the first collision, otherwise the
-    shortest
-    time to collision. ``left_out`` lists those that are not counted because they hit the ego from behind on their
-    recording.
+    shortest time to collision. ``left_out`` lists those that are not counted because they hit the ego from behind on
+    their recording.
     """
 
     minimum_distance_m: float | None = Field(description="smallest distance to another road user")

@@ -43,13 +43,10 @@ class PlannerSettings(Model):
     """The settings of a run; ``engine/tuning/settings.py`` states ranges and meanings.
 
     ``vehicle`` is CommonRoad's vehicle 1 to 4, and a parameter of None has that vehicle's value. Without ``vehicle``,
-    the
-    ego's class decides, with vehicle 2 for a car. ``vehicle_stated`` is True if the configuration names vehicle 2
-    itself.
-    Lengths are in m, speeds in m/s, accelerations in m/s², angles in rad. The planner replans every ``replan_steps``
-    time
-    steps of the scenario. ``search`` is one of FISS's four searches. Its default is not written, so the ids of older
-    configurations stay the same.
+    the ego's class decides, with vehicle 2 for a car. ``vehicle_stated`` is True if the configuration names vehicle 2
+    itself. Lengths are in m, speeds in m/s, accelerations in m/s², angles in rad. The planner replans every
+    ``replan_steps`` time steps of the scenario. ``search`` is one of FISS's four searches. Its default is not written,
+    so the ids of older configurations stay the same.
     """
 
     vehicle: int = 2
@@ -469,8 +466,7 @@ class DeclaredWeight(Model):
     """A weight or parameter of a user's planner: its default, its range, and a description of its effect.
 
     A ``weight`` of the cost acts on every choice between candidates. A ``parameter``, such as a threshold or a gain,
-    may
-    act only in some situations.
+    may act only in some situations.
     """
 
     meaning: str = Field(min_length=1)

@@ -1,7 +1,7 @@
 """Pictures, animations, charts, the report and views: requests and results.
 
-To add a chart, add its kind to ``PictureKind``, add its place in a report to ``REPORT_PICTURES`` if it has one, and
-add its function to ``CHARTS`` in ``engine/rendering/charts.py``.
+To add a chart, add its kind to ``PictureKind``, add its place in a report to ``REPORT_PICTURES`` if it has one, and add
+its function to ``CHARTS`` in ``engine/rendering/charts.py``.
 """
 
 from dataclasses import dataclass
@@ -74,8 +74,7 @@ class RenderRequest(Model):
     """The request of the drawing operation: files, records and the folder for the pictures.
 
     ``scenarios`` are in drawing order, ``runs`` may be empty, and ``folder`` exists. ``study`` is the search of a
-    search
-    chart. ``lineage`` is that of edited scenarios, which count as one in every rate.
+    search chart. ``lineage`` is that of edited scenarios, which count as one in every rate.
     """
 
     kind: PictureKind

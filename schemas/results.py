@@ -58,8 +58,7 @@ class Rate(Model):
     """A share of ``count`` among ``of`` with its 95 % interval.
 
     ``share``, ``low`` and ``high`` are None if ``of`` is 0, or if the runs were selected by their outcome, because that
-    share
-    is not a rate. ``scenarios`` is the number of scenarios behind the runs, which the interval counts
+    share is not a rate. ``scenarios`` is the number of scenarios behind the runs, which the interval counts
     (docs/statistics.md). None means that the interval counts runs.
     """
 
@@ -142,8 +141,8 @@ class CostShare(Model):
 class Correlation(Model):
     """Spearman's rank correlation of a scenario feature with the share of runs that reached the goal.
 
-    ``n`` counts scenarios. ``p_holm`` is Holm-adjusted over the features. ``rho_fixed`` is the partial correlation
-    that controls for ``held_fixed`` (the other features and the kind of road), with ``p_fixed``. Both are None if no
+    ``n`` counts scenarios. ``p_holm`` is Holm-adjusted over the features. ``rho_fixed`` is the partial correlation that
+    controls for ``held_fixed`` (the other features and the kind of road), with ``p_fixed``. Both are None if no
     correlation is left.
     """
 
@@ -258,13 +257,11 @@ class CollisionCauses(Model):
     """Who hit whom in the collisions of a set of runs, and which of them no reference driver prevents.
 
     Either all collisions were examined, or a random sample (``looked_at``). ``judged`` counts the examined collisions
-    with
-    a known course. ``unpreventable_share`` is the share of these that no reference driver prevents and that the ego did
-    not cause. ``from_behind`` counts unpreventable collisions in which another vehicle hit the ego from behind or while
-    it stood. ``recorded_traffic`` is True if others could not react. ``laid_to`` counts the collisions by cause.
-    ``success_without`` is the rate without the runs that ended in an unpreventable collision, estimated if only a
-    sample
-    was examined.
+    with a known course. ``unpreventable_share`` is the share of these that no reference driver prevents and that the
+    ego did not cause. ``from_behind`` counts unpreventable collisions in which another vehicle hit the ego from behind
+    or while it stood. ``recorded_traffic`` is True if others could not react. ``laid_to`` counts the collisions by
+    cause. ``success_without`` is the rate without the runs that ended in an unpreventable collision, estimated if only
+    a sample was examined.
     """
 
     collisions: int = Field(description="runs that ended in a collision with another road user")

@@ -67,11 +67,9 @@ class Prevention(Model):
     """Whether reference drivers in the ego's place prevent a collision if the others move as before (see docs/runs.md).
 
     ``drivers`` holds the verdict on each driver from each start, and is empty in runs of older versions. The other
-    fields
-    state the verdicts from ``before_contact``. ``by_braking_until_s`` is the latest time at which full braking prevents
-    the
-    collision, or None. ``by_steering_until_s`` is the same for steering aside, which is not a reference driver.
-    ``steering_tried`` is False if the ego was hit from behind, because steering aside is not examined then.
+    fields state the verdicts from ``before_contact``. ``by_braking_until_s`` is the latest time at which full braking
+    prevents the collision, or None. ``by_steering_until_s`` is the same for steering aside, which is not a reference
+    driver. ``steering_tried`` is False if the ego was hit from behind, because steering aside is not examined then.
     """
 
     by_braking_until_s: float | None = Field(
@@ -205,8 +203,7 @@ class PaceMoment(Model):
     """A span of a run in which the ego stood, was held up by a slower vehicle, or braked by 2 m/s² or more, and why.
 
     ``obstacle_id`` is the road user that caused it. ``distance_m`` is the gap to it, or from the ego's front to the
-    stop
-    line, at the beginning. ``largest_mps2`` is the hardest braking, as a positive number.
+    stop line, at the beginning. ``largest_mps2`` is the hardest braking, as a positive number.
     """
 
     code: PaceCode = Field(description="stable code: what the ego did, and why")
@@ -307,9 +304,8 @@ class Contact(Model):
     - ``came_in_s``: for a cut-in, when the one ahead entered the path of the one behind
     - ``also_touched``: others that overlap the ego at the same step
     - ``prevention``: None if the tracks do not contain the road user that was hit
-    - ``predicted_gap_m``: the gap at the collision if the other had moved as the run's predictor said 1 s before;
-      None if
-      it was not there then, or if it is not known whether it was predicted
+    - ``predicted_gap_m``: the gap at the collision if the other had moved as the run's predictor said 1 s before; None
+      if it was not there then, or if it is not known whether it was predicted
     - ``laid_to``: the cause; None if that gap or the prevention is needed and not known
     - ``fault``: what the ego did, if the cause is the ego
     """
@@ -456,9 +452,8 @@ class RunReview(Model):
     """The key times of one run; None for an event that did not happen.
 
     ``closest`` has the smallest gap, ``most_urgent`` the smallest time to collision. ``uncomfortable`` lists motions
-    above
-    the limits of ``docs/runs.md``, for every outcome. ``pace`` lists where the ego stood, was held up or braked, and
-    why.
+    above the limits of ``docs/runs.md``, for every outcome. ``pace`` lists where the ego stood, was held up or braked,
+    and why.
     """
 
     run_id: str
@@ -499,8 +494,7 @@ class RuleVerdict(Model):
     """The verdict on a run for one traffic rule (``docs/traffic_rules.md``).
 
     ``robustness`` is the smallest margin to a violation in the rule's unit, negative if the rule is broken, or None if
-    the
-    rule did not apply. ``time_s`` is the time of the smallest margin, and ``first_s`` the start of the violation.
+    the rule did not apply. ``time_s`` is the time of the smallest margin, and ``first_s`` the start of the violation.
     """
 
     TOLERANCE: ClassVar[float] = 0.01
@@ -536,8 +530,7 @@ class RunLook(Model):
     """The stored result of one look at a run's steps and scenario.
 
     ``out_of_reach`` is True if no ego could reach the goal in time. ``trivial`` states why the goal required no
-    driving,
-    and is empty if it required some.
+    driving, and is empty if it required some.
     """
 
     VERSION: ClassVar[int] = 3

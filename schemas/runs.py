@@ -15,8 +15,8 @@ from .vocabulary import LEAST_FRICTION, MOST_FRICTION
 Bounded = Annotated[float, Field(ge=-1e12, le=1e12)]
 """A number of a motion, bounded so that no derivative or square overflows.
 
-The bound exceeds every limit of a scenario file (docs/limits.md). The square of its third derivative over steps of
-1 ms is 1e42. Runs of an archive and answers of a planner program may contain any number."""
+The bound exceeds every limit of a scenario file (docs/limits.md). The square of its third derivative over steps of 1 ms
+is 1e42. Runs of an archive and answers of a planner program may contain any number."""
 BoundedCost = Annotated[float, Field(ge=-1e150, le=1e150)]
 """A cost with a finite square."""
 Outcome = Literal[
@@ -148,11 +148,9 @@ class RunSeries(Model):
 
     There is one value per driven state for ``lateral_offset_m`` from the reference path (left positive),
     ``heading_error_rad`` relative to its direction, and the ``steering_rad`` that the motion requires. There is one
-    value
-    per planning step (``plan_steps`` of the run's steps) for ``desired_speed_mps``, ``desired_speed_reasons`` and the
-    values
-    that the planner reported by name: ``numbers`` (None if it reported no finite number) and ``texts`` (empty if it
-    reported no text). ``left_out`` counts the debug values beyond the limits, which are not stored.
+    value per planning step (``plan_steps`` of the run's steps) for ``desired_speed_mps``, ``desired_speed_reasons`` and
+    the values that the planner reported by name: ``numbers`` (None if it reported no finite number) and ``texts``
+    (empty if it reported no text). ``left_out`` counts the debug values beyond the limits, which are not stored.
     """
 
     lateral_offset_m: tuple[float, ...] = ()
@@ -184,8 +182,7 @@ class LimitExcess(Model):
     """A limit of the ego's vehicle that the driven motion exceeds, with the largest excess.
 
     ``friction`` combines longitudinal and lateral acceleration. ``rolling`` is the share of time steps, from ``time_s``
-    on,
-    in which the wheels would have to slide.
+    on, in which the wheels would have to slide.
     """
 
     name: Literal["speed", "acceleration", "friction", "steering angle", "steering rate", "rolling"] = Field(

@@ -190,8 +190,7 @@ class ScenarioRecord(Model):
     """The workspace's record of a scenario, in addition to its files.
 
     ``content`` is the SHA-256 of the original XML file, which identifies the same file later. ``supersedes`` is the
-    earlier
-    version of a file that was changed and imported again. The catalogue no longer lists that version.
+    earlier version of a file that was changed and imported again. The catalogue no longer lists that version.
     """
 
     facts: ScenarioFacts
@@ -265,8 +264,7 @@ class DescribedVehicle(Model):
     """A vehicle when it first appears, and its position along the ego's lane in m (ahead positive).
 
     ``gap_m`` is bumper to bumper, for vehicles in the ego's lane. ``from_s`` is when it appears. ``vehicle_class`` is
-    the
-    class it was generated as, if CommonRoad has no such type.
+    the class it was generated as, if CommonRoad has no such type.
     """
 
     vehicle_id: int
@@ -365,8 +363,7 @@ class DescribedFocus(Model):
     """The vehicle or lanelet in focus: the selector that chose it, its recorded route, and where it can drive.
 
     ``vehicle`` is its position and speed, or None for a lanelet. ``route`` lists the lanelets of the recording.
-    ``reach``
-    starts with the nearest lanelets.
+    ``reach`` starts with the nearest lanelets.
     """
 
     name: str = Field(description="the vehicle or lanelet")
@@ -400,8 +397,7 @@ class DescribedGeneration(Model):
     """Site, traffic and checks of a generated scenario when it was generated: requested next to realised.
 
     ``notes`` (including repairs), ``network_warnings`` and ``netconvert_warnings`` are listed only if ``detail``
-    requests
-    them, but are always counted. ``feasible_share`` of the recorded tracks is in [0, 1].
+    requests them, but are always counted. ``feasible_share`` of the recorded tracks is in [0, 1].
     """
 
     site: SiteFacts = Field(description="the site")

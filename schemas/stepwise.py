@@ -90,9 +90,8 @@ class StartMessage(Model):
     """The start of a run. The program forgets any previous run and answers with ``ready``.
 
     ``vehicle`` gives the ego's size and limits. The route leads to the first of the ``goals``. ``reference`` is the
-    path of
-    the route, from behind the ego to beyond the goal, with a point about every metre. ``lanelets`` are those near that
-    path.
+    path of the route, from behind the ego to beyond the goal, with a point about every metre. ``lanelets`` are those
+    near that path.
     """
 
     type: Literal["start"] = "start"
@@ -148,8 +147,7 @@ class PredictedMessage(Model):
     """The predicted positions of another road user, one entry per step, the present first.
 
     ``heading_rad`` and ``covariance_m2`` (xx, xy and yy of the position) have a single entry if it is valid for all
-    steps,
-    which keeps messages with many road users short. ``length_m`` and ``width_m`` include the prediction's safety
+    steps, which keeps messages with many road users short. ``length_m`` and ``width_m`` include the prediction's safety
     margin.
     """
 
@@ -188,8 +186,7 @@ class RouteMessage(Model):
     """The ego's position relative to its reference path.
 
     ``offset_m`` is positive to the left of the path. ``to_goal_m`` is measured along the path to the first goal,
-    negative
-    behind it, and null for a goal without a position.
+    negative behind it, and null for a goal without a position.
     """
 
     station_m: float
@@ -226,8 +223,7 @@ class PlanMessage(Model):
     """The program's answer to ``step``.
 
     ``trajectory`` has one state per time step, the present first, and covers at least 1 s. Null means that no
-    trajectory is
-    drivable, which ends the run as infeasible; ``rejected`` then says why.
+    trajectory is drivable, which ends the run as infeasible; ``rejected`` then says why.
     """
 
     type: Literal["plan"] = "plan"

@@ -1,10 +1,10 @@
 """Make text from outside (a caller's, a file's, a name on a disk) safe for answers, errors, logs and journals.
 
-Such text is data. It may contain line breaks that forge lines of an answer, characters that reverse its direction, or
-a megabyte. Use one of these to repeat it:
+Such text is data. It may contain line breaks that forge lines of an answer, characters that reverse its direction, or a
+megabyte. Use one of these to repeat it:
 
-- :func:`cited`: text of a file, a map service, an archive or a program. It appears in ``“…”``, a mark that nothing
-  else in an answer uses and that the text cannot close (docs/threat_model.md).
+- :func:`cited`: text of a file, a map service, an archive or a program. It appears in ``“…”``, a mark that nothing else
+  in an answer uses and that the text cannot close (docs/threat_model.md).
 - :func:`shown_name`: a name that calls accept. It appears bare if it has the form of a name, otherwise cited.
 - :func:`quoted`: text of the call itself, which a refusal repeats in ``'…'``.
 - :func:`one_line`: text that is its own field in a structured answer, or that is cited later.

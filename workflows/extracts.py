@@ -1,8 +1,7 @@
 """Extracts of whole countries, which a job splits into tiles in their own folder of the workspace.
 
 An extract becomes a map like any other when its index is complete. The next job for the same file resumes an
-interrupted
-one.
+interrupted one.
 """
 
 import shutil

@@ -179,8 +179,7 @@ async def import_map(
     """Store a map, unpacked, with its content. A given name and country (ISO alpha-3) override the file's.
 
     A job splits a binary extract that is too large to read at once into tiles. The call waits for it, and returns the
-    job
-    if it has not finished by then or failed.
+    job if it has not finished by then or failed.
     """
     known = KnownAs(name, country)
     if is_large(path):

@@ -1,8 +1,7 @@
 """Store scenarios in the workspace: workers read their facts, and the catalogue stores them.
 
 A tool's new scenario is stored alone. All workers read the user's files in parallel, and these are stored in batches,
-in
-the order of their names.
+in the order of their names.
 """
 
 import shutil

@@ -79,8 +79,7 @@ class CompareRequest(Model):
     """The request of the comparison operation: the sides in order, the baseline first; ``lineage`` of edited scenarios.
 
     ``couples`` lists the pairs of sides to compare, as indices into ``sides``, the baseline first. Empty means every
-    side
-    against the first one.
+    side against the first one.
     """
 
     sides: tuple[Side, ...]
@@ -141,8 +140,7 @@ class SuccessTest(Model):
     """The pairs by success, the paired difference of success rates with its 95 % interval, and its exact p.
 
     The scenario is the unit: pairs of one scenario count only by their difference (docs/statistics.md). ``needed`` is
-    the
-    number of scenarios that would show ten points, if nothing is shown.
+    the number of scenarios that would show ten points, if nothing is shown.
     """
 
     pairs: int = Field(description="pairs of runs")
@@ -183,14 +181,11 @@ class MetricTest(Model):
     """Wilcoxon's signed-rank test of after − before on scenario averages of pairs.
 
     ``pairs`` counts the pairs and ``scenarios`` the tested averages. ``shift`` is the Hodges–Lehmann estimate with its
-    95 %
-    interval (None below six differing pairs). ``effect`` is the matched-pairs rank-biserial correlation in [−1, 1].
-    ``higher`` and ``lower`` count scenarios in which the metric rises and falls. ``better`` is the better side if p is
-    below 5 % after Holm's adjustment and the shift exceeds the metric's resolution, otherwise None. ``run_ids`` is then
-    the
-    pair with the largest difference. For a single pair, ``direction`` compares the two values without a test:
-    ``changed``
-    if the metric has no better direction, ``same`` if the first three digits agree.
+    95 % interval (None below six differing pairs). ``effect`` is the matched-pairs rank-biserial correlation in [−1,
+    1]. ``higher`` and ``lower`` count scenarios in which the metric rises and falls. ``better`` is the better side if p
+    is below 5 % after Holm's adjustment and the shift exceeds the metric's resolution, otherwise None. ``run_ids`` is
+    then the pair with the largest difference. For a single pair, ``direction`` compares the two values without a test:
+    ``changed`` if the metric has no better direction, ``same`` if the first three digits agree.
     """
 
     name: MetricName = Field(description="the metric")
@@ -260,8 +255,7 @@ class RankedSide(Model):
     """One of several sides, ranked by success; sides that no test distinguishes from all above share a rank.
 
     ``rank`` is 1 plus the number of sides that reach the goal significantly more often, by Holm-adjusted tests of all
-    pairs
-    of sides.
+    pairs of sides.
     """
 
     label: str = Field(description="name of the side")

@@ -92,8 +92,7 @@ class EffectsRequest(Model):
     """The objective at the points of a design, in their order.
 
     ``scores`` holds the objective of each scenario at each point, None if absent. ``units`` maps each scenario to the
-    one
-    it counts for. Without them, the scenarios are not tested.
+    one it counts for. Without them, the scenarios are not tested.
     """
 
     design: DesignRequest
@@ -106,12 +105,10 @@ class Effect(Model):
     """How much a weight matters to the objective on these scenarios.
 
     ``effect`` is Morris's μ* (the mean absolute change over the weight's range) or Sobol's total index. ``margin`` is
-    half
-    of its 95 % interval (bootstrap). ``p`` is the chance that random signs of scenarios give as much, and
-    ``p_adjusted``
-    accounts for the number of tested weights. ``verdict`` is ``matters`` if that is below 5 % and the adjusted interval
-    is above 0, and ``none`` if no change of the weight had an effect. ``largest`` gives the two points and the scenario
-    with the largest change, and ``run_ids`` their runs.
+    half of its 95 % interval (bootstrap). ``p`` is the chance that random signs of scenarios give as much, and
+    ``p_adjusted`` accounts for the number of tested weights. ``verdict`` is ``matters`` if that is below 5 % and the
+    adjusted interval is above 0, and ``none`` if no change of the weight had an effect. ``largest`` gives the two
+    points and the scenario with the largest change, and ``run_ids`` their runs.
     """
 
     name: str = Field(description="the weight or setting")
@@ -202,8 +199,7 @@ class StudyRecord(Model):
     """A search or a sensitivity analysis: the evaluated candidates and the result.
 
     ``training`` and ``held_out_places`` are the places (or maps) of the two parts. ``best`` is the found configuration,
-    or
-    the base if nothing was better in training.
+    or the base if nothing was better in training.
     """
 
     study_id: str

@@ -13,8 +13,8 @@
     │   └── WorkerTimeout   … or exceeded its time limit
     └── UnexpectedFailure   an internal defect, logged with an incident number       (never shown with a traceback)
 
-Every error has a stable code, what was wrong, the valid values, and the next step. Its text states all of them,
-because a host may show the model nothing else.
+Every error has a stable code, what was wrong, the valid values, and the next step. Its text states all of them, because
+a host may show the model nothing else.
 """
 
 import errno
@@ -38,10 +38,9 @@ class PlannerForgeError(Exception):
         next_step: what to call or change next; by default the usual remedy (``usual_step`` of the class).
         reason: a stable word for the kind of refusal, for code that depends on it; shown only with ``shows_reason``.
         given: the wrong word of the call, if one of ``valid`` can replace it as written.
-        remedies: ways to correct the call, the most useful first; the server writes the first applicable one as a
-            call. By
-            default they come from ``valid``: names that a quoted word may misspell (``names_valid``), and fields with
-            values, as in ``lane=left``.
+        remedies: ways to correct the call, the most useful first; the server writes the first applicable one as a call.
+            By default they come from ``valid``: names that a quoted word may misspell (``names_valid``), and fields
+            with values, as in ``lane=left``.
         complete: whether ``valid`` lists everything that would be accepted, or its form, so no call lists more.
     """
 

@@ -78,8 +78,7 @@ class MapSource(Model):
     - ``query``: the query sent to ``service`` (a host)
     - ``data_time``: the time of the data, as the service states it
     - ``beside``: True if the user downloaded it, so that it counts like a local map; otherwise it was downloaded for
-      one
-      request, and only that request uses it while the network is available
+      one request, and only that request uses it while the network is available
     """
 
     place: str
@@ -113,14 +112,11 @@ class MapFacts(Model):
     """The content of a map as read from the file, without guesses.
 
     ``country`` is None if neither the file nor the caller gives it. ``countries_near`` then lists the candidates, and
-    is
-    empty if there is no evidence. ``sites`` counts sites by scenario type. ``road_names`` holds, for a road with
-    several
-    names, the one of ``streets`` or ``refs`` first. ``areas`` are places that cover a part of the map. ``source`` is
-    the
-    origin of a downloaded map. ``extract`` describes a country extract, which is stored in tiles. Scenarios are
-    generated
-    from parts of it, with its id in ``cut_of``. Its ``places`` are the largest ones, and its index holds the streets.
+    is empty if there is no evidence. ``sites`` counts sites by scenario type. ``road_names`` holds, for a road with
+    several names, the one of ``streets`` or ``refs`` first. ``areas`` are places that cover a part of the map.
+    ``source`` is the origin of a downloaded map. ``extract`` describes a country extract, which is stored in tiles.
+    Scenarios are generated from parts of it, with its id in ``cut_of``. Its ``places`` are the largest ones, and its
+    index holds the streets.
     """
 
     map_id: str
@@ -256,8 +252,7 @@ class CutOfExtract(Model):
     """A part of an extract as a map file, and its content; empty and None if the extract has no match.
 
     ``core`` is the area with complete roads, in which to look for sites. ``label`` describes the part. ``words`` are
-    those
-    words of the request that refer to something in the map, and empty if all of them refer to the extract.
+    those words of the request that refer to something in the map, and empty if all of them refer to the extract.
     """
 
     path: str = ""
@@ -351,8 +346,7 @@ class DensityFacts(Model):
     """Vehicles per lane-kilometre of the cut: requested, at step 0, and at the last step.
 
     CommonRoad's schema lets obstacles begin only at step 0, so traffic thins out as vehicles leave. ``paper_trips`` is
-    the
-    number in the paper's scenarios of that density. ``at_time`` is the time of day that set the density instead of
+    the number in the paper's scenarios of that density. ``at_time`` is the time of day that set the density instead of
     ``wish``, or empty.
     """
 
@@ -376,8 +370,7 @@ class Checks(Model):
     ``centers_on_lanelets`` and ``feasible_share`` are shares in [0, 1] of all recorded positions and of all tracks.
     ``network_errors`` and ``network_warnings`` are the broken rules for road networks, with the first place of each.
     ``recorded_ego_collision_free`` is None if others were scripted after the ego was recorded. An ordinary driver in
-    its
-    place was checked instead.
+    its place was checked instead.
     """
 
     schema_valid: bool
@@ -414,8 +407,7 @@ class VehicleAbsence(Model):
     """Requested road users of one class that are missing or different, and why.
 
     ``fate`` says whether they were missing at the start, were left out of SUMO's recording, or were replaced.
-    ``vehicles``
-    are SUMO's ids of those that were there, otherwise empty.
+    ``vehicles`` are SUMO's ids of those that were there, otherwise empty.
     """
 
     fate: AbsenceFate = Field(description="what happened to them")
@@ -436,8 +428,7 @@ class GeneratedScenario(Model):
     ``vehicle_classes`` maps CommonRoad's obstacle id to the requested class, because CommonRoad has fewer types.
     ``unsigned_limits_kmh`` maps a lanelet to its limit if CommonRoad has no sign for it in the country. ``others``
     describes the requested manoeuvre of another road user: which one, when, and how it was created. ``absences``
-    explain
-    missing road users.
+    explain missing road users.
     """
 
     benchmark_id: str
@@ -596,8 +587,7 @@ class PlanRecord(Model):
     """A coverage plan: its factors, and the sites of its scenarios.
 
     ``barred`` maps combinations that the maps do not have to the reason. ``spots`` lists for each group of sites, by
-    its
-    words, the maps with such sites and their number.
+    its words, the maps with such sites and their number.
     """
 
     plan_id: str
@@ -620,8 +610,7 @@ class PlanSummary(Model):
 
     ``asked`` is the number of scenarios, or None for as many as the combinations need. ``made`` counts the plan's
     scenarios, including ``reused`` older ones. Of the combinations ``allowed`` by the maps, ``covered`` have a
-    scenario.
-    ``left`` and ``cannot`` show the first of the open and of the impossible ones.
+    scenario. ``left`` and ``cannot`` show the first of the open and of the impossible ones.
     """
 
     plan_id: str

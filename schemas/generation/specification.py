@@ -301,10 +301,9 @@ class ScenarioSpec(Model):
     """The request for each scenario of a generation, parsed and checked.
 
     ``bbox`` is south, west, north, east in degrees. ``road_classes`` are OSM's ``highway`` values; empty means all
-    roads,
-    with links if the site is a ramp or a motorway. ``vehicles`` lists classes in addition to the ego, including the
-    ego's
-    own class if it is not a car. ``others`` is a manoeuvre that another road user must perform on the ego's route.
+    roads, with links if the site is a ramp or a motorway. ``vehicles`` lists classes in addition to the ego, including
+    the ego's own class if it is not a car. ``others`` is a manoeuvre that another road user must perform on the ego's
+    route.
     """
 
     scenario_type: ScenarioType = "any"
@@ -350,8 +349,8 @@ class GenerationSpec(ScenarioSpec):
     """A parsed request for scenarios; frozen, and never parsed again.
 
     ``place`` is the text for a place, a street, a road or a map's id. ``country`` is the original text and
-    ``country_code``
-    its ISO 3166-1 alpha-3 code if known. ``notes`` state how the request was understood, one sentence each.
+    ``country_code`` its ISO 3166-1 alpha-3 code if known. ``notes`` state how the request was understood, one sentence
+    each.
     """
 
     place: str | None = None
@@ -367,12 +366,10 @@ class GenerationRequest(ScenarioSpec):
     """Everything that defines one scenario. The same request gives the same bytes.
 
     ``index`` counts the scenarios of one call, and ``site_index`` those on this map, so no site is used twice. If a
-    site
-    fails its checks, the one ``site_step`` further on is tried.
+    site fails its checks, the one ``site_step`` further on is tried.
 
     After ``most_sites`` sites without a scenario, the request is refused. After ``most_rounds`` rounds of traffic, the
-    best
-    scenario is used, with its faults in the notes. None means the generator's limits.
+    best scenario is used, with its faults in the notes. None means the generator's limits.
 
     ``streets`` lists, for every road that the site must have, its names or numbers on the map.
     """

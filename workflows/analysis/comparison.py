@@ -91,9 +91,8 @@ def _sides_of(
     """Return the sides in the given order, their pairs, and notes on what was left out.
 
     A batch gives one side per configuration. Single runs with several configurations are grouped by configuration. Two
-    runs
-    of one configuration are compared with each other. Of several batches, the first one given is the baseline, and each
-    side of another batch is compared with its match there.
+    runs of one configuration are compared with each other. Of several batches, the first one given is the baseline, and
+    each side of another batch is compared with its match there.
 
     Raises:
         InvalidRequest: there is only one side, or no side of a batch has a match in another batch.
@@ -142,10 +141,8 @@ def _matched(sizes: Sequence[int], sides: Sequence[Side]) -> tuple[_Couples, lis
     """Return the pairs of matching sides of the first group and each other, and the remaining sides.
 
     Sides match if they have the same configuration and planner version, or else the same configuration, or else if they
-    are
-    the only remaining ones of a planner in both groups, or else the only remaining ones. A baseline with one side
-    matches
-    every side of a group without a closer match.
+    are the only remaining ones of a planner in both groups, or else the only remaining ones. A baseline with one side
+    matches every side of a group without a closer match.
     """
     ends = list(accumulate(sizes))
     groups = [list(range(end - size, end)) for size, end in zip(sizes, ends, strict=True)]

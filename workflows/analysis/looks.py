@@ -24,8 +24,7 @@ async def looked_at(runs: Sequence[RunSource], context: WorkflowContext) -> tupl
     """Return the runs with their looks, as many as are stored or can be computed in twenty seconds.
 
     Runs without a look are examined in random order, so that the examined ones are a random sample. The next call
-    continues
-    where this one stopped.
+    continues where this one stopped.
     """
     by_id = {run.record.run_id: run for run in runs}
     missing = [run.record for run in runs if run.look is None and run.steps_path and is_worth_a_look(run.record)]

@@ -219,8 +219,7 @@ class _Search:
         """Return the objectives of a trial.
 
         For an abandoned trial, these are the base's values on all scenarios plus the difference on those that it ran,
-        because
-        the first scenarios may be easier than the rest.
+        because the first scenarios may be easier than the rest.
         """
         if not trial.is_pruned:
             return self.plan.values(trial.valid)

@@ -72,8 +72,7 @@ class Spot:
         """Yield the map, the site and the seed of the next rows, after those that rows with these levels skip.
 
         All sites take turns, with another seed each time. Sites of a map that does not suit one of the levels are
-        skipped, at
-        most ``_MOST_PASSED`` times the number of maps, and not at all if no map suits them.
+        skipped, at most ``_MOST_PASSED`` times the number of maps, and not at all if no map suits them.
 
         Args:
             turns: the number of turns taken, by the words for sites; updated here.

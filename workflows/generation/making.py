@@ -40,8 +40,7 @@ async def make_scenario(
     """Return one scenario: the stored one of the same recipe, otherwise a new one.
 
     Of a million scenarios, some dozens would get the id of another one. Such a scenario is generated again with other
-    digits
-    of its digest in the id.
+    digits of its digest in the id.
 
     Raises:
         NotPossible: it cannot be generated, or another scenario has both of its ids.
@@ -189,8 +188,7 @@ async def with_trial_run(context: WorkflowContext, summary: ScenarioSummary) -> 
 
     A collision or a missed goal is a result, not a fault of the scenario. The check fails if a run was impossible: the
     planner found the problem invalid or found no trajectory, or the run was lost. The scenario is still returned, with
-    a
-    note.
+    a note.
     """
     configuration = resolve_configuration(DEFAULT_CONFIGURATION, context)
     store_configuration(context, configuration)

@@ -75,8 +75,7 @@ class AssignedSite:
     """The place of a scenario: the map, and the number of the site on it.
 
     If the site fails, the one ``site_step`` further on is tried. That is the number of the call's scenarios on this
-    map, so
-    no two scenarios share a site.
+    map, so no two scenarios share a site.
     """
 
     match: MapMatch
@@ -399,8 +398,7 @@ def _failure_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: s
     """Return a failure of the network services together with the local refusal.
 
     ``unlocated`` is the text that could not be looked up. The refusal counts if network access is not allowed, and also
-    if
-    GeoNames does not know the place, because a later attempt would hardly find it.
+    if GeoNames does not know the place, because a later attempt would hardly find it.
     """
     if isinstance(failure, NotPossible):
         message = f"{refusal.message.rstrip('.')}; {failure.message}"

@@ -1,7 +1,7 @@
 """Parse the words of a call for scenarios into a :class:`GenerationSpec`.
 
-The code behind this module gets typed values and parses no words. Conditions (``time=rush_hour``, ``weather=snow``)
-set some of them: a density, classes of vehicles, counted flows.
+The code behind this module gets typed values and parses no words. Conditions (``time=rush_hour``, ``weather=snow``) set
+some of them: a density, classes of vehicles, counted flows.
 """
 
 import re
@@ -430,8 +430,7 @@ def _vehicle_demand(text: str) -> VehicleDemand:
     """Parse one demand for vehicles.
 
     ``truck`` means its share of traffic, ``truck=2`` a minimum, ``car=4..4`` both bounds, ``bicycle=0`` no bicycles,
-    and
-    ``taxi=30%`` a share of all vehicles.
+    and ``taxi=30%`` a share of all vehicles.
     """
     if (shared := re.fullmatch(r"\s*([a-z_]+)\s*=\s*(\d{1,3}(?:\.\d+)?)\s*%\s*", text)) is not None:
         return _shared_demand(text, shared[1], float(shared[2]) / 100)
