@@ -200,7 +200,7 @@ class FindScenariosResult(Result):
         decided = [*self.notes]
         if self.stages:
             steps = [self._step(stage) for stage in self.stages]
-            decided.append(f"Left after {' → '.join(steps)}")
+            decided.append(f"Remaining: {' → '.join(steps)}")
         requested = {condition for stage in self.stages for condition in stage.conditions}
         lines = [_line(scenario, requested) for scenario in self.matches]
         if self.coverage:
@@ -224,7 +224,7 @@ class FindScenariosResult(Result):
     def _step(self, stage: StageCount) -> str:
         """Return how many a stage left, with its conditions if nothing is left in the end."""
         conditions = f" [{', '.join(stage.conditions)}]" if not self.total else ""
-        return f"{stage.stage}{conditions} {stage.left}"
+        return f"{stage.left} after {stage.stage}{conditions}"
 
 
 def _covered(coverage: Coverage) -> str:

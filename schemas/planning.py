@@ -396,7 +396,7 @@ class RunPlannerResult(Result):
     next_step: str
 
     def answer(self) -> Answer:
-        """Return how one run ended with its key times, or a grid's goal rates by configuration and first failures."""
+        """Return how one run ended with its key moments, or a grid's goal rates by configuration and first failures."""
         names = {item.config_id: item.config_name for item in self.summary}
         lost = [
             f"{cell.scenario_id} under {names.get(cell.config_id, cell.config_id)} was not run: {cell.error}"

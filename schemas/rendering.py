@@ -52,8 +52,8 @@ REPORT_PICTURES: Final[dict[PictureKind, ReportPicture]] = {
     "flips": ReportPicture("comparison", "Scenarios that flipped between the first two configurations"),
     "costs": ReportPicture("findings", "Mean weighted cost by term and configuration"),
     "picture": ReportPicture("one_run", "The run from above, at its end"),
-    "animation": ReportPicture("one_run", "The run from above in motion; slower around its key time"),
-    "timeline": ReportPicture("one_run", "The run over time, with its key times"),
+    "animation": ReportPicture("one_run", "The run from above in motion; slower around its key moment"),
+    "timeline": ReportPicture("one_run", "The run over time, with its key moments"),
     "terms": ReportPicture("one_run", "Cost terms of the chosen trajectories over time"),
     "profile": ReportPicture("same_scenario", "Speed and acceleration of all runs on this scenario"),
 }

@@ -506,7 +506,7 @@ class AnalyzeResultsResult(Result):
     job_id: str = Field("", description="of the trial of suggestions, if it is still running")
 
     def answer(self) -> Answer:
-        """Return how one run ended and its key times, or the rates of several; then the section of ``detail``."""
+        """Return how one run ended and its key moments, or the rates of several; then the section of ``detail``."""
         return _one_run(self) if self.runs == 1 and self.rows else _several_runs(self)
 
 
@@ -567,7 +567,7 @@ def _one_run(result: AnalyzeResultsResult) -> Answer:
 
 
 def _moments(review: RunReview | None) -> tuple[list[str], frozenset[str]]:
-    """Return the lines on a run's key times, and the metrics that they state."""
+    """Return the lines on a run's key moments, and the metrics that they state."""
     if review is None:
         return [], frozenset()
     lines, stated = [], {_LARGEST[one.name] for one in review.largest if one.name in _LARGEST}
@@ -642,7 +642,7 @@ _SAID_ABOVE = frozenset(
         *("stood_without_cause", "braked_without_cause"),
     ]
 )
-"""Findings that repeat what the key times and the cost of a single run already state."""
+"""Findings that repeat what the key moments and the cost of a single run already state."""
 
 
 def _no_suggestion(result: AnalyzeResultsResult) -> list[str]:

@@ -449,7 +449,7 @@ class ComfortExcess(Model):
 
 
 class RunReview(Model):
-    """The key times of one run; None for an event that did not happen.
+    """The key moments of one run; None for an event that did not happen.
 
     ``closest`` has the smallest gap, ``most_urgent`` the smallest time to collision. ``uncomfortable`` lists motions
     above the limits of ``docs/runs.md``, for every outcome. ``pace`` lists where the ego stood, was held up or braked,
@@ -548,6 +548,6 @@ class LooksResponse(Model):
 
 
 class ReviewResponse(Model):
-    """The key times of each run, in the order of the request."""
+    """The key moments of each run, in the order of the request."""
 
     reviews: tuple[RunReview, ...]

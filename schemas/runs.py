@@ -371,7 +371,7 @@ def is_close(record: RunRecord) -> bool:
 
 
 def is_worth_a_look(record: RunRecord) -> bool:
-    """Return whether an analysis needs the key times of a run: it failed after its start, or was a close success."""
+    """Return whether an analysis needs the key moments of a run: it failed after its start, or was a close success."""
     return record.outcome != "invalid" and (record.outcome != "goal_reached" or is_close(record))
 
 

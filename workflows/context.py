@@ -81,12 +81,12 @@ class Recent:
             copied._made, copied._reported = dict(self._made), set(self._reported)
         return copied
 
-    def first_report(self, kind: MadeKind) -> bool:
+    def is_first_report(self, kind: MadeKind) -> bool:
         """Return True only the first time, so that the client is told once that a kind's newest item is not its own."""
         with self._lock:
-            first_report = kind not in self._reported
+            is_first_report = kind not in self._reported
             self._reported.add(kind)
-            return first_report
+            return is_first_report
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ class WorkflowContext:
 
     def tell_whose(self, kind: MadeKind, made_id: str, whose: str = "the workspace's") -> None:
         """Add a remark, once for each kind, that a word refers to something from outside this session."""
-        if self.services.recent.first_report(kind):
+        if self.services.recent.is_first_report(kind):
             self.remarks.append(f"{made_id} is {whose} newest {kind}; this session has not made one.")
 
     def artifact(self, word: str, kind: ArtifactKind) -> Artifact:

@@ -392,7 +392,7 @@ async def answer_of(
     batch_id: str | None,
     notes: Sequence[str],
 ) -> RunPlannerResult:
-    """Return the answer for a finished grid, with the key times of a single run or of the listed failures."""
+    """Return the answer for a finished grid, with the key moments of a single run or of the listed failures."""
     records = [result.record for result in results if result.record is not None]
     looked_at = records if len(cells) == 1 else _failures(records)[:LISTED_FAILURES]
     reviews: dict[str, RunReview] = {}

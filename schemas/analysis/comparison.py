@@ -103,12 +103,12 @@ class EditedPair(Model):
 
 
 class PairedRun(Model):
-    """One side of a single pair: the outcome of its run, and its key times."""
+    """One side of a single pair: the outcome of its run, and its key moments."""
 
     run_id: str
     outcome: Outcome
     reason: str = Field(description="reason for the outcome")
-    review: RunReview = Field(description="its key times")
+    review: RunReview = Field(description="its key moments")
 
     def in_words(self) -> str:
         """Return the run and its outcome."""
