@@ -22,6 +22,7 @@ from .runs import (
     Traffic,
     ending,
 )
+from .text import without_shared_clauses
 
 PLANNERS_VARIABLE = "PLANNERFORGE_PLANNERS"
 """The environment variable of the setting that names planner programs; workers read it too."""
@@ -439,13 +440,15 @@ class RunPlannerResult(Result):
         return [] if run.minimum_distance_m is None else [f"Closest: {run.minimum_distance_m:.2f} m."]
 
     def _failed(self) -> list[str]:
-        failed = ("goal_reached", "invalid")
-        count = sum(n for item in self.summary for outcome, n in item.outcomes.items() if outcome not in failed)
+        others = ("goal_reached", "invalid")
+        count = sum(n for item in self.summary for outcome, n in item.outcomes.items() if outcome not in others)
         if not count:
             return []
         more = count - len(self.failures)
         rest = [f"… {more} more: analyze_results with where=['!outcome=goal_reached'], detail=rows"] if more > 0 else []
-        return [f"{count} failed:", *(f"- {run.in_words()}" for run in self.failures), *rest]
+        lines, shared = without_shared_clauses([run.in_words().removesuffix(".") for run in self.failures])
+        same = [f"Same for all of these: {'; '.join(shared)}."] if shared else []
+        return [f"{count} failed:", *(f"- {line}." for line in lines), *same, *rest]
 
 
 def _rate_line(item: ConfigurationSummary) -> str:

@@ -12,7 +12,7 @@ megabyte. Use one of these to repeat it:
 
 import re
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 LONGEST_TEXT = 200
@@ -125,6 +125,18 @@ def quoted(value: Any, longest: int = LONGEST_TEXT) -> str:
     if value is None or isinstance(value, int | float):
         return str(value)
     return "'" + one_line(str(value), longest).replace("'", "’") + "'"
+
+
+def without_shared_clauses(sentences: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return sentences without the clauses that all of them share, and these clauses.
+
+    Clauses are separated by semicolons outside of brackets. The first clause of a sentence always stays.
+    """
+    parts = [re.split(r"; (?![^(]*\))", sentence) for sentence in sentences]
+    if len(parts) < 2:
+        return list(sentences), []
+    shared = [clause for clause in parts[0][1:] if all(clause in other[1:] for other in parts[1:])]
+    return ["; ".join([part[0], *(clause for clause in part[1:] if clause not in shared)]) for part in parts], shared
 
 
 def is_utf8(text: str) -> bool:

@@ -18,6 +18,7 @@ from plannerforge.schemas.text import (
     quoted,
     shown_name,
     uncited,
+    without_shared_clauses,
 )
 
 
@@ -117,3 +118,14 @@ def test_texts_in_a_call_are_cited_if_they_are_more_than_a_word() -> None:
         "ids": ["latest", 1],
         "at": ["“a’b”"],
     }
+
+
+def test_clauses_that_all_sentences_share_are_taken_out_once() -> None:
+    first = "hit car 1 (ego 1; car 2); preventable (a; b); attributed to planning"
+    second = "hit car 3 (ego 1; car 2); attributed to planning"
+    assert without_shared_clauses([first, second]) == (
+        ["hit car 1 (ego 1; car 2); preventable (a; b)", "hit car 3 (ego 1; car 2)"],
+        ["attributed to planning"],
+    )
+    assert without_shared_clauses([first]) == ([first], [])
+    assert without_shared_clauses(["a; b", "c; d"]) == (["a; b", "c; d"], [])

@@ -44,7 +44,7 @@ def test_one_run_says_its_ending_its_closest_moment_and_where_to_look() -> None:
     calm = record()
     reviews = {calm.run_id: RunReview(run_id=calm.run_id, closest=near, largest=(motion,))}
     said = answer(cells_of([calm]), [CellResult(calm)], reviews=reviews).to_text()
-    assert "Closest: 2.00 m to bus 3 oncoming on the left at 1.0 s (ego 8.0, it 7.0 m/s)" in said
+    assert "Closest: 2.00 m to bus 3 oncoming on the left at 1.0 s (ego 8.0, other 7.0 m/s)" in said
 
 
 def test_a_grid_says_rates_and_then_failures_only() -> None:
@@ -53,7 +53,7 @@ def test_a_grid_says_rates_and_then_failures_only() -> None:
     said = answer(cells_of(runs), [CellResult(run) for run in runs], batch_id="batch_1")
     lines = said.to_text().splitlines()
     assert lines[0] == "batch_1: 6 of 6 runs finished."
-    assert lines[1].endswith("goal 1 of 5; collision 2; timeout 1; off_road 1; invalid, in no rate: 1")
+    assert lines[1].endswith("goal 1 of 5; collision 2; timeout 1; off_road 1; invalid, not counted: 1")
     assert lines[2] == "4 failed:"
     assert [line.split()[3] for line in lines[3:6]] == ["ZAM_T-1_1_T-1", "ZAM_T-2_1_T-1", "ZAM_T-3_1_T-1"]
     assert lines[6] == "… 1 more: analyze_results with where=['!outcome=goal_reached'], detail=rows"
