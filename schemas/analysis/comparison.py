@@ -9,7 +9,7 @@ from ..measures import metric_meant, metric_words
 from ..results import SIGNIFICANCE_LEVEL, ConfigWeights, MetricName, Rate, figure, with_unit
 from ..reviews import Contact, RunReview
 from ..runs import Lineage, Outcome, RunSource, ScenarioSource, ending
-from ..text import measured, p_figure, p_in_words
+from ..text import measured, p_figure, p_in_words, without_shared_clauses
 
 HeadlineCode = Literal[
     "no_valid_pair",
@@ -112,7 +112,7 @@ class PairedRun(Model):
 
     def in_words(self) -> str:
         """Return the run and its outcome."""
-        return f"{ending(self.outcome, self.reason, self.review)} ({self.run_id})"
+        return f"{self.run_id}: {ending(self.outcome, self.reason, self.review)}"
 
 
 class Flip(Model):
@@ -297,7 +297,9 @@ def _comparison(comparison: Comparison, shown_flips: int) -> list[str]:
     lines = [f"{comparison.after} compared with {comparison.before}: {comparison.verdict}"]
     if comparison.single is not None:
         before, after = comparison.single
-        lines += [f"- before: {before.in_words()}", f"- after: {after.in_words()}"]
+        (first, second), shared = without_shared_clauses([before.in_words(), after.in_words()])
+        lines += [f"- before: {first}", f"- after: {second}"]
+        lines += [f"- same for both: {'; '.join(shared)}"] if shared else []
         lines += _edited(comparison)
         lines += _directions(comparison.metrics)
     else:
