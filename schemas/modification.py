@@ -451,7 +451,7 @@ class ModifyScenarioResult(Result):
             key=lambda vehicle: (-(vehicle.moved_m or 0.0), vehicle.vehicle_id),
         )
         most, _ = self._most(_MOST_TOUCHED)
-        distances = ", ".join(f"{vehicle.vehicle_id} {vehicle.moved_m:.3g} m" for vehicle in moved[:most])
+        distances = ", ".join(f"{vehicle.vehicle_id}: {vehicle.moved_m:.3g} m" for vehicle in moved[:most])
         least = f" and {len(moved) - most} more by less" if len(moved) > most else ""
         return [f"Largest distance from the recording: {distances}{least}."] if moved else []
 

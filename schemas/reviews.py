@@ -118,7 +118,10 @@ class Prevention(Model):
         if self.by_braking_until_s is None and not self._drivers(prevents=True):
             none = f"no reference driver prevents it from just before the contact ({REFERENCE_DRIVERS_DO}){aside}"
             return f"{none}{self._start_in_words()}"
-        others = [*self._drivers(prevents=False), *(["steering"] if self.steering_tried and until is None else [])]
+        others = [
+            *self._drivers(prevents=False),
+            *(["steering aside"] if self.steering_tried and until is None else []),
+        ]
         without = f", not by {_listed(others, 'or')}" if others else ""
         return f"preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"
 

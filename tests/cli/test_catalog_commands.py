@@ -73,7 +73,7 @@ def test_a_folder_goes_in_and_again_nothing_is_added(tmp_path: Path) -> None:
 def test_an_archive_with_the_right_hash_goes_in_and_nothing_leads_outside(tmp_path: Path, address: str) -> None:
     result = run("fetch", address, "--sha256", hashlib.sha256(archive()).hexdigest())
     assert result.exit_code == 0, result.output
-    assert "1 added, 0 known already, 1 refused" in result.stdout
+    assert "1 added, 0 already known, 1 refused" in result.stdout
     assert not list(tmp_path.rglob("outside.xml"))
 
 

@@ -179,7 +179,7 @@ def test_counts_and_origins_stand_side_by_side() -> None:
         ("counts=A:5:up", "directions: north"),
         ("counts=A:0", "above 0"),
         ("counts=A:999999", "20,000"),
-        ("counts=;", "holds 0 flows"),
+        ("counts=;", "has 0 flows"),
         ("trips=some", "fringe"),
     ],
 )
@@ -208,8 +208,8 @@ def test_a_table_of_counts_is_read(call: WorkflowContext, allowed: Path, text: s
 @pytest.mark.parametrize(
     ("content", "named"),
     [
-        (b"", "names no column road"),
-        (b"road,length\nA,5\n", "no column vehicles_per_h"),
+        (b"", "lacks the columns road"),
+        (b"road,length\nA,5\n", "columns vehicles_per_h"),
         (b"road,flow\nA,many\n", "line 2 of counts.csv"),
         (b"road,flow\nA,nan\n", "line 2 of counts.csv"),
         (b"road,flow\n,5\n", "line 2 of counts.csv"),

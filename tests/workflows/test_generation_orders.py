@@ -135,4 +135,4 @@ async def test_what_was_made_is_answered_though_another_one_failed(
         answer = (await client.call_tool("generate_scenarios", wish)).structured_content
         assert answer is not None
         assert len(answer["scenarios"]) == 2
-        assert "scenario 2 was not made: no truck found room at this site" in answer["notes"]
+        assert "scenario 2 was not generated: no truck found room at this site" in answer["notes"]

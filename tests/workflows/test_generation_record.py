@@ -40,8 +40,8 @@ async def test_asked_and_realised_are_told_with_the_checks(connect: Connect) -> 
         assert told["classes_asked"] == {"truck": 1, "delivery": 2, "moped": 1}
         assert told["vehicles_realised"] == made["scenarios"][0]["vehicles_realised"]
         assert told["checks_failed"] == []
-        assert "Generated: urban (asked: urban) at " in str(answer.content)
-        assert "5 s recorded (asked: 5 s)" in str(answer.content)
+        assert "Generated: urban (requested: urban) at " in str(answer.content)
+        assert "5 s recorded (requested: 5)" in str(answer.content)
 
 
 async def test_notes_and_warnings_are_listed_whole_where_the_detail_asks_for_them(
@@ -79,7 +79,7 @@ async def test_shares_of_traffic_are_told_with_their_source(connect: Connect) ->
         assert made is not None
         bus, taxi, truck = made["scenarios"][0]["notes"][:3]
         source = "ACEA, Vehicles in use in Europe: EU, 2019"
-        assert bus == f"bus: its share of traffic, 0.25 % of all vehicles ({source}), one at least"
+        assert bus == f"bus: its share of traffic, 0.25 % of all vehicles ({source}), at least one"
         assert taxi.startswith("taxi: at least one; its share of traffic is not known here")
         realised = made["scenarios"][0]["classes_realised"]
         assert (realised["bus"], realised["taxi"]) == (1, 1)

@@ -90,7 +90,7 @@ async def test_file_of_another_user_is_passed_over_and_told_and_refused_alone(
     async with connect() as client:
         alone = await client.call_tool("import_files", {"path": str(folder / "theirs.osm")})
         assert "[invalid_request]" in str(alone.content)
-        assert "may not be read" in str(alone.content)
+        assert "is not readable" in str(alone.content)
         answer = await client.call_tool("import_files", {"path": str(folder)})
         assert "Fahrhausen" in str(answer.content)
         assert "may not be read 1" in (answer.structured_content or {})["note"]

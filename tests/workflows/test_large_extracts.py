@@ -175,7 +175,9 @@ class TestMapFolder:
     async def test_a_country_in_a_map_folder_is_read_by_a_job(self, connect: Connect) -> None:
         async with connect() as client:
             before = await structured(client, "generate_scenarios", duration_s=5)
-            (note,) = [note for note in before["notes"] if "Country.osm.pbf is still read into tiles: job_" in note]
+            (note,) = [
+                note for note in before["notes"] if "Country.osm.pbf is still being split into tiles: job_" in note
+            ]
             job_id = note.partition(": ")[2].partition(",")[0]
             job = await structured(client, "get_job", job_id=job_id, wait_s=40)
             assert job["state"] == "done"

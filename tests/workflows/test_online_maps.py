@@ -212,7 +212,7 @@ async def test_which_of_two_towns_is_asked_where_the_client_can_ask(
     assert len(made) == 1, text
     assert "roads of “Springfield, Missouri" in text
     (question,) = asked
-    assert question.message == "Which Springfield is meant?"
+    assert question.message == "Which Springfield do you mean?"
 
 
 async def test_which_of_two_towns_is_told_where_no_choice_is_made(

@@ -196,7 +196,7 @@ async def test_no_more_configurations_are_driven_than_were_allowed(
     if method == "morris":
         needed = 1 + fewest_configurations("morris", len(vary))
         if most < needed:
-            with pytest.raises(InvalidRequest, match=f"drives {needed} configurations"):
+            with pytest.raises(InvalidRequest, match=f"needs {needed} configurations"):
                 optimization._check_design("morris", len(vary), most)
             return
     study = await _study(monkeypatch, tmp_path, rule, method=method, vary=vary, max_trials=most)

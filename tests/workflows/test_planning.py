@@ -170,7 +170,9 @@ async def test_the_first_run_against_the_second_after_an_edit_is_a_pair(call: Ca
     )
     second = await call("run_planner", scenarios=[edited["scenario_id"]])
     compared = await call("compare_results")
-    assert compared["notes"] == ["there is no batch: the two newest runs are compared, the older one as the baseline"]
+    assert compared["notes"] == [
+        "there is no batch, so the two newest runs are compared, the older one as the baseline"
+    ]
     found = compared["comparisons"][0]
     assert found["edited"][0]["done"] == ["remove_vehicle all"]
     assert (found["edited"][0]["before"], found["edited"][0]["after"]) == ("ZAM_Builder-1_1_T-1", edited["scenario_id"])

@@ -87,7 +87,9 @@ async def test_a_client_without_anything_of_its_own_gets_the_newest_and_is_told_
     assert told in (await second.text("describe_scenario")).splitlines()
     assert told not in await second.text("describe_scenario")
     assert told not in await first.text("describe_scenario")
-    assert f"{made['config_id']} ({made['name']}): the workspace's newest config" in await second.text("list_planners")
+    assert f"{made['config_id']} ({made['name']}) is the workspace's newest config" in await second.text(
+        "list_planners"
+    )
 
 
 async def test_runs_and_batches_that_were_made_before_are_the_latest_when_asked_for_again(

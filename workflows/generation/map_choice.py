@@ -135,9 +135,9 @@ def plan_matches(spec: GenerationSpec, matches: Sequence[MapMatch]) -> Generatio
 def _no_such_site(scenario_type: ScenarioType, matches: Sequence[MapMatch]) -> NotPossible:
     facts = [match.entry.facts for match in matches]
     names = [f"{cited(f.place)} ({f.map_id})" for f in facts[:_SHOWN_PLACES]]
-    more = f" or any of {len(facts) - _SHOWN_PLACES} more" * (len(facts) > _SHOWN_PLACES)
+    more = f" and {len(facts) - _SHOWN_PLACES} more" * (len(facts) > _SHOWN_PLACES)
     return NotPossible(
-        f"no {scenario_type} site on {len(facts)} maps: {', '.join(names)}{more}",
+        f"no {scenario_type} site on any of {len(facts)} maps: {', '.join(names)}{more}",
         valid=sorted({kind for f in facts for kind in f.sites}),
         next_step="choose one of these scenario types, or another place",
         reason="no_such_site",
