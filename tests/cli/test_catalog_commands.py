@@ -67,7 +67,7 @@ def test_a_folder_goes_in_and_again_nothing_is_added(tmp_path: Path) -> None:
     first, second = run("add", str(folder)), run("add", str(folder))
     assert first.exit_code == second.exit_code == 0
     assert "1 added" in first.stdout
-    assert "0 added, 1 known" in second.stdout
+    assert "0 added, 1 already known" in second.stdout
 
 
 def test_an_archive_with_the_right_hash_goes_in_and_nothing_leads_outside(tmp_path: Path, address: str) -> None:

@@ -98,7 +98,7 @@ def test_the_package_runs_as_a_module() -> None:
 def test_tools_are_listed_with_their_cost() -> None:
     result = run("tools")
     assert result.exit_code == 0
-    for words in ("list_artifacts", "What was made in this workspace", "echo", "Say the arguments again", "all"):
+    for words in ("list_artifacts", "Artifacts of this workspace", "echo", "Say the arguments again", "all"):
         assert words in result.stdout
     assert "list_artifacts" not in run("tools", "--essential").stdout
 

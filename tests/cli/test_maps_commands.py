@@ -69,7 +69,7 @@ def test_a_map_is_fetched_to_have_it_beside_one(monkeypatch: pytest.MonkeyPatch)
         assert fetched.exit_code == 0, fetched.output
         assert "Ringstadt (DEU): 2.3 km of roads" in fetched.stdout
         assert "1 roundabout site" in fetched.stdout
-        assert f"roads of “Ringstadt, Germany” downloaded from 127.0.0.1:{servers.port}" in fetched.stdout
+        assert f"roads of “Ringstadt, Germany”, downloaded from 127.0.0.1:{servers.port}" in fetched.stdout
         assert "© OpenStreetMap contributors, ODbL" in fetched.stdout
         assert f"Asks 127.0.0.1:{servers.port}" in fetched.stderr
         assert "Ringstadt" in maps("list").stdout

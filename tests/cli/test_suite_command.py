@@ -123,7 +123,7 @@ def test_limits_decide_the_exit_code_and_every_file_says_the_same(workspace: Pat
         ({"configurations": ["frenetix:Nobody"]}, "no preset 'Nobody'"),
         ({"configurations": ["idm:Default", "idm:Default"]}, "two configurations"),
         ({"limits": ["not worse than gone.json"]}, "--save-baseline gone.json"),
-        ({"limits": ["not worse than suite.yaml"]}, "is no baseline"),
+        ({"limits": ["not worse than suite.yaml"]}, "is not a baseline"),
         ({"limits": ["not worse than ../../../etc/passwd"]}, "outside"),
     ],
 )

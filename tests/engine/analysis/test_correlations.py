@@ -78,7 +78,7 @@ def test_the_kind_of_road_is_held_fixed_where_there_are_several() -> None:
     assert told["obstacles"].rho < -0.8
     assert told["obstacles"].rho_fixed is None
     assert not told["obstacles"].stands
-    assert told["obstacles"].left_in_words() == "; with road held fixed nothing is left"
+    assert told["obstacles"].left_in_words() == "; no correlation is left after controlling for road"
 
 
 def test_too_few_scenarios_say_nothing() -> None:

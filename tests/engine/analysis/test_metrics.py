@@ -70,7 +70,7 @@ def test_progress_is_the_share_of_the_path_to_the_goal(driven: tuple[RunRecord, 
     assert (found["progress"].value == 1.0) == (record.outcome == "goal_reached")
     gone = runs.with_sources(runs.sources)
     elsewhere = {one.name: one for one in measures_of(replace(gone, scenarios=()), record)}
-    assert elsewhere["progress"].why == "the goal has no place, or its path is not known"
+    assert elsewhere["progress"].why == "the goal has no position, or its path is not known"
     assert elsewhere["maximum_braking_mps2"].value == found["maximum_braking_mps2"].value
 
 
@@ -81,7 +81,7 @@ def test_one_run_and_several_are_told_with_all_measures(driven: tuple[RunRecord,
     assert [item.name for item in one.measures] == [measure.name for measure in MEASURES]
     text = one.answer().to_text()
     assert "\n- hardest braking " in text
-    assert "- none: " in text
+    assert "- undefined: " in text
     assert count_tokens(text) < 1500
     other = RunSource(record=record.model_copy(update={"run_id": "run_b"}), steps_path=runs.sources[0].steps_path)
     several = analyse(request.model_copy(update={"runs": (*runs.sources, other)}), silent)
