@@ -233,7 +233,7 @@ def _covered(coverage: Coverage) -> str:
 
 
 _EVIDENT = re.compile(r"\w+=\d+|.+, [A-Z]{3}|ego [\d.]+ m/s .*")
-"""Evidence that a scenario's id and summary show: counts of road users, country and place, the ego's speed."""
+"""Evidence that a scenario's id and summary already show: counts of road users, country and place, the ego's speed."""
 
 
 def _line(scenario: FoundScenario, requested: Collection[str]) -> str:

@@ -392,14 +392,14 @@ class RunRow(Model):
     triggers: tuple[TriggerOutcome, ...] = Field(
         (),
         exclude_if=lambda triggers: not triggers,
-        description="triggers of prescribed motions in reactive traffic, and whether they held",
+        description="triggers of prescribed motions in reactive traffic, and whether they fired",
     )
 
 
 class TimelineStep(Model):
     """One time step of a run: the ego's motion, its largest cost term, and the gap to the other.
 
-    ``gap_m`` lies between the rectangles of the ego and of the obstacle: the one hit, or else the nearest.
+    ``gap_m`` is measured between the rectangles of the ego and of the obstacle: the one hit, or else the nearest.
     """
 
     time_s: float = Field(description="time of the scenario")

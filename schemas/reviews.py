@@ -333,7 +333,7 @@ class Contact(Model):
 
     @property
     def is_unpreventable(self) -> bool:
-        """Return whether no reference driver prevents it and the ego did not make it."""
+        """Return whether no reference driver prevents it and the ego did not cause it."""
         return self.prevention is not None and not self.prevention.possible and self.laid_to != "ego"
 
     @property

@@ -251,7 +251,7 @@ class RunRecord(Model):
     step_s: float = Field(ge=0.001, le=10)
     outcome: Outcome
     reason: str = Field(description="one sentence on what ended the run, with figures")
-    invalid_reason: InvalidReason | None = Field(None, description="stable code, only where the outcome is invalid")
+    invalid_reason: InvalidReason | None = Field(None, description="stable code, only if the outcome is invalid")
     collision: CollisionRecord | None
     off_the_lanes: tuple[int, ...] = Field(
         (), description="lane prediction: obstacles off the lanes, predicted straight ahead"
@@ -268,7 +268,7 @@ class RunRecord(Model):
     rejected_candidates: dict[str, int] = Field(description="constraint → candidates it rejected, over the whole run")
     metrics: RunMetrics | None
     success_rule: SuccessRule = Field("driven@1", description="the rule by which it was judged")
-    refusal: Refusal | None = Field(None, description="stable code, only where the outcome is goal_refused")
+    refusal: Refusal | None = Field(None, description="stable code, only if the outcome is goal_refused")
     beyond_vehicle: tuple[LimitExcess, ...] | None = Field(
         None, description="limits of the vehicle that the driven motion exceeds; null: an older version made the run"
     )

@@ -137,7 +137,7 @@ LEAST_FRICTION, MOST_FRICTION = 0.05, 1.0
 Handbook, "Coefficients of static friction for pneumatic tires on various surfaces": tyres on 2 mm of water at 90 km/h,
 and worn tyres on a dry road at 50 km/h."""
 ROAD_FRICTIONS: Final[dict[str, float]] = {"dry": 0.85, "wet": 0.65, "heavy_rain": 0.55, "snow": 0.2, "ice": 0.1}
-"""Coefficients of friction of roads: those of new tyres at 50 km/h in the same table (0.2 mm of water are wet, 1 mm is
+"""Coefficients of friction of roads: new tyres at 50 km/h in the same table (0.2 mm of water is wet, 1 mm is
 heavy rain); snow is the least of R. K. Noon, "Engineering Analysis of Vehicular Accidents" (1994): 0.20 to 0.25."""
 WEATHER_ROADS: Final[dict[str, str]] = {"light_rain": "wet", "heavy_rain": "heavy_rain", "snow": "snow"}
 """The state of roads in a weather, with CommonRoad's word. Fog changes no road, and no figure is known for hail."""

@@ -72,7 +72,7 @@ class ToolSpec:
         return replace(self, making=(), refused=self.making, unlisted=(*self.unlisted, *self.making))
 
     def load_function(self) -> Callable[[Arguments, Any], Awaitable[Any]]:
-        """Return the function, imported now."""
+        """Import the function and return it."""
         module = importlib.import_module(f"plannerforge.tools.{self.module}")
         function: Callable[[Arguments, Any], Awaitable[Any]] = getattr(module, self.name)
         return function

@@ -236,7 +236,7 @@ async def map_of_scenario(context: WorkflowContext, word: str) -> str | None:
 
 
 def known_country(text: str | None) -> str | None:
-    """Return the ISO alpha-3 code of a country's code or name.
+    """Return the ISO alpha-3 code for a country's code or name.
 
     Raises:
         InvalidRequest: there is no such country.

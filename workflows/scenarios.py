@@ -48,7 +48,7 @@ class _Choice:
 
 
 async def describe_scenario(arguments: DescribeScenarioArguments, context: WorkflowContext) -> DescribeScenarioResult:
-    """Return a scenario in words and ids."""
+    """Describe a scenario in words and ids."""
     open_catalogue(context.workspace, with_starter=context.services.with_starter)
     artifact, problem_id = one_scenario(arguments.scenario_id, context)
     record = artifact.read(ScenarioRecord)

@@ -241,8 +241,8 @@ async def assign_sites(spec: GenerationSpec, context: WorkflowContext, matches: 
         raise refusals[0]
     planned = share_sites(matches, counts, spec.count)
     taken = {site.match.entry.facts.map_id for site in planned}
-    held = [match for match, count in zip(matches, counts, strict=True) if count]
-    spare = [match for match in held if match.entry.facts.map_id not in taken]
+    with_sites = [match for match, count in zip(matches, counts, strict=True) if count]
+    spare = [match for match in with_sites if match.entry.facts.map_id not in taken]
     return SiteAssignment(planned, tuple(spare[:_MOST_SPARE_MAPS]))
 
 
