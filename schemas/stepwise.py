@@ -177,9 +177,9 @@ class SignalMessage(Model):
     """A traffic light on the route ahead at this step."""
 
     id: int
-    lanelet: int = Field(description="lanelet of the route at the end of which it is")
+    lanelet: int = Field(description="route lanelet with the light at its end")
     state: str = Field(description="red, redYellow, yellow, green or inactive, as CommonRoad writes it")
-    ahead_m: float = Field(description="along the route from the ego's centre to the end of that lanelet")
+    ahead_m: float = Field(description="distance along the route from the ego's centre to the end of that lanelet")
 
 
 class RouteMessage(Model):
