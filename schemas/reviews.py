@@ -277,7 +277,7 @@ It stood or braked without a reason, cut in, was on an oncoming lane, ran a red 
 
 
 class EgoFault(Model):
-    """What the ego did that led to a collision, and when; ``moment`` is the stand or braking, if there was one."""
+    """What the ego did that led to a collision, and when; ``moment`` is the stop or braking, if there was one."""
 
     code: OwnFault = Field(description="stable code of what the ego did")
     time_s: float = Field(description="when it did it")

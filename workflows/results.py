@@ -192,7 +192,7 @@ _SHORT = 7
 
 
 def with_versions(records: Iterable[RunRecord]) -> list[RunRecord]:
-    """Return the records; for a planner with several versions, with the version in name and configuration id.
+    """Return the records, with the version in name and configuration id if a planner has several versions.
 
     ``mylane:Default`` with ``cfg_1`` becomes ``mylane:Default v2 (d4e5f6a)`` with ``cfg_1@d4e5f6a``. Grouping by
     configuration then separates the versions, and every printed name shows its version.

@@ -177,7 +177,7 @@ class _Search:
         return await self._ended()
 
     def _wanted(self) -> int:
-        """Return how many more candidates to try, including the reserve for reverting until one is better."""
+        """Return how many more candidates to try, including the reserve for reverting while no candidate is better."""
         wanted = self.candidates - len(self.trials)
         return max(wanted, self.left - _LOOK) if self.best().number == 0 else wanted
 
