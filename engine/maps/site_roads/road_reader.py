@@ -197,7 +197,9 @@ class RoadReader:
     def _limit_note(self, source: str, limits: Mapping[tuple[float, str], Sequence[str]]) -> str:
         parts = [f"{kmh:g} km/h {kind} ({in_words(names)})" for (kmh, kind), names in sorted(limits.items())]
         if source == "driven":
-            return f"slip roads, drives and tracks without a signed speed limit have their usual speed: {'; '.join(parts)}"
+            return (
+                f"slip roads, drives and tracks without a signed speed limit have their usual speed: {'; '.join(parts)}"
+            )
         law = f"the legal default of {self._where.name}"
         if source == "usual":
             law = "the median of all countries' legal defaults, because that of the country is not known"
