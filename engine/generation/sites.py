@@ -23,6 +23,7 @@ from ..execution import ProgressReporter
 from ..geometry import Points
 from ..maps import (
     ALL_ROADS,
+    EXPRESSWAY_KMH,
     FAST_ROADS,
     LINKS,
     RAMP_LINKS,
@@ -194,6 +195,11 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
         where += f" in the part that was asked for ({south:.4f} to {north:.4f}° N, {west:.4f} to {east:.4f}° E)"
     wish = "site of any type" if wanted == "any" else f"{wanted} site"
     elsewhere = f"place={request.map_id} to look in the whole map" if request.bbox is not None else "another place"
+    if wanted == "highway" and not request.road_classes:
+        where += (
+            "; a highway is a motorway or, on a map without one, a trunk road that is signed as a motor road or is "
+            f"one-way with a limit of {EXPRESSWAY_KMH} km/h or more"
+        )
     next_step = f"choose one of these scenario types, or {elsewhere}" if held else f"choose {elsewhere}"
     if not held and len(request.streets) > 1 and not _meet(osm, request.streets):
         return _never_meet(finder, request)
@@ -260,12 +266,17 @@ def _nearest_outside(finder: SiteFinder, request: GenerationRequest) -> Site | N
 
 
 def _fitting(finder: SiteFinder, sites: list[Site], request: GenerationRequest) -> list[Site]:
-    """The sites that carry all the streets of a request and lie in its box."""
+    """The sites that carry all the streets of a request and lie in its box, the nearest to the box's middle first."""
     if request.streets:
         sites = [
             finder.narrowed(site, partial(_lies_on, request.streets)) for site in sites if _passes_by(site, request)
         ]
-    return [site for site in sites if _is_in_box(site, request)]
+    if request.bbox is None:
+        return sites
+    south, west, north, east = request.bbox
+    middle = (south + north) / 2, (west + east) / 2
+    inside = (site for site in sites if _is_in_box(site, request))
+    return sorted(inside, key=lambda site: ground_distance_m(middle, site.position))
 
 
 def _is_in_box(site: Site, request: GenerationRequest) -> bool:
