@@ -606,7 +606,7 @@ def _main_cost(result: AnalyzeResultsResult) -> list[str]:
 
 
 def _several_runs(result: AnalyzeResultsResult) -> Answer:
-    goal = "by configuration" if result.success is None else f"goal {result.success.in_words()}"
+    goal = "rates by configuration" if result.success is None else f"goal {result.success.in_words()}"
     if result.chosen_by_outcome:
         goal = f"selected by {' and '.join(result.chosen_by_outcome)}, so a goal rate would not describe the planner"
     head = f"{result.runs} runs ({result.valid_count} valid, {result.invalid_count} invalid): {goal}"
