@@ -677,7 +677,7 @@ def _failures(result: AnalyzeResultsResult) -> list[str]:
         shown = [f"{i.run_id} {i.scenario_id}: {i.reason}" for i in result.invalid[:_SHOWN_INVALID]]
         more = result.invalid_count - len(shown)
         rest = f"; {more} more: where=['outcome=invalid'], detail=rows" if more > 0 else ""
-        lines.append(f"Invalid, counted in no rate: {'; '.join(shown)}{rest}.")
+        lines.append(f"Invalid, not counted in rates: {'; '.join(shown)}{rest}.")
     return lines
 
 
@@ -784,8 +784,9 @@ def _rows(result: AnalyzeResultsResult) -> list[str]:
     if result.detail != "rows":
         return []
     lines = [
-        f"- {row.run_id} {row.scenario_id} {row.config_name}: {ending(row.outcome, row.reason, contact=row.contact)}; "
-        f"{figure(row.duration_s)} s, gap {measured(row.minimum_distance_m)} m"
+        f"- {row.run_id} {row.scenario_id} {row.config_name}: {ending(row.outcome, row.reason, contact=row.contact)}"
+        f"{'' if row.duration_s is None else f'; {figure(row.duration_s)} s'}"
+        f"{'' if row.minimum_distance_m is None else f', gap {measured(row.minimum_distance_m)} m'}"
         for row in result.rows
     ]
     more = (
