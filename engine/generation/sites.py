@@ -7,6 +7,7 @@ on the net, before traffic is made for it. Distances in m.
 
 import random
 from collections.abc import Callable, Mapping, Set
+from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
@@ -271,12 +272,33 @@ def _fitting(finder: SiteFinder, sites: list[Site], request: GenerationRequest) 
         sites = [
             finder.narrowed(site, partial(_lies_on, request.streets)) for site in sites if _passes_by(site, request)
         ]
+        sites = [_requested_first(site, request) for site in _ramps_of(finder, sites, request) or sites]
     if request.bbox is None:
         return sites
     south, west, north, east = request.bbox
     middle = (south + north) / 2, (west + east) / 2
     inside = (site for site in sites if _is_in_box(site, request))
     return sorted(inside, key=lambda site: ground_distance_m(middle, site.position))
+
+
+def _requested_first(site: Site, request: GenerationRequest) -> Site:
+    """Return the site with the requested streets ahead of the others that it is called after."""
+    requested = [name for name in site.streets if any(_carries((name,), names) for names in request.streets)]
+    return replace(site, streets=tuple(dict.fromkeys((*requested, *site.streets))))
+
+
+def _ramps_of(finder: SiteFinder, sites: list[Site], request: GenerationRequest) -> list[Site]:
+    """Return the ramps whose main road is one of the requested streets, without their other parts.
+
+    A ramp is also called after the roads that its links lead to, which may be a kilometre away.
+    """
+
+    def is_of_street(part: SitePart) -> bool:
+        main = finder.main_streets(part)
+        return any(_carries(main, names) for names in request.streets)
+
+    ramps = (site for site in sites if site.kind == "ramp" and any(map(is_of_street, site.parts)))
+    return [finder.narrowed(site, is_of_street) for site in ramps]
 
 
 def _is_in_box(site: Site, request: GenerationRequest) -> bool:

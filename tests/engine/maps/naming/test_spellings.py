@@ -105,10 +105,22 @@ def test_a_crossing_is_understood_as_people_write_it(words: str) -> None:
         "Długa con Krótka",
         "Długa com Krótka",
         "Długa esquina con Krótka",
+        "Długa esq. Krótka",
+        "cruce de Długa y Krótka",
+        "róg Długa z Krótka",
+        "Długa ile Krótka",
+        "hoek Długa met Krótka",
+        "incrocio tra Długa e Krótka",
     ],
 )
 def test_the_words_for_a_crossing_are_those_of_any_language(words: str) -> None:
     assert roads(a_map("Długa", "Krótka"), words) == [("Długa",), ("Krótka",)]
+
+
+@pytest.mark.parametrize("words", ["Długa Nowa Krótka", "stara Długa ile Krótka Nowa", "Długa ile Nowa"])
+def test_a_phrase_that_holds_another_name_is_no_crossing_of_two_roads(words: str) -> None:
+    with pytest.raises(UnknownName):
+        roads(a_map("Długa", "Krótka"), words)
 
 
 @pytest.mark.parametrize(
