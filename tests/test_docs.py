@@ -51,6 +51,25 @@ def test_links_of_pages_beside_the_docs_lead_somewhere(page: str) -> None:
         assert (CHECKOUT / target).exists(), target
 
 
+def test_paths_on_the_page_on_architecture_exist() -> None:
+    page = (CHECKOUT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    paths = re.findall(r"`([\w.]+/[\w./]+)`", page)
+    assert len(paths) > 70
+    assert [path for path in paths if not (CHECKOUT / path).exists()] == []
+
+
+@pytest.mark.parametrize("title", ["a metric stored with every run", "an edit"])
+def test_worked_examples_name_what_the_code_has(title: str) -> None:
+    page = (CHECKOUT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    section = re.split(r"\n##", page.split(f"### Example: {title}\n")[1])[0]
+    quoted = re.findall(r"`([^`]+)`", section)
+    folders = {(CHECKOUT / path).parent for path in quoted if path.endswith(".py") and "/" in path}
+    code = "".join(file.read_text(encoding="utf-8") for folder in folders for file in folder.glob("*.py"))
+    words = {word for text in quoted if not re.search(r"[/.]\w*$", text) for word in re.findall(r"[A-Za-z_]{4,}", text)}
+    assert len(words) > 5
+    assert words - set(re.findall(r"\w+", code)) <= {"stop_at"}
+
+
 def _rows(text: str) -> list[str]:
     """The rows of a table of figures, with a command in the last cell of each."""
     rows = [line for line in text.splitlines() if line.startswith("|")]
