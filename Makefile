@@ -22,7 +22,7 @@ help:
 	@echo "make test    set everything up and run the tests"
 	@echo "make coverage run the tests and fail where they reach less of the code than the figure in pyproject (developers)"
 	@echo "make check   lint, types and import directions (developers)"
-	@echo "make bench   measure what docs/measured.md states, one bench after the other; takes long (developers)"
+	@echo "make bench   measure what benchmarks/FIGURES.md states, one bench after the other; takes long (developers)"
 	@echo "make bench-same-bytes RECORD=after.json BEFORE=before.json"
 	@echo "             record digests of what a fixed list of requests makes; with BEFORE, name what differs (developers)"
 	@echo "make bench-loop  measure whether verdicts on planners can be relied on (developers)"
