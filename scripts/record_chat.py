@@ -24,11 +24,10 @@ SHOWN_WORKSPACE = "~/plannerforge"
 HEAD = """\
 # A chat
 
-`plannerforge chat` through five stages, as it stands in the terminal: generate, look, modify, run, compare. The
-program, the tools and their answers are real. The model is a script behind a loopback server that speaks Ollama's
-protocol, since no model with weights comes with the package: it makes the calls of a good model, one of them wrong at
-first, and repeats what the tools answered. `make chat-page` records it anew (`scripts/record_chat.py`). How to talk to
-a model of your own stands in [agent.md](agent.md).
+This page records `plannerforge chat` through five stages: generate, describe, modify, run, compare. The program, tools and answers
+are real. The model is a script behind a local server that speaks Ollama's protocol, because the package includes no model. It
+makes the calls of a good model, one of them wrong at first, and repeats the tools' answers. `make chat-page` records the page
+again (`scripts/record_chat.py`). [The agent](agent.md) explains how to use your own model.
 
 ```
 $ plannerforge chat --model ollama:big:70b
