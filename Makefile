@@ -12,7 +12,7 @@ RECORD ?= same-bytes.json
 MUTANTS ?=
 SEED ?= 1
 
-.PHONY: help notebook demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
+.PHONY: help notebook demo test coverage check lint types layers english bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-manoeuvres bench-edits bench-import-crashes bench-drivable bench-same-bytes \
 	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-osm-tags bench-places bench-analysis bench-tuning bench-serve bench-loop bench-database bench-peers \
 	dist requirements bundle starter house chat-page tutorial-page reference docs train-rbfn format clean
@@ -21,7 +21,7 @@ help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
 	@echo "make test    set everything up and run the tests"
 	@echo "make coverage run the tests and fail where they reach less of the code than the figure in pyproject (developers)"
-	@echo "make check   lint, types and import directions (developers)"
+	@echo "make check   lint, types, import directions and English (developers)"
 	@echo "make bench   measure what docs/measured.md states, one bench after the other; takes long (developers)"
 	@echo "make bench-same-bytes RECORD=after.json BEFORE=before.json"
 	@echo "             record digests of what a fixed list of requests makes; with BEFORE, name what differs (developers)"
@@ -68,7 +68,7 @@ coverage: $(DEV_STAMP)
 	@echo "==> Running the tests on $(WORKERS) processes and measuring which lines and branches they reach"
 	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal --cov --cov-branch --cov-report term $(TESTS)
 
-check: lint types layers
+check: lint types layers english
 
 lint: $(DEV_STAMP)
 	@echo "==> Lint"
@@ -82,6 +82,11 @@ types: $(DEV_STAMP)
 layers: $(DEV_STAMP)
 	@echo "==> Import directions"
 	@$(VENV)/bin/lint-imports
+
+english: $(DEV_STAMP)
+	@echo "==> English"
+	@$(VENV)/bin/codespell README.md CONTRIBUTING.md docs agent cli engine evals library prompts resources schemas server tools workflows scripts
+	@$(PYTHON) scripts/check_english.py
 
 bench: bench-server bench-planners bench-faults bench-reactive bench-responsibility bench-weights bench-modification bench-generation \
 	bench-selection bench-drivable bench-import-crashes bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning bench-serve bench-loop
