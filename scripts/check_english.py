@@ -44,13 +44,23 @@ _ABBREVIATION = re.compile(r"\b(?:e\.g|i\.e|etc|cf|vs|et al|Fig|Sec|No)\.(?= )")
 
 @dataclass(frozen=True)
 class Text:
-    """Some prose with its place; ``opens_function`` if it is the docstring of a function."""
+    """Some prose with its place.
+
+    Args:
+        file: relative to the checkout.
+        line: where it begins, from 1.
+        words: the text on one line, as :func:`plain` returns it.
+        opens_function: whether it begins the docstring of a function.
+        is_prose: whether its sentences are checked for their length.
+        is_cell: whether it is a cell of a table, where semicolons separate the entries of a list.
+    """
 
     file: str
     line: int
     words: str
     opens_function: bool = False
     is_prose: bool = True
+    is_cell: bool = False
 
 
 @dataclass(frozen=True)
@@ -103,7 +113,9 @@ def texts_of_page(name: str, page: str, recorded_after: Iterable[str] = ()) -> I
     for cut in [*_PART.finditer(page), None]:
         part = page[start : cut.start() if cut else len(page)]
         if words := plain(part):
-            yield Text(name, page.count("\n", 0, start + len(part) - len(part.lstrip())) + 1, words)
+            begin = start + len(part) - len(part.lstrip())
+            is_cell = page.startswith("|", page.rfind("\n", 0, begin) + 1)
+            yield Text(name, page.count("\n", 0, begin) + 1, words, is_cell=is_cell)
         start = cut.end() if cut else start
 
 
@@ -144,9 +156,10 @@ def plain(text: str) -> str:
     return " ".join(re.sub(r"^[\s>#*+-]+|^\d+\. ", "", text.strip()).split()).strip("| ")
 
 
-def sentences(text: str) -> list[str]:
-    """Return the sentences of a text."""
-    return _END.split(_ABBREVIATION.sub(lambda found: found[0].replace(".", ""), text))
+def sentences(text: Text) -> list[str]:
+    """Return the sentences of a text, or of a cell the parts between semicolons."""
+    whole = _END.split(_ABBREVIATION.sub(lambda found: found[0].replace(".", ""), text.words))
+    return [part for one in whole for part in one.split("; ")] if text.is_cell else whole
 
 
 def length(sentence: str) -> int:
@@ -169,7 +182,7 @@ def faults_of(texts: Iterable[Text], rules: Rules) -> list[Fault]:
         if text.is_prose:
             faults += [
                 Fault(text.file, text.line, f"{length(one)} words", f"{one[:60]}…", "two sentences")
-                for one in sentences(text.words)
+                for one in sentences(text)
                 if length(one) > rules.longest_sentence
             ]
     for rule, places in found.items():

@@ -50,6 +50,8 @@ def test_a_sentence_is_counted_within_its_cell_item_or_paragraph(english: Module
         rules_broken(english, f"{five}. {five}.\n\n| {five} | {five} |\n\n- {five}\n- {five}", longest_sentence=5) == []
     )
     assert rules_broken(english, f"{five}\nsix.", longest_sentence=5) == ["6 words"]
+    assert rules_broken(english, f"| {five}; {five} |", longest_sentence=5) == []
+    assert rules_broken(english, f"{five}; {five}", longest_sentence=5) == ["10 words"]
     assert rules_broken(english, "See e.g. Two three four five.", longest_sentence=5) == ["6 words"]
 
 
