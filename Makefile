@@ -22,7 +22,7 @@ help:
 	@echo "make test    set everything up and run the tests"
 	@echo "make coverage run the tests with coverage; fail below the limit in pyproject.toml (developers)"
 	@echo "make check   lint, types, import directions and English (developers)"
-	@echo "make bench   measure the figures in docs/measured.md; takes long (developers)"
+	@echo "make bench   measure the figures in benchmarks/FIGURES.md; takes long (developers)"
 	@echo "make bench-same-bytes RECORD=after.json BEFORE=before.json"
 	@echo "             record digests of the results of fixed requests; with BEFORE, list the differences (developers)"
 	@echo "make bench-loop  measure how reliable verdicts on planners are (developers)"

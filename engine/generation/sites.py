@@ -23,6 +23,7 @@ from ..execution import ProgressReporter
 from ..geometry import Points
 from ..maps import (
     ALL_ROADS,
+    EXPRESSWAY_KMH,
     FAST_ROADS,
     LINKS,
     RAMP_LINKS,
@@ -194,6 +195,11 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
         where += f" in the part that was asked for ({south:.4f} to {north:.4f}° N, {west:.4f} to {east:.4f}° E)"
     wish = "site of any type" if wanted == "any" else f"{wanted} site"
     elsewhere = f"place={request.map_id} to look in the whole map" if request.bbox is not None else "another place"
+    if wanted == "highway" and not request.road_classes:
+        where += (
+            "; a highway is a motorway or, on a map without one, a trunk road that is signed as a motor road or is "
+            f"one-way with a limit of {EXPRESSWAY_KMH} km/h or more"
+        )
     next_step = f"choose one of these scenario types, or {elsewhere}" if held else f"choose {elsewhere}"
     if not held and len(request.streets) > 1 and not _meet(osm, request.streets):
         return _never_meet(finder, request)

@@ -1070,7 +1070,11 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
     """
     index = _road_index((*facts.streets, *facts.refs), facts.road_names)
     keys = road_keys(part)
-    same = {name for key in keys for name in (*index.by_key.get(key, ()), *index.by_whole.get(key, ()))}
+    called = {name for key in keys for name in index.by_key.get(key, ())}
+    if any(fold(name) == fold(part) for name in called):
+        # ``6. Sokak`` shares a reading with ``6. Cadde``, and is another road if the map has both.
+        called = {name for name in called if _is_spelling(part, name)}
+    same = called.union(name for key in keys for name in index.by_whole.get(key, ()))
     if not same and (number := route_number(part)) is not None:
         same = {name for name in facts.refs if name.split()[-1:] == [number] or re.fullmatch(rf"[A-Z]+{number}", name)}
     if not same and not whole:
@@ -1082,6 +1086,11 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
             if enough and any(words <= held for words in asked for held in _held(spellings))
         }
     return tuple(sorted(same, key=index.order.__getitem__))
+
+
+def _is_spelling(typed: str, name: str) -> bool:
+    """Return True if a name is the typed one, shortens it, or is shortened by it."""
+    return fold(name) == fold(typed) or is_abbreviated(typed, name) or is_abbreviated(name, typed)
 
 
 def _roads_after(part: str, facts: MapFacts) -> tuple[str, ...]:

@@ -72,6 +72,11 @@ def test_other_roads_are_not_mistaken(one: str, other: str) -> None:
     assert not same_street(one, other)
 
 
+def test_an_exact_name_is_not_a_road_of_another_kind_and_stays_its_abbreviation() -> None:
+    assert roads(a_map("6. Cadde", "6. Sokak"), "6. Cadde") == [("6. Cadde",)]
+    assert roads(a_map("Main Street", "Main St"), "Main Street") == [("Main Street", "Main St")]
+
+
 def test_a_road_means_its_numbered_sections_and_a_section_itself() -> None:
     entry = a_map("中山北一路", "中山北二路", "四平路")
     assert roads(entry, "中山北路") == [("中山北一路", "中山北二路")]
