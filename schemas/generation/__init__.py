@@ -64,7 +64,7 @@ class PlaceArea(Model):
     radius_m: float
 
 
-MAP_FACTS_VERSION = 4
+MAP_FACTS_VERSION = 5
 """The version of map facts. Raise it if more is read of a map, or if sites are counted differently: workspaces then
 read their maps again."""
 
