@@ -75,7 +75,7 @@ def test_a_site_is_cut_out_wider_for_more_vehicles_than_its_roads_hold(tmp_path:
     assert lane_km_of(wider.net) > 1.3 * lane_km_of(usual.net)
     assert wider.notes == (
         *usual.notes,
-        f"cut out {wider.radius_m:.0f} m around the site, not 200 m, to have road for 91 vehicles",
+        f"cut out {wider.radius_m:.0f} m around the site, not 200 m, to make room for 91 vehicles",
     )
 
 
@@ -92,7 +92,7 @@ def test_a_site_stays_as_wide_as_usual_where_a_wider_one_is_refused(
     monkeypatch.setattr(site_network, "build_network", refuses_wide)
     site = crowded_site(tmp_path)
     assert site.radius_m == RADIUS_M["intersection"]
-    assert site.notes[-1] == "a wider cut for so many vehicles is refused: too many nodes"
+    assert site.notes[-1].endswith(": too many nodes")
 
 
 def test_a_wider_site_that_breaks_a_rule_gives_way_to_the_usual_one(
@@ -108,7 +108,7 @@ def test_a_wider_site_that_breaks_a_rule_gives_way_to_the_usual_one(
     monkeypatch.setattr(site_network, "judged", refuses_wide)
     site = crowded_site(tmp_path)
     assert site.radius_m == RADIUS_M["intersection"]
-    assert site.notes[-1] == "a wider cut for so many vehicles is refused: the road network is wrong"
+    assert site.notes[-1].endswith(": the road network is wrong")
 
 
 def _empty(folder: Path) -> Path:
@@ -184,7 +184,7 @@ def test_lost_sites_take_none_of_the_tries_and_are_named(tmp_path: Path, monkeyp
     monkeypatch.setattr(generator, "prepare_site", prepared)
     request = request_for_fahrhausen().model_copy(update={"folder": str(tmp_path), "duration_s": 6.0})
     made = generator.generate_scenario(request, silent)
-    note = next(note for note in made.notes if note.startswith("passed over"))
+    note = next(note for note in made.notes if note.startswith("skipped: "))
     assert f"{generator.MOST_SITES + 1} site(s) lost when the road network is built: intersection at" in note
     assert note.endswith(f"{generator.MOST_SITES + 1 - generator.SHOWN_LOST} more")
 

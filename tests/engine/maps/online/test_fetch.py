@@ -107,7 +107,7 @@ def test_a_road_that_only_the_map_knows_is_found_in_its_town(
 
 def test_what_is_not_there_is_refused_with_what_is(extracts: list[Extract], tmp_path: Path) -> None:
     with MapServers(extracts, ()).running() as servers:
-        with pytest.raises(NotPossible, match="holds no signalised_intersection site") as caught:
+        with pytest.raises(NotPossible, match="no signalised_intersection site") as caught:
             fetched(servers, tmp_path, extracts[0].box, "signalised_intersection")
         assert caught.value.reason == "no_such_site"
         assert "roundabout" in caught.value.valid
