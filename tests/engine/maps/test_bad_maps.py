@@ -34,8 +34,8 @@ def read(folder: Path, text: str | bytes | Iterable[str]) -> MapFacts:
     ("content", "complaint"),
     [
         ("", "not well-formed"),
-        ("<osm/>", "holds no road for vehicles"),
-        (f"<osm>{NODES}</osm>", "holds no road for vehicles"),
+        ("<osm/>", "has no road for vehicles"),
+        (f"<osm>{NODES}</osm>", "has no road for vehicles"),
         (f"<osm>{NODES}{way('footway')}{way('path', 2)}</osm>", "no road for vehicles, only footway, path"),
         ((LIBRARY / "neuland.osm").read_bytes()[:20_000], "not well-formed"),
         ("<!DOCTYPE osm SYSTEM 'http://127.0.0.1/x.dtd'><osm/>", "declares a document type"),

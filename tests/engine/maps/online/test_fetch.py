@@ -76,7 +76,7 @@ def test_of_a_large_place_the_surroundings_of_a_site_are_fetched(
     south, _, north, _ = extracts[town].box
     assert south - 0.01 <= (only.core[0] + only.core[2]) / 2 <= north + 0.01
     assert only.facts.sites[kind] > 0
-    assert "too large to be fetched whole" in result.notes[0]
+    assert "too large to fetch whole" in result.notes[0]
 
 
 def test_many_scenarios_have_several_maps_whose_cores_do_not_overlap(
@@ -101,7 +101,7 @@ def test_a_road_that_only_the_map_knows_is_found_in_its_town(
         (only,) = fetched(servers, tmp_path, region, "any", roads=(("L17",),)).maps
         south, _, north, _ = extracts[2].box
         assert south <= (only.core[0] + only.core[2]) / 2 <= north
-        with pytest.raises(UnknownName, match="holds no such road in “Somewhere”"):
+        with pytest.raises(UnknownName, match="has no such road in “Somewhere”"):
             fetched(servers, tmp_path, region, "any", roads=(("Elm Street",),))
 
 
