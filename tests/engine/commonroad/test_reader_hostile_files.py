@@ -30,7 +30,7 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "deep nesting": (HEAD + "<commonRoad>" + "<a>" * 5000 + "</a>" * 5000 + "</commonRoad>", "deeper"),
     "truncated": (GOOD[: len(GOOD) // 2], "well-formed"),
     "empty": ("", "well-formed"),
-    "another root": (HEAD + "<osm/>", "no CommonRoad file"),
+    "another root": (HEAD + "<osm/>", "not CommonRoad"),
     "unknown encoding": (GOOD.replace("UTF-8", "UTF-42"), "well-formed"),
     "not in its encoding": (GOOD.replace("nobody", "M\xf6lln").encode("latin-1"), "well-formed"),
     "UTF-16 declared as UTF-8": (GOOD.encode("utf-16"), "well-formed"),
