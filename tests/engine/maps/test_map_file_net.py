@@ -65,7 +65,7 @@ def test_a_network_of_osm_data_names_openstreetmap_and_another_does_not(tmp_path
     ("content", "complaint"),
     [
         ("", "not well-formed"),
-        ("<osm/>", "no SUMO net"),
+        ("<osm/>", "not a SUMO net"),
         ("<!DOCTYPE net SYSTEM 'x.dtd'><net/>", "declares a document type"),
         ("<net/>", "has no georeference"),
         (f"<net>{LOCATION}</net>", "has no road for vehicles"),
