@@ -15,17 +15,17 @@ from .connection import ServerSession
 
 
 class ModelAgent:
-    """An ``EvaluatedAgent`` over a chat model; conversations go on over their turns."""
+    """An ``EvaluatedAgent`` over a chat model; conversations continue over their turns."""
 
     def __init__(self, name: str, settings: AgentSettings, condition: Condition) -> None:
         self.name = name
         self._settings, self._condition = settings, condition
 
     async def attempt(self, request: EvalRequest, tools: ToolSession) -> Attempt:
-        """Let the model carry out the request; see ``EvaluatedAgent``.
+        """Let the model handle the request; see ``EvaluatedAgent``.
 
         Raises:
-            ModelFailure: the model's server is gone, so that nothing can be said of the model.
+            ModelFailure: the model's server is gone, so that the attempt would not measure the model.
         """
         source = _Recording(tools)
         await _put_in_force(request, tools)
@@ -38,7 +38,7 @@ class ModelAgent:
 
     @asynccontextmanager
     async def _opened(self) -> AsyncIterator[ChatModel]:
-        """The model, whose server is there."""
+        """Open the model after checking that its server is available."""
         model = open_model(self.name, self._settings.for_model())
         try:
             await model.facts()
@@ -64,10 +64,10 @@ class ModelAgent:
 
 
 def model_agent(name: str, condition: Condition, seed: int) -> ModelAgent:
-    """The agent of ``ollama:MODEL`` or ``openai:MODEL@URL``, with the settings of ``PLANNERFORGE_AGENT_…``.
+    """Return the agent of ``ollama:MODEL`` or ``openai:MODEL@URL``, with the settings of ``PLANNERFORGE_AGENT_…``.
 
     Raises:
-        SettingsFault: the name has neither form, or the package that it needs is missing.
+        SettingsFault: the name has neither form, or its package is missing.
     """
     settings = AgentSettings(seed=seed)
     open_model(name, settings.for_model())
@@ -101,7 +101,7 @@ class _Recording(ToolSource):
 
 
 async def _put_in_force(request: EvalRequest, tools: ToolSession) -> None:
-    """Make the configuration current that a tuning request starts from; no call of the agent's."""
+    """Set the configuration from which a tuning request starts; this is not a call of the agent."""
     context = request.context
     if "planner" not in context:
         return
@@ -111,7 +111,7 @@ async def _put_in_force(request: EvalRequest, tools: ToolSession) -> None:
 
 
 def _said(request: EvalRequest) -> list[str]:
-    """What the user says, with the scenario that a request is about."""
+    """Return the user's messages, with the scenario of the request."""
     if request.turns:
         return [turn.text for turn in request.turns]
     about = (request.scenario or "").removesuffix(".xml")
