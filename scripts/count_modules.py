@@ -1,13 +1,13 @@
 """Counts the modules that a generation's request passes, and its returns: ``python scripts/count_modules.py``.
 
-A module is *passed* if a function of it is handed the request: the arguments of the tool, the ``GenerationSpec`` that
-is read from them, or the ``GenerationRequest`` of a scenario. A *return* is such a call from another module into one
-that was passed before; the same call of the same function counts once, because a loop is read once. Both sides count
-together: the server's, and the worker's, which runs here in the same process. What carries the request and does not
-look into it (``workflows/context.py``) does not count, and neither do ``schemas/``, where the request is defined.
+A module is *passed* if one of its functions receives the request: the arguments of the tool, the ``GenerationSpec``
+read from them, or the ``GenerationRequest`` of a scenario. A *return* is such a call from another module into one that
+was passed before; the same call of the same function counts once, because a loop is read once. Both sides count
+together: the server's, and the worker's, which runs here in the same process. Modules that carry the request without
+looking into it (``workflows/context.py``) do not count, and neither do ``schemas/``, which define the request.
 
-``--all`` counts every call between modules of ``tools/``, ``workflows/`` and ``engine/generation/`` instead, whatever
-is handed on. The last line is one JSON object.
+``--all`` counts every call between modules of ``tools/``, ``workflows/`` and ``engine/generation/`` instead, regardless
+of the arguments. The last line is one JSON object.
 """
 
 import argparse
@@ -32,7 +32,7 @@ from plannerforge.workflows.context import Services
 
 PROJECT = Path(plannerforge.__file__).resolve().parent
 USUAL = {"place": "Musterstadt", "vehicles": ["truck=1"], "duration_s": 5, "seed": 3}
-"""The request that is counted unless another is named: on a map of the package."""
+"""The default request: on a map of the package."""
 REQUEST = GenerateScenariosArguments | GenerationSpec | GenerationRequest
 CARRIERS = ("workflows/context.py",)
 OWN = ("tools/", "workflows/", "engine/generation/")
@@ -41,9 +41,9 @@ _SUSPENDED = CO_COROUTINE | CO_GENERATOR | CO_ASYNC_GENERATOR
 
 @dataclass
 class Way:
-    """The calls from one module into another, in their order; each as (from module, function, into module, function).
+    """The calls from one module into another, in order; each as (from module, function, into module, function).
 
-    ``all_calls``: count every call in ``OWN``, and not only those that are handed the request.
+    ``all_calls``: count every call in ``OWN``, not only those that receive the request.
     """
 
     all_calls: bool = False
@@ -52,13 +52,13 @@ class Way:
     _begun: dict[int, FrameType] = field(default_factory=dict)
 
     def __call__(self, frame: FrameType, event: str, argument: object) -> None:
-        """Note a call; a profile function of the interpreter."""
+        """Record a call; a profile function of the interpreter."""
         del argument
         code = frame.f_code
         module = self._module(code)
         if event != "call" or not module or not self._counts(frame, module):
             return
-        if code.co_flags & _SUSPENDED:  # it is entered once, and only resumed later
+        if code.co_flags & _SUSPENDED:  # it is entered once, and later only resumed
             if id(frame) in self._begun:
                 return
             self._begun[id(frame)] = frame  # kept, or another frame could get its id
@@ -79,7 +79,7 @@ class Way:
 
     def _counts(self, frame: FrameType, module: str) -> bool:
         code = frame.f_code
-        if module in CARRIERS or not code.co_flags & CO_NEWLOCALS:  # no function: a class or a module is being made
+        if module in CARRIERS or not code.co_flags & CO_NEWLOCALS:  # a class or module is being created
             return False
         if self.all_calls:
             return module.startswith(OWN)
@@ -99,7 +99,7 @@ class Way:
 
 
 class _InProcess:
-    """An executor that carries operations out here, so that the worker's side is counted too."""
+    """An executor that runs operations here, so that the worker's side counts too."""
 
     capacity = 1
     notice = ""
@@ -111,10 +111,10 @@ class _InProcess:
 
 
 def count(arguments: GenerateScenariosArguments, folder: Path, *, all_calls: bool = False) -> dict[str, Any]:
-    """Make the scenarios of a call in a workspace of the folder, and count the way of its request.
+    """Make the scenarios of a call in a workspace of the folder, and count the modules that its request passes.
 
     Returns:
-        ``modules``, ``returns``, and ``entered``: by module, how often it was entered.
+        ``modules``, ``returns``, and ``entered``: how often each module was entered.
     """
     way, unused, workspace = Way(all_calls), cast("Any", None), Workspace(folder)
     services = Services(

@@ -1,8 +1,8 @@
 """Draws ``docs/house.svg``, the map of the packages, from the code: ``make house``.
 
-A box is a package with the first sentence of its docstring; a row is a layer of ``pyproject.toml``. An arrow leads to a
-package that is imported. Arrows that others imply are left out (transitive reduction), so that the picture stays
-readable; whatever is below may be imported.
+A box is a package with the first sentence of its docstring; a row is a layer of ``pyproject.toml``. An arrow leads to
+an imported package. Implied arrows are left out (transitive reduction), so that the picture stays readable; a package
+may import everything below it.
 """
 
 import ast
@@ -19,11 +19,11 @@ from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 CHECKOUT = Path(__file__).resolve().parent.parent
 WIDTH, BOX_WIDTH, BOX_HEIGHT, ROW_HEIGHT = 15.0, 3.3, 0.86, 1.32
 COLOURS = {"schemas": "#f0e442", "engine": "#cfe8f5", "other": "#f5d9c3"}
-"""Light tints of Okabe and Ito's yellow, sky blue and vermilion: told apart with any colour vision."""
+"""Light tints of Okabe and Ito's yellow, sky blue and vermilion: distinguishable with any colour vision."""
 
 
 def rows() -> list[list[str]]:
-    """The packages by layer, the highest first; those of the engine as ``engine.<name>``."""
+    """Return the packages by layer, the highest first; those of the engine as ``engine.<name>``."""
     settings = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))
     outer, inner = settings["tool"]["importlinter"]["contracts"][:2]
     layers: list[list[str]] = []
@@ -37,7 +37,7 @@ def rows() -> list[list[str]]:
 
 
 def imports(packages: list[str]) -> nx.DiGraph:
-    """Which package imports which, without what other arrows imply."""
+    """Return which package imports which, without implied arrows."""
     graph = grimp.build_graph("plannerforge")
     found = nx.DiGraph()
     found.add_nodes_from(packages)
@@ -55,7 +55,7 @@ def _package_of(module: str, packages: list[str]) -> str:
 
 
 def purpose(package: str) -> str:
-    """The first sentence of a package's docstring."""
+    """Return the first sentence of a package's docstring."""
     path = CHECKOUT / package.replace(".", "/")
     file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
     text = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""

@@ -22,7 +22,9 @@ UNITS_PER_DEG = 250
 
 
 def main(source: Path) -> None:
-    """Write the table: for every country its ISO alpha-3 code (empty where none is agreed) and its areas' rings."""
+    """Write the table: for every country, its ISO alpha-3 code (empty if there is no agreed one) and its areas'
+    rings.
+    """
     topology = json.loads(source.read_bytes())
     scale, offset = topology["transform"]["scale"], topology["transform"]["translate"]
     arcs = [np.cumsum(np.array(arc), axis=0) * scale + offset for arc in topology["arcs"]]
@@ -54,7 +56,7 @@ def _ring(numbers: list[int], arcs: list[Any]) -> list[list[float]]:
 
 
 def _rings(area: Any) -> list[list[list[int]]]:
-    """Polygons of rings of steps (east, north) in units, the first from (0, 0).
+    """Return polygons of rings of steps (east, north) in units, the first from (0, 0).
 
     Rings that vanish on the grid are left out; a country that would vanish (Vatican City) becomes a box around it.
     """

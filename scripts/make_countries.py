@@ -1,15 +1,15 @@
-"""Make ``engine/maps/naming/country_names.json.gz``: what countries are called in all languages.
+"""Make ``engine/maps/naming/country_names.json.gz``: the names of countries in all languages.
 
     python scripts/make_countries.py NODE_MODULES WORDNET
 
-The names are those of Unicode's Common Locale Data Repository as Babel brings it (the version is written into the
-table). What Babel leaves out comes from ``NODE_MODULES``, which holds the packages ``cldr-localenames-full`` and
-``cldr-subdivisions-full`` of the same repository: short names and variants, and names of the parts of the United
-Kingdom that are called countries. Official names and their translations are those of Debian's iso-codes as
-pycountry brings them. ``WORDNET`` is the folder ``dict`` of WordNet 3: its synonyms of a country's English names.
+The names are those of Unicode's Common Locale Data Repository in Babel (the table states the version). Names that Babel
+omits come from ``NODE_MODULES`` with the packages ``cldr-localenames-full`` and ``cldr-subdivisions-full`` of the same
+repository: short names and variants, and names of the parts of the United Kingdom that are called countries. Official
+names and their translations are those of Debian's iso-codes in pycountry. ``WORDNET`` is the folder ``dict`` of WordNet
+3, for its synonyms of the countries' English names.
 
-A name that several countries have is that of the country that more languages call so; one that as many languages give
-to each is left out. WordNet counts only for names that nothing else has.
+A name of several countries belongs to the one for which more languages use it; with a tie, it is left out. WordNet
+counts only for names without another source.
 """
 
 import gettext
@@ -29,7 +29,7 @@ from plannerforge.engine.maps.naming.places import fold
 
 TARGET = Path(__file__).parent.parent / "engine" / "maps" / "naming" / "country_names.json.gz"
 SHORTEST = 3
-"""Letters of a name in ASCII: shorter ones are taken for codes. Short names of other languages have more."""
+"""Minimum letters of a name in ASCII: shorter ones count as codes. Short names of other languages have more."""
 PARTS = dict.fromkeys(("gbeng", "gbnir", "gbsct", "gbwls", "gbgbn"), "GBR")
 """The countries of the United Kingdom and Great Britain, by their codes of ISO 3166-2 in the CLDR."""
 _NOUN_OF_PLACE = 15

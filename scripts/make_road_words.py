@@ -1,13 +1,12 @@
-"""Make ``engine/maps/naming/road_words.json.gz``: how kinds of roads, directions and titles are abbreviated.
+"""Make ``engine/maps/naming/road_words.json.gz``: abbreviations of kinds of roads, directions and titles.
 
     python scripts/make_road_words.py LIBPOSTAL
 
-The input is a checkout of libpostal (MIT License), whose ``resources/dictionaries`` hold them in 60 languages. Of their
-lines the table keeps the words: a first one, and what is written for it; kinds of roads of several words (``state
-route``) as they are. Its ``resources/numex`` hold the numbers of 41
-languages, cardinal and ordinal, and Roman ones; the table keeps those up to 31, the most that dates in names have.
-Its ``resources/addresses`` say, by what they mean, how 36 languages write the cardinal directions and what stands
-between or before the two roads of a crossing.
+The input is a checkout of libpostal (MIT License); its ``resources/dictionaries`` have them in 60 languages. The table
+keeps the first word of each line and its spellings, and kinds of roads of several words (``state route``) unchanged.
+Its ``resources/numex`` have the numbers of 41 languages, cardinal and ordinal, and Roman ones; the table keeps those up
+to 31, the largest in dates in names. Its ``resources/addresses`` have the cardinal directions of 36 languages, and the
+words between or before the two roads of a crossing.
 """
 
 import gzip
@@ -24,12 +23,12 @@ from plannerforge.engine.maps.naming.places import latin
 
 TARGET = Path(__file__).parent.parent / "engine" / "maps" / "naming" / "road_words.json.gz"
 KINDS, OTHERS = ("street_types",), ("directionals", "personal_titles")
-"""The dictionaries of kinds of roads, and those of other words that are abbreviated in their names."""
+"""The dictionaries of kinds of roads, and those of other abbreviated words in their names."""
 LARGEST = 31
 
 
 def words_of(folder: Path, names: tuple[str, ...]) -> dict[str, list[str]]:
-    """Return, by the first word of a line in plain Latin letters, all that is written for it; both sorted."""
+    """Return all spellings for the first word of each line in plain Latin letters; both sorted."""
     found: dict[str, set[str]] = defaultdict(set)
     for path in sorted(path for name in names for path in folder.glob(f"*/{name}.txt") if path.parent.name != "all"):
         for line in path.read_text(encoding="utf-8").splitlines():
@@ -42,7 +41,7 @@ def words_of(folder: Path, names: tuple[str, ...]) -> dict[str, list[str]]:
 
 
 def long_kinds_of(folder: Path) -> dict[str, list[str]]:
-    """Return, by a kind of road of several words, all that is written for it, in plain Latin letters; both sorted."""
+    """Return all spellings for each kind of road of several words, in plain Latin letters; both sorted."""
     found: dict[str, set[str]] = defaultdict(set)
     for path in sorted(folder.glob("*/street_types.txt")):
         for line in path.read_text(encoding="utf-8").splitlines():
@@ -56,7 +55,7 @@ _RULE = re.compile(r'name: "(?P<name>[^"]+)"\s+value: (?P<value>\d+)')
 
 
 def numbers_of(folder: Path) -> dict[str, list[int]]:
-    """Return, by a number's word in plain Latin letters, the values that languages give it; both sorted."""
+    """Return the values in all languages of each number's word in plain Latin letters; both sorted."""
     found: dict[str, set[int]] = defaultdict(set)
     for path in sorted(folder.glob("*.yaml")):
         for rule in _RULE.finditer(path.read_text(encoding="utf-8")):
@@ -69,13 +68,13 @@ def numbers_of(folder: Path) -> dict[str, list[int]]:
 SUFFIXES = "concatenated_suffixes_separable"
 DIRECTIONS = ("north", "south", "east", "west")
 JOINING, CORNERS = ("and", "x", "i", "ve"), ("corner", "corner_of", "at_the_corner_of", "na_uglu", "na_rozi", "ugul_na")
-"""The entries of ``cross_streets`` that stand between two roads, and those that stand before both."""
+"""The entries of ``cross_streets`` for words between two roads, and for words before both."""
 _MEANS_AT = "a"
-"""Which Czech and Slovak have for "and", and which is "at" in Catalan, French, Italian and Portuguese."""
+"""The Czech and Slovak word for "and" that means "at" in Catalan, French, Italian and Portuguese."""
 
 
 def suffixes_of(folder: Path) -> dict[str, list[str]]:
-    """Return, by a kind of road that languages write as the end of a name, how it is written; both sorted."""
+    """Return the spellings of each kind of road that languages write as the end of a name; both sorted."""
     found: dict[str, set[str]] = defaultdict(set)
     for path in sorted(folder.glob(f"*/{SUFFIXES}.txt")):
         for line in path.read_text(encoding="utf-8").splitlines():
@@ -86,7 +85,7 @@ def suffixes_of(folder: Path) -> dict[str, list[str]]:
 
 
 def addresses_of(folder: Path, part: str) -> dict[str, Counter[str]]:
-    """Return, by the name of an entry of a part of the files on addresses, how many languages write it how."""
+    """Return, for each entry of a part of the files on addresses, how many languages use each spelling."""
     found: dict[str, Counter[str]] = defaultdict(Counter)
     for path in sorted(folder.glob("*.yaml")):
         told: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8")).get(part) or {}
@@ -97,9 +96,9 @@ def addresses_of(folder: Path, part: str) -> dict[str, Counter[str]]:
 
 
 def directions_of(folder: Path) -> dict[str, list[str]]:
-    """Return, by direction, its words in all languages; a word that two directions have means what most say.
+    """Return the words of each direction in all languages; a word of two directions has its most frequent meaning.
 
-    A word of three letters counts if several languages have it: the other ones are names and articles elsewhere.
+    A word of three letters counts only if several languages have it: the others are names and articles elsewhere.
     """
     counted: dict[str, Counter[str]] = defaultdict(Counter)
     for direction, words in addresses_of(folder, "cardinal_directions").items():
@@ -115,7 +114,7 @@ def directions_of(folder: Path) -> dict[str, list[str]]:
 
 
 def crossings_of(folder: Path, entries: tuple[str, ...]) -> list[str]:
-    """Return what languages write for some entries on crossings, sorted."""
+    """Return the words of languages for some entries on crossings, sorted."""
     told = addresses_of(folder, "cross_streets")
     return sorted({word for entry in entries for word in told[entry] if any(map(str.isalpha, word))} - {_MEANS_AT})
 

@@ -1,22 +1,21 @@
-"""Make ``engine/vehicles/vehicle_words.json.gz``: the words that languages have for the classes of road users.
+"""Make ``engine/vehicles/vehicle_words.json.gz``: the words of languages for the classes of road users.
 
     python scripts/make_vehicle_words.py CLDR_ANNOTATIONS WORDNET DICTIONARIES
 
 ``CLDR_ANNOTATIONS`` is the folder ``annotations`` of the package ``cldr-annotations-full`` of Unicode's Common Locale
-Data Repository (Unicode License), in which about 150 languages name the pictures of vehicles and give key words for
-them. ``WORDNET`` is the folder ``dict`` of WordNet 3 (WordNet License), whose nouns say in English what is a kind of
-what. ``DICTIONARIES`` is the folder of dictd in which Debian's packages ``dict-freedict-*-*`` put dictionaries; those
-that WikDict makes of Wiktionary (CC BY-SA 3.0) are read (``wikdict.py``). A word has the class that, in this order,
+Data Repository (Unicode License), with names and key words of vehicle pictures in about 150 languages. ``WORDNET`` is
+the folder ``dict`` of WordNet 3 (WordNet License), with the English hierarchy of nouns. ``DICTIONARIES`` is the dictd
+folder of Debian's packages ``dict-freedict-*-*``; those that WikDict makes from Wiktionary (CC BY-SA 3.0) are read
+(``wikdict.py``). The class of a word comes from the first source that has it:
 
-1. it has in WordNet, if it has one class there: as a synonym that stands for the class, or if what it means first is a
-   kind of one,
-2. the dictionaries of most languages give to its first two meanings, or to the words that it translates,
-3. most languages give to it as the name of a picture,
-4. most languages give to it as a key word of all pictures of one kind that no picture of anything else has.
+1. WordNet, if it gives one class: as a synonym of the class, or because the word's first meaning is a kind of one.
+2. The class that the dictionaries of most languages give to its first two meanings, or to the words that it translates.
+3. The class of the picture that most languages give this name.
+4. The class of the kind of pictures that alone have the word as a common key word in most languages.
 
-English texts are searched for these words too. So what WordNet has as an English word without a class, and English does
-not give one either, is left out (a bill is a car in Icelandic), and so is what holds no letter.
-Words stand in small letters, without accents, and as letters and digits alone.
+English texts are searched for these words too. An English word of WordNet without a class in WordNet or English is
+therefore left out (a bill is a car in Icelandic), and so is a word without letters. Words are stored in small letters
+without accents, as letters and digits only.
 """
 
 import gzip
@@ -43,12 +42,14 @@ PICTURES = {
     "pedestrian": ["🚶🚷", "🚷🚸"],
 }
 """The pictures of each class, those of one kind together; a sequence that begins or ends with one (a woman on a
-bicycle) is of its class too."""
+bicycle) has its class too.
+"""
 POLICE = "👮🚨"
 """Pictures of police, which share its word with the cars."""
 DELIVERY_TRUCK, ARTICULATED_LORRY, PICKUP = "🚚🚛🛻"
 """A word for both of the first two is a truck, and so is one for a pickup; one for the first alone is a delivery van.
-The name of the second is a trailer if the language has a word for both, and otherwise its word for trucks."""
+The name of the second is a trailer if the language has a word for both, and otherwise its word for trucks.
+"""
 _KINDS = [kind for kinds in PICTURES.values() for kind in kinds if len(kind) > 1] + [DELIVERY_TRUCK + ARTICULATED_LORRY]
 SYNSETS = {
     "car": ["car automobile"],
@@ -63,16 +64,17 @@ SYNSETS = {
     "bicycle": ["bicycle bike", "cyclist bicyclist"],
     "pedestrian": ["pedestrian footer"],
 }
-"""The synonyms of WordNet that stand for each class, by words that they hold, which have the class whatever else they
-mean. What is under several of them has the class of the nearest."""
+"""WordNet's synonyms for each class, identified by words that they contain; these words have the class regardless of
+other meanings. A word under several of them has the class of the nearest.
+"""
 COACH = "coach"
-"""A class that is no synonym of WordNet's and no picture; only its English name stands for it."""
+"""A class without a synonym in WordNet and without a picture; only its English name represents it."""
 _NOUN_OF_ARTEFACT, _NOUN_OF_PERSON = 6, 18
 """WordNet's files of nouns (lexnames(5WN)): only their words can be road users."""
 
 
 def words_of_wordnet(folder: Path) -> dict[str, str]:
-    """Return the class of each English word that has one class alone."""
+    """Return the class of each English word with a single class."""
     synsets: dict[str, tuple[list[str], list[str]]] = {}
     for line in (folder / "data.noun").read_text(encoding="utf-8").splitlines():
         fields = line.partition("|")[0].split()
@@ -115,13 +117,13 @@ def english_words(folder: Path) -> Iterator[str]:
 
 
 def _head(words: Sequence[str], synsets: Mapping[str, tuple[list[str], list[str]]]) -> str:
-    """Return the synonyms that hold the words; of several, which a van has, the ones with the most kinds."""
+    """Return the synonyms that contain the words; of several, as for van, those with the most kinds."""
     found = [offset for offset, (lemmas, _) in synsets.items() if set(words) <= set(lemmas)]
     return max(found, key=lambda offset: len(synsets[offset][1]))
 
 
 def words_of_cldr(folder: Path, languages: str) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the class of each word that names a picture, and of each key word, in languages by a pattern of codes."""
+    """Return the classes of picture names, and of key words, in the languages that match a pattern of codes."""
     names: dict[str, Counter[str]] = defaultdict(Counter)
     keywords: dict[str, Counter[str]] = defaultdict(Counter)
     told = [dict(_pictures(path)) for path in sorted(folder.glob(f"{languages}/annotations.json"))]
@@ -169,7 +171,7 @@ def _class_of(picture: str, truck: bool, articulated: bool) -> str:
 
 
 def words_of_wikdict(folder: Path, annotations: Path, english: Mapping[str, str]) -> dict[str, str]:
-    """Return the class of each word of dictionaries between languages, of which the CLDR has the pictures' words."""
+    """Return the class of each word of bilingual dictionaries, starting from the CLDR's words for pictures."""
     dictionaries = Dictionaries.read(folder)
     languages = {
         language: two_letters(language) for language, _ in dictionaries.meanings.keys() | dictionaries.translated

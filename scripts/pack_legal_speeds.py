@@ -1,11 +1,11 @@
-"""Make the table of legal speed limits out of the JSON that osm-legal-default-speeds makes of OpenStreetMap's wiki.
+"""Make the table of legal speed limits from the JSON that osm-legal-default-speeds generates from OpenStreetMap's wiki.
 
     python scripts/pack_legal_speeds.py legal_default_speeds.json
 
 The JSON is generated from https://wiki.openstreetmap.org/wiki/Default_speed_limits (content CC BY-SA 2.0) by the
-project https://github.com/westnordost/osm-legal-default-speeds, which publishes it. What is kept: the limits for all
-vehicles (``maxspeed``, and ``maxspeed:advisory`` where there is none), and the kinds of road that they need. The packed
-table carries its source, its date and its licence.
+project https://github.com/westnordost/osm-legal-default-speeds, which publishes it. The table keeps the limits for all
+vehicles (``maxspeed``, or ``maxspeed:advisory`` if there is none), and the required kinds of road. It contains its
+source, its date and its licence.
 """
 
 import argparse
@@ -17,8 +17,9 @@ from pathlib import Path
 TARGET = Path(__file__).parent.parent / "engine" / "maps" / "road_tags" / "legal_speeds.json.gz"
 KEPT = ("maxspeed", "maxspeed:advisory")
 CORRECTED = {"FI": {"100": "80"}}
-"""Limits of the table that the law has otherwise: Finland's Road Traffic Act (729/2018), section 100: 80 km/h outside
-built-up areas."""
+"""Corrections of limits that differ from the law: Finland's Road Traffic Act (729/2018), section 100: 80 km/h outside
+built-up areas.
+"""
 
 
 def packed(source: dict[str, dict[str, object]]) -> dict[str, object]:
@@ -44,7 +45,7 @@ def packed(source: dict[str, dict[str, object]]) -> dict[str, object]:
 
 
 def main() -> None:
-    """Read the JSON that the command line names and write the table."""
+    """Read the JSON given on the command line and write the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("source", type=Path)
     table = packed(json.loads(parser.parse_args().source.read_text(encoding="utf-8")))

@@ -20,13 +20,13 @@ from safetensors.numpy import load_file
 
 WEIGHTS = Path(__file__).resolve().parent.parent / "engine" / "catalog" / "weights"
 LARGEST = 127
-"""Of a signed 8-bit integer; -128 is left out, so that the range is symmetric."""
+"""Largest value of a signed 8-bit integer; -128 is not used, so that the range is symmetric."""
 UNUSED = ("pooler.", "embeddings.position_ids")
 """Sentence vectors are the mean of the tokens, so BERT's pooling layer is not needed."""
 
 
 def quantised(matrix: NDArray[np.float32]) -> tuple[NDArray[np.int8], NDArray[np.float32]]:
-    """Integers of the shape of the matrix, and the scale of each row, shape (rows, 1)."""
+    """Return integers of the shape of the matrix, and the scale of each row, shape (rows, 1)."""
     scales = np.maximum(np.abs(matrix).max(axis=1, keepdims=True), np.finfo(np.float32).tiny) / np.float32(LARGEST)
     return np.rint(matrix / scales).astype(np.int8), scales.astype(np.float32)
 

