@@ -157,12 +157,12 @@ async def _work(
     while request is not None:
         async with open_session(number, request) as session:
             first = request
-            while request is not None and (request is first or _goes_on(first, request, evaluation)):
+            while request is not None and (request is first or _may_share_session(first, request, evaluation)):
                 keep(await _carried_out(request, evaluation, session))
                 request = next(waiting, None)
 
 
-def _goes_on(first: EvalRequest, request: EvalRequest, evaluation: Evaluation) -> bool:
+def _may_share_session(first: EvalRequest, request: EvalRequest, evaluation: Evaluation) -> bool:
     """Return whether a request may use the session that was opened for another one."""
     return request.corpus == first.corpus and not evaluation.is_fresh(request)
 

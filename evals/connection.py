@@ -67,17 +67,17 @@ class ServerSession:
         began = time.perf_counter()
         try:
             await self.connection.ready()
-            answer = await self.connection.call(tool, arguments, _unheard)
+            answer = await self.connection.call(tool, arguments, _ignore_progress)
             while answer.structured.get("state") == "running" and "job_id" in answer.structured and tool != "get_job":
                 polled = {"job_id": answer.structured["job_id"], "wait_s": _WAIT_S}
-                answer = await self.connection.call("get_job", polled, _unheard)
+                answer = await self.connection.call("get_job", polled, _ignore_progress)
         except ToolServerGone as error:
             answer = ToolAnswer(error.text, {}, is_error=True)
         spent_s = time.perf_counter() - began
         return MadeCall(tool, arguments, answer.text, answer.structured, answer.is_error, spent_s, turn)
 
 
-def _unheard(share: float | None, message: str) -> None:
+def _ignore_progress(share: float | None, message: str) -> None:
     del share, message
 
 

@@ -72,10 +72,10 @@ class JournalAgent:
         failure = "" if marks else "the marks do not contain this request"
         for mark in marks:
             for call in self._within(mark):
-                failure = failure or _unlike_then(call)
+                failure = failure or _difference(call)
                 if failure:
                     break
-                made.append(await _made_again(call, mark.turn, tools))
+                made.append(await _repeated(call, mark.turn, tools))
                 if made[-1].is_error and not call.error:
                     failure = f"{call.tool} succeeded then and is refused now: {made[-1].text}"
         texts = tuple("\n".join(call.text for call in made if call.turn == mark.turn) for mark in marks)
@@ -129,27 +129,27 @@ def ask_one_by_one(
             show(f"[{number}/{len(requests)}] {request.request_id}" + (f", turn {turn + 1}" if text else ""))
             show(text or json.dumps(shown, ensure_ascii=False, indent=1))
             began_s = time.time()
-            ending = _said(wait)
+            ending = _ask_for_ending(wait)
             mark = Mark(request.request_id, began_s, time.time(), turn, ending)
             with marks.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(asdict(mark)) + "\n")
 
 
-def _said(wait: Callable[[str], object]) -> Said:
+def _ask_for_ending(wait: Callable[[str], object]) -> Said:
     while True:
         word = str(wait(_QUESTION) or "answered").strip().lower()
         if word in get_args(Said):
             return cast("Said", word)
 
 
-async def _made_again(call: _JournalledCall, turn: int, tools: ToolSession) -> MadeCall:
+async def _repeated(call: _JournalledCall, turn: int, tools: ToolSession) -> MadeCall:
     """Return the call with its answer; a refusal is taken from the journal, because it created nothing."""
     if call.error:
         return MadeCall(call.tool, call.arguments, call.error, {}, is_error=True, duration_s=0.0, turn=turn)
     return await tools.call(call.tool, call.arguments, turn)
 
 
-def _unlike_then(call: _JournalledCall) -> str:
+def _difference(call: _JournalledCall) -> str:
     """Return why a call cannot be repeated exactly: the journal cuts long texts and omits secrets."""
     if call.error:
         return ""

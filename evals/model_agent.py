@@ -28,9 +28,9 @@ class ModelAgent:
             ModelFailure: the model's server is gone, so that the attempt would not measure the model.
         """
         source = _Recording(tools)
-        await _put_in_force(request, tools)
+        await _configure(request, tools)
         async with self._opened() as model:
-            results = await self._held(model, request, source)
+            results = await self._converse(model, request, source)
         if results[-1].ending == "failed" and not results[-1].completion_tokens:
             async with self._opened():
                 pass
@@ -46,7 +46,7 @@ class ModelAgent:
         finally:
             await model.close()
 
-    async def _held(self, model: ChatModel, request: EvalRequest, source: "_Recording") -> list[TurnResult]:
+    async def _converse(self, model: ChatModel, request: EvalRequest, source: "_Recording") -> list[TurnResult]:
         facts = await model.facts()
         session = AgentSession(
             model,
@@ -57,7 +57,7 @@ class ModelAgent:
             history=[Message("user" if role == "user" else "assistant", text) for role, text in request.history],
         )
         results = []
-        for number, text in enumerate(_said(request)):
+        for number, text in enumerate(_user_messages(request)):
             source.turn = number
             results.append(await session.take_turn(text))
         return results
@@ -100,7 +100,7 @@ class _Recording(ToolSource):
         return ToolAnswer(made.text, made.structured, made.is_error)
 
 
-async def _put_in_force(request: EvalRequest, tools: ToolSession) -> None:
+async def _configure(request: EvalRequest, tools: ToolSession) -> None:
     """Set the configuration from which a tuning request starts; this is not a call of the agent."""
     context = request.context
     if "planner" not in context:
@@ -110,7 +110,7 @@ async def _put_in_force(request: EvalRequest, tools: ToolSession) -> None:
     await tools.call("configure_planner", {**base, "weights": [f"{name}={value}" for name, value in weights.items()]})
 
 
-def _said(request: EvalRequest) -> list[str]:
+def _user_messages(request: EvalRequest) -> list[str]:
     """Return the user's messages, with the scenario of the request."""
     if request.turns:
         return [turn.text for turn in request.turns]

@@ -57,7 +57,7 @@ class EvaluationOrder:
 def run_evaluation(order: EvaluationOrder, console: Console | None = None) -> int:
     """Evaluate, print the tables and write the results; return 130 if interrupted, with all rows kept."""
     shown = console or Console(highlight=False)
-    with _told() as told:
+    with _reporting_errors() as told:
         paths = _corpora(order)
         requests = [request for path in paths for request in read_corpus(path)[: order.limit]]
         agent, fresh = open_agent(order.agent, _condition(order.condition), order.seed)
@@ -76,7 +76,7 @@ def run_evaluation(order: EvaluationOrder, console: Console | None = None) -> in
 def print_results(folder: Path, console: Console | None = None) -> int:
     """Print the tables of the rows in a folder, and write tables and report again."""
     shown = console or Console(highlight=False)
-    with _told() as told:
+    with _reporting_errors() as told:
         _show(rows_of(folder), folder, shown)
         told.done()
     return told.code
@@ -85,7 +85,7 @@ def print_results(folder: Path, console: Console | None = None) -> int:
 def print_comparison(first: Path, second: Path, console: Console | None = None) -> int:
     """Print the comparison of two evaluations, paired by request."""
     shown = console or Console(highlight=False)
-    with _told() as told:
+    with _reporting_errors() as told:
         shown.print(compare_rows(rows_of(first), rows_of(second)).to_text(str(first), str(second)), markup=False)
         told.done()
     return told.code
@@ -104,7 +104,7 @@ def print_requests(
     ends.
     """
     shown = console or Console(highlight=False)
-    with _told() as told:
+    with _reporting_errors() as told:
         paths = corpus_files(corpus or packaged_corpora(), task)
         requests = [request for path in paths for request in read_corpus(path)[:limit]]
         if marks is None:
@@ -123,7 +123,7 @@ def make_own_corpora(workspace: Path, out: Path, *, tasks: Sequence[str], count:
     from .making.materials import read_materials
 
     shown = Console(highlight=False)
-    with _told() as told:
+    with _reporting_errors() as told:
         wrong = [name for name in tasks if name not in TASKS]
         if wrong:
             raise UnknownName(f"there is no task '{wrong[0]}'", valid=TASKS)
@@ -233,7 +233,7 @@ class _Outcome:
 
 
 @contextmanager
-def _told() -> Iterator[_Outcome]:
+def _reporting_errors() -> Iterator[_Outcome]:
     """Print errors of the block in a line; the outcome has the exit code afterwards."""
     outcome = _Outcome()
     try:

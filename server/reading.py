@@ -111,7 +111,7 @@ class ResourceReading:
 
         async def look() -> tuple[str | bytes, str]:
             if (name := uri.removeprefix(SCHEME)) in _BY_TOOLS and uri.startswith(SCHEME):
-                return await _told_by_tool(name, services), _JSON
+                return await _answer_of_tool(name, services), _JSON
             if uri.startswith(_SCHEMA):
                 return self._schema(uri), _JSON
             if viewed := viewed_ids(uri):
@@ -234,7 +234,7 @@ def page_of(entries: list[_Found], cursor: str | None, size: int) -> tuple[list[
     return entries[start : start + size], f"from-{start + size}" if more else None
 
 
-async def _told_by_tool(name: str, services: Services) -> str:
+async def _answer_of_tool(name: str, services: Services) -> str:
     """Return the structured answer of a tool, as JSON."""
     tool, arguments, _, _ = _BY_TOOLS[name]
     spec = next(spec for spec in TOOLS if spec.name == tool)

@@ -143,7 +143,7 @@ class Tasks(Extension):
         client = client_of(ctx)
         spec = self._caller.spec_for(client, params.name)
         may_wait = spec is not None and not spec.read_only and len(self._works) < _MOST_AT_ONCE + _MOST_WAITING
-        if spec is None or not may_wait or not _is_known_to(ctx):
+        if spec is None or not may_wait or not _client_knows_tasks(ctx):
             return await call_next(ctx)
         services = self._caller.services_for(client, ctx.lifespan_context)
         work = _Work(spec, params.arguments or {}, client, services)
@@ -214,10 +214,10 @@ class Tasks(Extension):
     async def _get(self, ctx: ServerRequestContext[Any], params: TaskParameters) -> HandlerResult:
         task = await self._found(ctx, params)
         if not task.ended and not task.is_carried_out:
-            task = await self._taken_over(ctx, task)
+            task = await self._take_over_task(ctx, task)
         return _wire(task, detailed=True)
 
-    async def _taken_over(self, ctx: ServerRequestContext[Any], task: Task) -> Task:
+    async def _take_over_task(self, ctx: ServerRequestContext[Any], task: Task) -> Task:
         """Continue a task of a server that ended; its finished parts are found."""
         client = client_of(ctx)
         spec = self._caller.spec_for(client, task.tool)
@@ -390,7 +390,7 @@ def _write_end(work: _Work) -> None:
         store.release(task_id)  # does nothing to a cancelled one, which has ended
 
 
-def _is_known_to(ctx: ServerRequestContext[Any]) -> bool:
+def _client_knows_tasks(ctx: ServerRequestContext[Any]) -> bool:
     """Return whether the client of a request knows tasks."""
     capabilities = ctx.session.client_capabilities
     declared = capabilities.extensions if capabilities is not None else None

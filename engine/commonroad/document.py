@@ -90,7 +90,7 @@ def friction_of(root: "etree._Element") -> str | None:
 
 def set_friction(root: "etree._Element", friction: float | None) -> None:
     """Set the friction coefficient of a document's roads, or remove it."""
-    for old in _that_begin(root, "friction="):
+    for old in _instructions_starting_with(root, "friction="):
         root.remove(old)
     if friction is not None:
         made = etree.ProcessingInstruction(_INSTRUCTION, f'friction="{friction:.6g}"')
@@ -109,13 +109,13 @@ def _instructions(problem: "etree._Element") -> list["etree._ProcessingInstructi
     ]
 
 
-def _that_begin(root: "etree._Element", words: str) -> list["etree._ProcessingInstruction"]:
+def _instructions_starting_with(root: "etree._Element", words: str) -> list["etree._ProcessingInstruction"]:
     return [one for one in _instructions(root) if (one.text or "").startswith(words)]
 
 
 def without_scripts(root: "etree._Element") -> int:
     """Remove a document's scripts of motions that depend on the ego; return how many there were."""
-    found = _that_begin(root, "script=")
+    found = _instructions_starting_with(root, "script=")
     for one in found:
         root.remove(one)
     return len(found)
@@ -264,7 +264,7 @@ class ScenarioDocument:
     def set_prescribed(self, ids: Iterable[int]) -> None:
         """Mark road users as having a prescribed motion, in addition to those already marked in the file."""
         known = set(ids)
-        for old in _that_begin(self.root, "prescribed="):
+        for old in _instructions_starting_with(self.root, "prescribed="):
             known |= {int(word) for word in re.findall(r"\d+", old.text or "")}
             self.root.remove(old)
         if known:
@@ -277,7 +277,7 @@ class ScenarioDocument:
         ``without``.
         """
         kept = []
-        for old in _that_begin(self.root, "script="):
+        for old in _instructions_starting_with(self.root, "script="):
             own = _SCRIPT_ID.search(old.text or "")
             if own is not None and int(own[1]) not in without:
                 kept.append(old.text or "")

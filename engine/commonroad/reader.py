@@ -329,14 +329,14 @@ def _split_document(content: bytes, limits: XmlLimits) -> "tuple[etree._Element,
         return None
     states: dict[int, PlainStates] = {}
 
-    def taken_from(chunk: bytes) -> bytes:
+    def remove_states(chunk: bytes) -> bytes:
         read = _read_obstacle(chunk)
         if read.taken is not None:
             key, states[key] = read.taken
         return read.left
 
     try:
-        whole = etree.fromstring(split.with_chunks(split.rest, taken_from), _parser(keeps_instructions=True))
+        whole = etree.fromstring(split.with_chunks(split.rest, remove_states), _parser(keeps_instructions=True))
     except (etree.XMLSyntaxError, ValueError, LookupError):
         return None
     name = moving_obstacle(whole)

@@ -90,7 +90,7 @@ def plan_flows(flows: Sequence[RoadFlow], net: SumoNet, choice: random.Random) -
     edges = OpenEdges.of(net, vehicle_classes()["car"].sumo_class)
     place = _Place(net, edges)
     candidates = _candidates(edges, choice)
-    between = [(flow, place.ways_between(flow.road, flow.to) if flow.to else ()) for flow in flows]
+    between = [(flow, place.routes_between(flow.road, flow.to) if flow.to else ()) for flow in flows]
     routes = [RouteFlow(way, flow.per_h / len(ways), edges.travel_s(way)) for flow, ways in between for way in ways]
     across = [(flow, ways, () if flow.to else place.sections(flow)) for flow, ways in between]
     counts = [(section, flow.per_h) for flow, _, sections in across for section in sections]
@@ -216,11 +216,11 @@ class _Place:
         """Return the cross-sections of a counted road: the edges of both directions, or of the requested one."""
         sections: dict[str, set[str]] = {}
         for edge in sorted(self._edges.length_m):
-            if self._is_named(edge, flow.road) and self._leads(edge, flow.direction):
+            if self._has_name(edge, flow.road) and self._leads(edge, flow.direction):
                 sections.setdefault(edge.lstrip("-"), set()).add(edge)
         return tuple(frozenset(section) for section in sections.values())
 
-    def ways_between(self, origin: str, destination: str) -> tuple[tuple[str, ...], ...]:
+    def routes_between(self, origin: str, destination: str) -> tuple[tuple[str, ...], ...]:
         """Return the quickest routes from each entry edge at the origin to each exit edge at the destination."""
         starts, goals = (
             self._beginning(origin, self._edges.entries, 0),
@@ -238,12 +238,12 @@ class _Place:
         """
         heading_deg = COMPASS_DEG.get(word.lower())
         if heading_deg is None:
-            return [edge for edge in sorted(edges) if self._is_named(edge, word)]
+            return [edge for edge in sorted(edges) if self._has_name(edge, word)]
         return [
             edge for edge in sorted(edges) if _turn(self._ends(edge)[end] - self._middle, heading_deg) <= END_ASIDE_RAD
         ]
 
-    def _is_named(self, edge: str, word: str) -> bool:
+    def _has_name(self, edge: str, word: str) -> bool:
         return word == _way(edge) or fold(word) == fold(self._net.edges[edge].name) != ""
 
     def _leads(self, edge: str, direction: str) -> bool:

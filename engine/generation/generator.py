@@ -40,7 +40,7 @@ from .record import absences_of, record_of, with_scripted
 from .site_network import SITE_LOST, SiteNetwork, prepare_site, with_later_lights
 from .sites import fitting_sites, lacking_turn, other_types
 from .traffic import NO_ROOM, TrafficAim, along_the_site, generate_traffic, without_spares
-from .turning_trips import turns_there
+from .turning_trips import possible_turns
 from .writer import STEP_S, write_scenario
 
 logger = logging.getLogger(__name__)
@@ -315,7 +315,7 @@ class _Attempts:
         """
         site, request = self._fit[0][0], self._request
         ego = vehicle_classes()[request.ego.vehicle_class]
-        there = turns_there(site.net, site.focus, ego.sumo_class)
+        there = possible_turns(site.net, site.focus, ego.sumo_class)
         if there is not None and request.goal.turn not in there and len(self._fit) == 1:
             goals = [f"{THROUGH}:{turn}" for turn in sorted(there)]
             return NotPossible(

@@ -161,9 +161,9 @@ def _best_task(
     best: tuple[tuple[int, ...], PlanningTask] | None = None
     for car in cars:
         task = _task(car, spec, network, lookup, step_s)
-        if task is None or not _turns_as_asked(task, spec.goal.turn, network, lookup, focus):
+        if task is None or not _makes_requested_turn(task, spec.goal.turn, network, lookup, focus):
             continue
-        task = _seen_from_the_site(task, spec, focus, step_s)
+        task = _with_site_criteria(task, spec, focus, step_s)
         merit = (car.feasible, task.focus_passed, task.on_spot, task.focus_left, task.takes_most)
         if (best is not None and (*merit, True) <= best[0]) or (accepts is not None and not accepts(task)):
             continue
@@ -179,7 +179,7 @@ def _best_task(
     return None if best is None else best[1]
 
 
-def _turns_as_asked(
+def _makes_requested_turn(
     task: PlanningTask, turn: Turn | None, network: RoadNetwork, lookup: LaneletLookup, focus: SiteFocus
 ) -> bool:
     if turn is None:
@@ -198,7 +198,7 @@ def _is_ahead_in_lane(task: PlanningTask, network: RoadNetwork, lookup: LaneletL
     return start is not None and leads_without_change(start, region, network, MOST_DETOUR * task.goal_distance_m)
 
 
-def _seen_from_the_site(task: PlanningTask, spec: TaskSpec, focus: SiteFocus, step_s: float) -> PlanningTask:
+def _with_site_criteria(task: PlanningTask, spec: TaskSpec, focus: SiteFocus, step_s: float) -> PlanningTask:
     """Return the task with the parts of the site that it passes and, if required, whether the goal is beyond it."""
     passed = focus.parts_passed(task.ego, task.goal_step)
     on_spot = not passed or focus.is_on_spot(task.ego, task.goal_step)

@@ -264,7 +264,9 @@ def _fitting(finder: SiteFinder, sites: list[Site], request: GenerationRequest) 
     """Return the sites on all streets of a request and in its box."""
     if request.streets:
         sites = [
-            finder.narrowed(site, partial(_lies_on, request.streets)) for site in sites if _passes_by(site, request)
+            finder.narrowed(site, partial(_is_on_streets, request.streets))
+            for site in sites
+            if _passes_by(site, request)
         ]
     return [site for site in sites if _is_in_box(site, request)]
 
@@ -280,7 +282,7 @@ def _passes_by(site: Site, request: GenerationRequest) -> bool:
     return all(_carries(site.streets, names) for names in request.streets)
 
 
-def _lies_on(streets: tuple[tuple[str, ...], ...], part: SitePart) -> bool:
+def _is_on_streets(streets: tuple[tuple[str, ...], ...], part: SitePart) -> bool:
     return all(_carries(part.streets, names) for names in streets)
 
 

@@ -212,10 +212,10 @@ def _trips(
     if aim.plan is not None:
         return FlowTrips(net, lasting_s, choice, aim.plan)
     kind = "usual" if request.conditions is None else request.conditions.trips
-    return TripMaker(net, lasting_s, choice, *_asked_ramps(request, net), kind=kind)
+    return TripMaker(net, lasting_s, choice, *_requested_ramps(request, net), kind=kind)
 
 
-def _asked_ramps(request: GenerationRequest, net: SumoNet) -> tuple[frozenset[str], frozenset[str]]:
+def _requested_ramps(request: GenerationRequest, net: SumoNet) -> tuple[frozenset[str], frozenset[str]]:
     """Return the motorway links where extra trips begin, if the ego or another merges, or end, if the ego exits."""
     begins = request.goal.turn == "merge" or (request.others is not None and request.others.name == "merging")
     if not begins and request.goal.turn != "exit":

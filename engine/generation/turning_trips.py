@@ -66,12 +66,12 @@ def routes_through(net: SumoNet, edges: OpenEdges, site: SiteEdges) -> Iterator[
             way = waiting.pop()
             if not site.is_inside(net, way[-1]):
                 if site.is_passed(net, way):
-                    yield _turn_of_way(net, way), way
+                    yield _turn_of_route(net, way), way
             elif len(way) <= MOST_INSIDE:
                 waiting += [(*way, onward) for onward in edges.following[way[-1]] if onward not in way]
 
 
-def turns_there(net: SumoNet, focus: SiteFocus, sumo_class: str) -> frozenset[Turn] | None:
+def possible_turns(net: SumoNet, focus: SiteFocus, sumo_class: str) -> frozenset[Turn] | None:
     """Return the turns that a vehicle of a SUMO class can make at a site, or None if a road or a ramp is the site."""
     site = SiteEdges.of(focus)
     if site is None:
@@ -80,7 +80,7 @@ def turns_there(net: SumoNet, focus: SiteFocus, sumo_class: str) -> frozenset[Tu
     return frozenset(turns | ({"unprotected_left"} if "left" in turns else set()))
 
 
-def _turn_of_way(net: SumoNet, way: tuple[str, ...]) -> Turn:
+def _turn_of_route(net: SumoNet, way: tuple[str, ...]) -> Turn:
     before, behind = (net.lanes[net.edges[edge].lane_ids[0]].shape for edge in (way[0], way[-1]))
     return turn_of(wrap_angle(_heading(behind, at_end=False) - _heading(before, at_end=True)))
 

@@ -101,7 +101,7 @@ def _catmull_rom(before: Point, start: Point, end: Point, after: Point, t: float
     return along(before[0], start[0], end[0], after[0]), along(before[1], start[1], end[1], after[1])
 
 
-def _beside(line: list[Point], distance: float) -> list[Point]:
+def _shifted(line: list[Point], distance: float) -> list[Point]:
     """Return the line shifted to its left, or to its right if the distance is negative."""
     moved = []
     for index, point in enumerate(line):
@@ -186,7 +186,7 @@ def _motorway() -> Sketch:
     """Draw a motorway in a long curve with a diamond interchange and a road that crosses above it."""
     town = Sketch("Neuland", NORTH_SEA[0] + 0.03, NORTH_SEA[1] + 0.06)
     axis = _curve((-1300, -150), (-900, -60), (-450, -8), (0, 0), (450, -8), (900, -60), (1300, -150), step_m=30.0)
-    east, west = _beside(axis, -11.0), _beside(axis[::-1], -11.0)
+    east, west = _shifted(axis, -11.0), _shifted(axis[::-1], -11.0)
     for line in (east, west):
         town.road(line, "motorway", "", ref="A 901", oneway="yes", lanes=2, maxspeed=120)
     crossing = [

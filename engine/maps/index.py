@@ -232,7 +232,7 @@ def find_maps(
     if place is not None:
         shown = _showing(matches, place, code, closeness)
         if not shown:
-            raise _not_shown(place, country, bbox, matches, _showing(everywhere, place, code, closeness))
+            raise _not_shown_error(place, country, bbox, matches, _showing(everywhere, place, code, closeness))
         matches = shown
     return sorted(
         matches,
@@ -338,14 +338,14 @@ def _showing(found: list[MapMatch], place: str, country: str | None, closeness: 
     Only the closest matches count. If the text has the town of an available map after a comma, only maps that show this
     town count, so that ``Oxford Street, Sydney`` does not match a crossing in another town.
     """
-    if (town := _town_named(place[:LONGEST_TEXT], found)) is not None:
+    if (town := _find_town(place[:LONGEST_TEXT], found)) is not None:
         found = [map_ for map_ in found if map_ in town.maps or _read_place(town.words, map_.entry.facts) is not None]
     for level in range(closeness + 1):
         matches = (_match(map_.entry, place[:LONGEST_TEXT], country, Closeness(level)) for map_ in found)
         if shown := [match for match in matches if match is not None]:
             shown = [match for match in shown if not match.streets] or shown  # a town rather than a road of its name
             is_half = closeness is Closeness.PART
-            return _with_begun(shown, found, place[:LONGEST_TEXT], Closeness(level)) if is_half else shown
+            return _add_incomplete_roads(shown, found, place[:LONGEST_TEXT], Closeness(level)) if is_half else shown
     return []
 
 
@@ -363,11 +363,11 @@ class _Town:
         return [part for listed in self.others for part in crossing_parts(listed)]
 
 
-def _is_named_on(facts: MapFacts, part: str) -> bool:
+def _is_on_map(facts: MapFacts, part: str) -> bool:
     return _read_part(part, facts, Closeness.HEARD) is not None
 
 
-def _town_named(place: str, found: Sequence[MapMatch]) -> _Town | None:
+def _find_town(place: str, found: Sequence[MapMatch]) -> _Town | None:
     """Return the last part between commas that is the town of an available map; None if the place has one part only."""
     listed = listed_parts(place)
     for index in reversed(range(len(listed) if len(listed) > 1 else 0)):
@@ -388,7 +388,7 @@ def _is_town_of(part: str, facts: MapFacts) -> bool:
     )
 
 
-def _with_begun(shown: list[MapMatch], found: list[MapMatch], text: str, level: Closeness) -> list[MapMatch]:
+def _add_incomplete_roads(shown: list[MapMatch], found: list[MapMatch], text: str, level: Closeness) -> list[MapMatch]:
     """Add the roads that begin with the text as it stands, since the last word may be half typed.
 
     ``Rue de B`` is a spelling of ``B Street``, and the beginning of ``Rue de Bretagne``. This adds no roads to a place,
@@ -457,7 +457,7 @@ def _crossing_patterns() -> tuple[re.Pattern[str], re.Pattern[str]]:
     return re.compile(between, re.IGNORECASE), re.compile(around, re.IGNORECASE)
 
 
-def _not_shown(
+def _not_shown_error(
     place: str, country: str | None, bbox: Box | None, matches: list[MapMatch], elsewhere: list[MapMatch]
 ) -> UnknownName:
     """Return the error that no remaining map shows the place; if others do, the box or country contradicts it."""
@@ -485,12 +485,12 @@ def _not_shown(
             reason=NOT_SHOWN,
         )
     shown = sorted({match.entry.facts.place for match in matches})
-    town = _town_named(place[:LONGEST_TEXT], matches)
+    town = _find_town(place[:LONGEST_TEXT], matches)
     why = ""
     if town is not None:
         near = _near_in_town(town)
         own = town.maps[0].entry.facts
-        missing = [part for part in town.roads if not any(_is_named_on(map_.entry.facts, part) for map_ in town.maps)]
+        missing = [part for part in town.roads if not any(_is_on_map(map_.entry.facts, part) for map_ in town.maps)]
         why = f": {cited(own.place)} ({own.map_id}) is available, but has no {cited_all(missing or town.roads, ' or ')}"
     else:
         towns = [part for part in listed_parts(place[:LONGEST_TEXT])[1:] if country_code(part) is None]
@@ -611,9 +611,9 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
             if found is None and country_code(part) not in (None, facts.country) and len(part) > 3:
                 return None
             reading += found or _Reading(unnamed=(part,))
-    reading = _with_words_of_the_file(reading, facts)
+    reading = _match_file_name(reading, facts)
     if reading.named:
-        reading = _with_quarters_of_roads(reading, facts)
+        reading = _match_road_names(reading, facts)
     if reading.streets and reading.area is not None and _is_called(reading.area, facts.place):
         reading = _without_area(reading, reading.area)
     known = reading.named or (not facts.places and country in _countries(facts))
@@ -628,11 +628,11 @@ def _without_area(reading: "_Reading", area: PlaceArea) -> "_Reading":
     return replace(reading, area=None, understood=tuple(text for text in told if text != cited(area.name)))
 
 
-def _with_words_of_the_file(reading: "_Reading", facts: MapFacts) -> "_Reading":
+def _match_file_name(reading: "_Reading", facts: MapFacts) -> "_Reading":
     """Accept words that match the map's file name although nothing on it has this name: people name files after
     places.
     """
-    named = _named_by_file(file_stem(facts.file_name))
+    named = _words_of_file_name(file_stem(facts.file_name))
     rest = replace(reading, unnamed=())
     for part in reading.unnamed:
         by_file = _Reading(named=True, understood=(f"{part!r} is taken as the map {cited(facts.file_name)}",))
@@ -640,7 +640,7 @@ def _with_words_of_the_file(reading: "_Reading", facts: MapFacts) -> "_Reading":
     return rest
 
 
-def _with_quarters_of_roads(reading: "_Reading", facts: MapFacts) -> "_Reading":
+def _match_road_names(reading: "_Reading", facts: MapFacts) -> "_Reading":
     """Accept words after which a road of a map is called (``Northgate``: ``NE Northgate Way``), although the map itself
     has no such name, if the text gives the map's place.
     """
@@ -713,7 +713,7 @@ def _read_alike(
         alike = (is_transliterated, is_abbreviated, is_with_kind)
         readings = (read(part, facts, is_like) for is_like in alike for read in (_read_place_like, _read_road_like))
         found = next((reading for reading in readings if reading is not None), None)
-    if found is None and closeness >= Closeness.PLACE_PART and (settled or not _lies_elsewhere(part, facts)):
+    if found is None and closeness >= Closeness.PLACE_PART and (settled or not _is_elsewhere(part, facts)):
         words = without_frame(part)
         found = _read_place_like(words, facts, is_half_of)
         if found is None and closeness is Closeness.PART:
@@ -748,7 +748,7 @@ def _read_postal_district(part: str, facts: MapFacts) -> _Reading | None:
     unnumbered = _DISTRICT_NUMBER.sub("", part)
     if unnumbered == part:
         return None
-    found = _read_named_place(unnumbered, facts, place_keys) or _read_name_elsewhere(unnumbered, facts)
+    found = _read_place_by_keys(unnumbered, facts, place_keys) or _read_name_elsewhere(unnumbered, facts)
     found = found or _read_settlement(unnumbered, facts, wide=False)
     if found is None:
         return None
@@ -759,7 +759,7 @@ def _is_near(settlement: Settlement, facts: MapFacts) -> bool:
     return _km_between(_as_box(settlement), _nearest_spot(settlement, facts)) <= _NEAR_KM
 
 
-def _lies_elsewhere(part: str, facts: MapFacts) -> bool:
+def _is_elsewhere(part: str, facts: MapFacts) -> bool:
     """Return whether the text is a city of the world but nothing in the map's country, so it is no road's beginning."""
     known = settlements_called(without_frame(part))
     return any(settlement.population >= CITY_PEOPLE for settlement in known) and not any(
@@ -808,7 +808,7 @@ def _read_place(part: str, facts: MapFacts) -> _Reading | None:
     if {fold(part), fold(file_stem(part))} & {fold(name) for name in own}:
         return _Reading(named=True)
     for keys_of in (place_keys, _framed_keys):
-        if (found := _read_named_place(part, facts, keys_of)) is not None:
+        if (found := _read_place_by_keys(part, facts, keys_of)) is not None:
             return found
     code = country_code(part)
     if (code is not None and code == facts.country) or region_of(
@@ -818,7 +818,7 @@ def _read_place(part: str, facts: MapFacts) -> _Reading | None:
     return None
 
 
-def _read_named_place(part: str, facts: MapFacts, keys_of: Callable[[str], frozenset[str]]) -> _Reading | None:
+def _read_place_by_keys(part: str, facts: MapFacts, keys_of: Callable[[str], frozenset[str]]) -> _Reading | None:
     """Read the text as a place inside the map, or as its own place, by the given keys of names.
 
     The map's own name means its town, never a quarter with the same name (``竹北``: ``竹北市``, not ``竹北里``).
@@ -873,7 +873,7 @@ def without_frame(part: str) -> str:
     return _PLACE_FRAME.sub("", part)
 
 
-def _named_by_file(stem: str) -> frozenset[str]:
+def _words_of_file_name(stem: str) -> frozenset[str]:
     """Return the words of a file's name that may be a place: people name extracts after their places."""
     words = {fold(word) for word in re.split(r"[\W_\d]+", stem)}
     return frozenset(word for word in words if len(word) >= _SHORTEST_OF_FILE and word not in _NO_PLACES)

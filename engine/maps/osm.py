@@ -368,10 +368,10 @@ def write_as_xml(request: ConvertMapRequest, report: ProgressReporter) -> Conver
     report(0.1, "unpacking the map")
     try:
         # Read once first: if reading fails, osmium's writer silently leaves half a map.
-        if sum(1 for _ in _kept(path)) > LIMITS.elements:
+        if sum(1 for _ in _kept_objects(path)) > LIMITS.elements:
             return ConvertedMap(path="", too_large=True)
         with osmium.BackReferenceWriter(str(target), ref_src=str(path), overwrite=True) as writer:
-            for element in _kept(path):
+            for element in _kept_objects(path):
                 writer.add(element)
     except (RuntimeError, ValueError) as error:  # all that osmium raises for a broken file
         raise UnsafeInput(
@@ -384,7 +384,7 @@ def write_as_xml(request: ConvertMapRequest, report: ProgressReporter) -> Conver
     return ConvertedMap(path=str(target))
 
 
-def _kept(path: Path) -> Iterable[Any]:
+def _kept_objects(path: Path) -> Iterable[Any]:
     import osmium
 
     kept: Iterable[Any] = osmium.FileProcessor(str(path)).with_filter(osmium.filter.KeyFilter(*KEPT_KEYS))

@@ -80,11 +80,11 @@ def draw_lane_bounds(net: SumoNet, graph: LaneGraph) -> tuple[dict[str, LaneBoun
         if following.lane.internal:
             _meet(bounds, following)
     for bounds in inside:
-        _share_again(bounds)
+        _share_bounds(bounds)
     for key, bounds in drawn.items():
         _close_joint(key, bounds, drawn, graph)
     for bounds in drawn.values():
-        bounds.is_folded = not (_repair(bounds) and _leads_on(bounds))
+        bounds.is_folded = not (_repair(bounds) and _leads_forward(bounds))
     dropped = tuple(key for key, bounds in drawn.items() if bounds.is_folded and bounds.lane.internal)
     for key in dropped:
         drawn.pop(key).part()
@@ -92,7 +92,7 @@ def draw_lane_bounds(net: SumoNet, graph: LaneGraph) -> tuple[dict[str, LaneBoun
     return drawn, dropped
 
 
-def _leads_on(bounds: LaneBounds) -> bool:
+def _leads_forward(bounds: LaneBounds) -> bool:
     """Return whether the left bound is on the left in driving direction, and the bounds enclose an area."""
     ahead, across = np.diff((bounds.left + bounds.right) / 2, axis=0), bounds.left - bounds.right
     between = (across[:-1] + across[1:]) / 2
@@ -175,7 +175,7 @@ def _meet(before: LaneBounds, after: LaneBounds) -> None:
     after.left[0], after.right[0] = left, right
 
 
-def _share_again(bounds: LaneBounds) -> None:
+def _share_bounds(bounds: LaneBounds) -> None:
     """Move the shared bounds of internal neighbours to their middle after stitching, or separate the neighbours."""
     other = bounds.on_left
     if other is None:

@@ -122,7 +122,7 @@ class LaneletGraph:
             length_m={key: length_m(lanelet.center_vertices) for key, lanelet in lanelets.items()},
             successors={key: _known(lanelet.successor, lanelets) for key, lanelet in lanelets.items()},
             predecessors={key: _known(lanelet.predecessor, lanelets) for key, lanelet in lanelets.items()},
-            neighbours={key: _known(_beside(lanelet), lanelets) for key, lanelet in lanelets.items()},
+            neighbours={key: _known(_neighbour_ids(lanelet), lanelets) for key, lanelet in lanelets.items()},
         )
 
     def shortest_route(self, starts: Iterable[int], goals: Iterable[int]) -> tuple[int, ...] | None:
@@ -149,7 +149,7 @@ def _known(ids: Iterable[int | None], lanelets: dict[int, "Lanelet"]) -> tuple[i
     return tuple(sorted({key for key in ids if key is not None and key in lanelets}))
 
 
-def _beside(lanelet: "Lanelet") -> list[int | None]:
+def _neighbour_ids(lanelet: "Lanelet") -> list[int | None]:
     left = lanelet.adj_left if lanelet.adj_left_same_direction else None
     right = lanelet.adj_right if lanelet.adj_right_same_direction else None
     return [left, right]

@@ -92,14 +92,14 @@ def _moves(scene: Scene, key: int) -> bool:
     return on[0] and float(np.mean(on)) >= ON_LANELETS
 
 
-def _asked(task: str, **truth: Any) -> Asked:
+def _request(task: str, **truth: Any) -> Asked:
     return Asked(task, (edit_of(truth),), (truth,))
 
 
 def _preset(key: int, presets: Presets, preset: str) -> Asked:
     one = {"by": "ids", "ids": [key]}
     expected = dict(presets[preset])
-    return _asked("B", op="set_behaviour", selector=one, vehicle_ids=[key], preset=preset, expected_params=expected)
+    return _request("B", op="set_behaviour", selector=one, vehicle_ids=[key], preset=preset, expected_params=expected)
 
 
 def _reroutes(scene: Scene, key: int, draw: np.random.Generator) -> list[Asked]:
@@ -111,11 +111,11 @@ def _reroutes(scene: Scene, key: int, draw: np.random.Generator) -> list[Asked]:
     ahead = sorted((way_m, int(lanelet)) for lanelet, way_m in ways.items() if lanelet in scene.layout.table.lanes)
     near = [lanelet for _, lanelet in ahead[:MOST_TRIES] if lanelet not in over]
     draw.shuffle(near)
-    return [_asked("T", op="reroute", vehicle_id=key, target_lanelets=[lanelet]) for lanelet in near]
+    return [_request("T", op="reroute", vehicle_id=key, target_lanelets=[lanelet]) for lanelet in near]
 
 
 def _removal(key: int) -> Asked:
-    return _asked("P", op="remove_vehicle", selector={"by": "ids", "ids": [key]}, vehicle_ids=[key])
+    return _request("P", op="remove_vehicle", selector={"by": "ids", "ids": [key]}, vehicle_ids=[key])
 
 
 def _additions(scene: Scene, draw: np.random.Generator) -> list[Asked]:
@@ -135,7 +135,7 @@ def _additions(scene: Scene, draw: np.random.Generator) -> list[Asked]:
         found.append({"class": str(draw.choice(CLASSES)), "count": 1, "where": where, **departs})
     if draw.random() < 0.5:
         found.reverse()
-    return [_asked("P", op="add_vehicle", **truth) for truth in found]
+    return [_request("P", op="add_vehicle", **truth) for truth in found]
 
 
 def _goals(scene: Scene, draw: np.random.Generator) -> list[Asked]:
@@ -152,7 +152,7 @@ def _goals(scene: Scene, draw: np.random.Generator) -> list[Asked]:
         if is_in_reach(problem, scene.step_s, _station_m(scene, key, way_m, share), scene.last_step)
     ][:MOST_GOALS]
     draw.shuffle(found)
-    return [_asked("G", op="set_goal", lanelet=int(key), position=str(word)) for key, word in found[:1]]
+    return [_request("G", op="set_goal", lanelet=int(key), position=str(word)) for key, word in found[:1]]
 
 
 def _station_m(scene: Scene, key: int, way_m: float, share: float) -> float:

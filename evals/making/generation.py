@@ -38,10 +38,10 @@ def generation_lines(materials: Materials, count: int, draw: Draw) -> Iterator[C
             yield _refused(kind, draw.choice(materials.maps), draw)
         else:
             chosen, site = next(drawn)
-            yield _made(chosen, site, next(styles), draw)
+            yield _possible(chosen, site, next(styles), draw)
 
 
-def _made(chosen: MapFacts, kind: str, style: Any, draw: Draw) -> CorpusLine:
+def _possible(chosen: MapFacts, kind: str, style: Any, draw: Draw) -> CorpusLine:
     density = draw.choice((None, *_DENSITIES))
     words = _CLASSES if kind in _FAST else {**_CLASSES, **_TOWN_CLASSES}
     classes = draw.sample(sorted(words), draw.choice((0, 1, 1, 2)))

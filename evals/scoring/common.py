@@ -49,11 +49,11 @@ def refused(request: EvalRequest, attempt: Attempt, *tools: str) -> Score:
     said = attempt.ending in ("refused", "asked") or any(call.is_error for call in attempt.calls)
     accepted = "ok" in request.truth.get("also_accept", ())
     done = accepted or (made is None and said)
-    why = f"created {_made_of(made)} although a refusal was correct" if made else "neither refused nor asked"
+    why = f"created {_created_id(made)} although a refusal was correct" if made else "neither refused nor asked"
     return Score(request.request_id, done, {"refused": done}, () if done else (why,))
 
 
-def _made_of(call: MadeCall | None) -> str:
+def _created_id(call: MadeCall | None) -> str:
     given: Mapping[str, Any] = {} if call is None else call.structured
     return str(given.get("scenario_id") or given.get("config_id") or given.get("search_id") or "something")
 

@@ -114,7 +114,7 @@ def shows_type(made: MadeFiles, kind: str, evidence: MapEvidence) -> bool:
         "highway": lambda: _highway(made, evidence),
         "ramp": lambda: _ramp(made, evidence),
         "rural": lambda: _rural(made, evidence),
-        "urban": lambda: _beside_a_road(made) and _in_town(made, evidence),
+        "urban": lambda: _near_a_road(made) and _in_town(made, evidence),
     }
     return judges[kind]()
 
@@ -131,7 +131,7 @@ def _any_class(made: MadeFiles, classes: frozenset[str], within_m: float) -> boo
     return any(_classes(edge) & classes for edge in made.near(within_m))
 
 
-def _beside_a_road(made: MadeFiles) -> bool:
+def _near_a_road(made: MadeFiles) -> bool:
     """Return whether the middle is near a road other than motorways and links, and no motorway passes."""
     roads = [edge for edge in made.near(BESIDE_M) if not _is_link(edge)]
     return bool(roads) and not any("motorway" in _classes(edge) for edge in roads)
@@ -150,7 +150,7 @@ def _in_town(made: MadeFiles, evidence: MapEvidence) -> bool:
 def _rural(made: MadeFiles, evidence: MapEvidence) -> bool:
     """Return whether it is near a country road, off ramps."""
     ramp = any(_is_link(edge) for edge in made.near(BESIDE_M))
-    return _beside_a_road(made) and not ramp and not _in_town(made, evidence)
+    return _near_a_road(made) and not ramp and not _in_town(made, evidence)
 
 
 def _highway(made: MadeFiles, evidence: MapEvidence) -> bool:

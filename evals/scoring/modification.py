@@ -155,12 +155,12 @@ def _added(truth: Mapping[str, Any], report: Mapping[str, Any], scene: SceneFile
     return {
         "tgt_chg": bool(new),
         "count_match": right,
-        "place": all(any(_stands(scene, user, place) for user in new) for place in places),
+        "place": all(any(_begins_at(scene, user, place) for user in new) for place in places),
         "speed": speed is None or all(abs(user.first.speed - speed) < max(1.0, 0.2 * speed) for user in new),
     }
 
 
-def _stands(scene: SceneFile, user: RoadUser, place: Mapping[str, Any]) -> bool:
+def _begins_at(scene: SceneFile, user: RoadUser, place: Mapping[str, Any]) -> bool:
     """Return whether a vehicle begins at a place: metres along a lanelet, moved inwards by half its length at an
     end.
     """

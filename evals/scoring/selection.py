@@ -68,10 +68,10 @@ def _plain(word: object) -> str:
 def _conditions(texts: object) -> frozenset[str]:
     """Return conditions in a canonical form, however they are written."""
     listed = texts if isinstance(texts, list | tuple) else [texts] if texts else []
-    return frozenset(_meant(str(text)) for text in listed)
+    return frozenset(_canonical(str(text)) for text in listed)
 
 
-def _meant(text: str) -> str:
+def _canonical(text: str) -> str:
     try:
         read = parse_condition(text)
     except PlannerForgeError:

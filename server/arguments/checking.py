@@ -161,7 +161,7 @@ def _corrected(
     values = json.loads(json.dumps(given, default=str))
     for _ in range(_CORRECTIONS):
         # From the back, so that removing a list element does not move the others.
-        mended = [_mended(model, detail, values) for detail in reversed(details)]
+        mended = [_correct_fault(model, detail, values) for detail in reversed(details)]
         if not all(mended):
             return None
         try:
@@ -173,7 +173,7 @@ def _corrected(
     return None
 
 
-def _mended(model: type[BaseModel], detail: ErrorDetails, values: Any) -> bool:
+def _correct_fault(model: type[BaseModel], detail: ErrorDetails, values: Any) -> bool:
     """Replace an invalid value by the nearest valid one, or remove it; return whether that was possible."""
     *holder, last = detail["loc"] or ("",)
     place: Any = values

@@ -40,7 +40,7 @@ def read_loosely(model: type[BaseModel], given: Mapping[str, Any], where: str = 
     """Return the given values in the forms that a model's fields accept; unreadable values stay as they are."""
     reading = LooseReading()
     for name, value in given.items():
-        meant = _field_meant(model, name, given)
+        meant = _resolve_field(model, name, given)
         path = f"{where}{meant}"
         if meant != name:
             reading.notes.append(f"{where}{name} is read as {path}")
@@ -57,7 +57,7 @@ def read_loosely(model: type[BaseModel], given: Mapping[str, Any], where: str = 
     return reading
 
 
-def _field_meant(model: type[BaseModel], name: str, given: Mapping[str, Any]) -> str:
+def _resolve_field(model: type[BaseModel], name: str, given: Mapping[str, Any]) -> str:
     """Return the only field that a name can refer to, ignoring case and a missing unit; else the name itself."""
     fields = model.model_fields
     if name in fields:

@@ -60,14 +60,14 @@ async def proposed_call(
     mended = None
     if spec.name in tools and spec.proposed:
         with anyio.move_on_after(TRYING_S):
-            mended = await _Mending(spec, read, call).first_that_works(error)
+            mended = await _Correction(spec, read, call).first_that_works(error)
     if mended is not None:
         return NextCall(spec.name, mended, dict(differences(read, mended)))
     return _look_up(error, spec, read, call, tools)
 
 
 @dataclass
-class _Mending:
+class _Correction:
     """The search for a corrected call: corrects faults in sequence, and tries calls if possible."""
 
     spec: ToolSpec
@@ -129,7 +129,7 @@ def _look_up(
     A scenario from the refused call must exist.
     """
     named = [remedy for remedy in error.remedies if remedy.tool]
-    for remedy in (*named, *_usual_looks(error, spec)):
+    for remedy in (*named, *_default_remedies(error, spec)):
         following = followed(remedy, spec.name, read)
         if following is None or following.tool not in tools or not tools[following.tool].proposed:
             continue
@@ -144,7 +144,7 @@ def _look_up(
     return None
 
 
-def _usual_looks(error: PlannerForgeError, spec: ToolSpec) -> tuple[Remedy, ...]:
+def _default_remedies(error: PlannerForgeError, spec: ToolSpec) -> tuple[Remedy, ...]:
     """Return the default remedies: an argument's usual path, or the call that lists valid values.
 
     There is no remedy if the error itself lists all valid values.

@@ -114,10 +114,10 @@ class BoundedSessions:
         async def nothing() -> Message:
             return {"type": "http.request", "body": b"", "more_body": False}
 
-        async def unheard(message: Message) -> None:
+        async def ignore(message: Message) -> None:
             del message
 
-        await self._endpoint(ended, nothing, unheard)
+        await self._endpoint(ended, nothing, ignore)
 
 
 def _begins_session(scope: Scope, headers: Headers) -> bool:

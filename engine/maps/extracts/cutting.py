@@ -136,7 +136,7 @@ def _sites_in(box: Box | None, request: CutExtractRequest, store: TileStore) -> 
     tiles = None if not boxes else tiles_in(boxes[0])
     for kind in dict.fromkeys((request.scenario_type, "any")):
         sites = store.sites(kind, tiles)
-        if inside := [site for site in sites if all(_lies_in(site, each) for each in boxes)]:
+        if inside := [site for site in sites if all(_is_in(site, each) for each in boxes)]:
             return inside
     return []
 
@@ -180,7 +180,7 @@ def _spots(roads: Sequence[str], tile: int, box: Box | None, store: TileStore) -
     lines = [_nodes_of(road, osm) for road in roads]
     meeting = set.intersection(*lines) or lines[0]
     spots = sorted(osm.nodes[key].position for key in meeting)
-    return [spot for spot in spots if _lies_in(spot, inside) and (box is None or _lies_in(spot, box))]
+    return [spot for spot in spots if _is_in(spot, inside) and (box is None or _is_in(spot, box))]
 
 
 def _nodes_of(road: str, osm: OsmMap) -> set[int]:
@@ -226,7 +226,7 @@ def _widened(box: Box, by_m: float) -> Box:
     return low, left, high, right
 
 
-def _lies_in(position: Position, box: Box) -> bool:
+def _is_in(position: Position, box: Box) -> bool:
     south, west, north, east = box
     return south <= position[0] <= north and west <= position[1] <= east
 

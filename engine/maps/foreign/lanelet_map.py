@@ -107,7 +107,7 @@ def write_network(source: Path, target: Path) -> tuple[str, ...]:
     root = document.root
     left_out = [f"{len(loaded.tracks)} recorded road users"] if loaded.tracks else []
     if document.is_2018b:
-        left_out.append(_put_signs(root, parse_benchmark_id(loaded.benchmark_id)[0]))
+        left_out.append(_replace_limits_by_signs(root, parse_benchmark_id(loaded.benchmark_id)[0]))
     step_s = loaded.step_s
     if not _SHORTEST_STEP_S <= step_s < math.inf:
         raise UnsafeInput(f"{shown_name(source.name)} has time steps of {step_s:g} s", valid=["timeStepSize of 0.1"])
@@ -128,18 +128,18 @@ def write_network(source: Path, target: Path) -> tuple[str, ...]:
     for height in heights:
         _remove(height)
     left_out += ["heights"] if heights else []
-    if (count := _without_torn(copy)) > 0:
+    if (count := _remove_invalid(copy)) > 0:
         left_out.append(
             f"{count} elements that CommonRoad's schema rejects (empty intersections and signs, lost references)"
         )
-    if refused := _without_refused(copy):
+    if refused := _remove_rejected(copy):
         kinds = ", ".join(f"{name} {count}" for name, count in Counter(refused).most_common(_REFUSED_SHOWN))
         left_out.append(f"{counted(len(refused), 'more element')} that CommonRoad's schema rejects: {kinds}")
     target.write_bytes(etree.tostring(copy, encoding="UTF-8", xml_declaration=True) + b"\n")
     return tuple(left_out)
 
 
-def _without_torn(root: etree._Element) -> int:
+def _remove_invalid(root: etree._Element) -> int:
     """Remove elements that violate the schema and have no use; return how many were removed."""
     torn = [one for one in root.iterfind("intersection") if one.find("incoming") is None]
     torn += [one for one in root.iterfind("trafficSign") if one.find("trafficSignElement") is None]
@@ -167,7 +167,7 @@ _MOST_ROUNDS = 20
 """Rounds of removal (chosen): removing one element may reveal another, or leave its parent incomplete."""
 
 
-def _without_refused(root: etree._Element) -> list[str]:
+def _remove_rejected(root: etree._Element) -> list[str]:
     """Remove from a network what the schema rejects, each time the smallest element; return their names.
 
     Lanelets stay even if they are wrong: traffic needs them, and the rules for networks report their faults.
@@ -268,7 +268,7 @@ def _no_location() -> etree._Element:
     return location
 
 
-def _put_signs(document: etree._Element, country: str) -> str:
+def _replace_limits_by_signs(document: etree._Element, country: str) -> str:
     """Replace speed limits of format 2018b by signs if CommonRoad has one for the country; describe the change."""
     number, next_id = speed_limit_number(country), _largest_id(document) + 1
     signs: dict[str, int] = {}

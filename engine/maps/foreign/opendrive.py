@@ -81,9 +81,9 @@ def convert_opendrive(source: Path, target: Path, scratch: Path) -> tuple[str, .
     lost += untraced_links(target)
     if warnings:
         lost.append(f"netconvert warned {counted(len(warnings), 'time')}, first: {warnings[0]}")
-    if not _has_place(target):
+    if not _has_location(target):
         why = "no readable georeference" if reference is None or not located else "an unknown georeference"
-        _put_nowhere(target)
+        _set_artificial_place(target)
         lost.insert(0, f"it has {why}, so its roads get an artificial place near 0°, 0°")
     return tuple(lost)
 
@@ -132,7 +132,7 @@ def _checked(path: Path) -> etree._Element:
         "lanes": (sum(1 for _ in root.iter("lane")), MOST_LANES),
         "pieces of reference lines": (sum(1 for _ in root.iter("geometry")), MOST_GEOMETRIES),
         "lanes side by side": (
-            max((_beside(section) for section in root.iter("laneSection")), default=0),
+            max((_lane_count(section) for section in root.iter("laneSection")), default=0),
             MOST_AT_ONCE,
         ),
     }
@@ -168,7 +168,7 @@ _MEASURED = {
 """Numbers, by element, that computations here use."""
 
 
-def _beside(section: etree._Element) -> int:
+def _lane_count(section: etree._Element) -> int:
     return sum(1 for _ in section.iter("lane"))
 
 
@@ -238,12 +238,12 @@ def _mirror_back(net: Path, axis_m: float) -> None:
     tree.write(net, encoding="UTF-8", xml_declaration=True)
 
 
-def _has_place(net: Path) -> bool:
+def _has_location(net: Path) -> bool:
     location = etree.parse(net).getroot().find("location")
     return location is not None and location.get("projParameter", "!") != "!"
 
 
-def _put_nowhere(net: Path) -> None:
+def _set_artificial_place(net: Path) -> None:
     """Give a network the artificial location, with its middle there."""
     tree = etree.parse(net)
     location = tree.getroot().find("location")

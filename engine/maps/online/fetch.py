@@ -113,11 +113,11 @@ def fetch_maps(request: FetchMapRequest, report: ProgressReporter) -> FetchedMap
         if sites >= request.count:
             break
     if not fetched:
-        raise _nothing_there(request, search.name, sorted(held), has_roads=has_roads)
+        raise _no_site_error(request, search.name, sorted(held), has_roads=has_roads)
     return FetchedMaps(maps=tuple(fetched), notes=tuple(dict.fromkeys((*troubles, *search.notes))))
 
 
-def _nothing_there(request: FetchMapRequest, name: str, held: list[SiteType], *, has_roads: bool) -> NotPossible:
+def _no_site_error(request: FetchMapRequest, name: str, held: list[SiteType], *, has_roads: bool) -> NotPossible:
     if not has_roads and request.scenario_type in ("any", "urban", "intersection"):
         return NotPossible(
             f"OpenStreetMap has no road for vehicles at {name}",
@@ -228,7 +228,7 @@ class _Area:
 
     def _out_of_town(self, roads: list[Mapping[str, Any]], box: Box) -> list[Mapping[str, Any]]:
         """Return roads without signs of a town and away from its middle; all if there are none."""
-        roads = [road for road in roads if not _is_of_town(road["tags"])] or roads
+        roads = [road for road in roads if not _indicates_town(road["tags"])] or roads
         towns = [(_position(one), one["tags"].get("place")) for one in self._found([_SETTLEMENTS], box)]
         far = {"city": 3 * OUT_OF_TOWN_M, "town": 1.5 * OUT_OF_TOWN_M, "hamlet": 0.4 * OUT_OF_TOWN_M}
         apart = [
@@ -324,7 +324,7 @@ def _overlap(one: Box, other: Box) -> bool:
     return one[0] < other[2] and one[2] > other[0] and one[1] < other[3] and one[3] > other[1]
 
 
-def _lies_in(spot: Spot, box: Box) -> bool:
+def _is_in(spot: Spot, box: Box) -> bool:
     return box[0] <= spot[0] <= box[2] and box[1] <= spot[1] <= box[3]
 
 
@@ -345,7 +345,7 @@ def _is_on(spot: Spot, lines: Sequence[Sequence[Spot]]) -> bool:
     )
 
 
-def _is_of_town(tags: Mapping[str, str]) -> bool:
+def _indicates_town(tags: Mapping[str, str]) -> bool:
     """Return whether a limit or a pavement indicates a town."""
     limit = tags.get("maxspeed", "").split(" ")[0]
     slow = limit.isdecimal() and int(limit) * (1.6 if "mph" in tags["maxspeed"] else 1.0) < _TOWN_LIMIT_KMH
@@ -380,10 +380,10 @@ def _sites_inside(path: Path, core: Box, request: FetchMapRequest) -> Mapping[Si
     """Count the sites of each type that the map has inside the core."""
     finder = SiteFinder(read_map_file(path), request.road_classes)
     kinds: tuple[SiteType, ...] = get_args(SiteType)
-    found = {kind: sum(_lies_in(site.position, core) for site in finder.find(kind)) for kind in kinds}
+    found = {kind: sum(_is_in(site.position, core) for site in finder.find(kind)) for kind in kinds}
     held: dict[SiteType, int] = {kind: count for kind, count in found.items() if count}
     longest = finder.longest_road() if not held and request.scenario_type == "any" else None
-    return {longest.kind: 1} if longest is not None and _lies_in(longest.position, core) else held
+    return {longest.kind: 1} if longest is not None and _is_in(longest.position, core) else held
 
 
 def _fetched(request: FetchMapRequest, path: Path, core: Box, query: str, answered: Answered[MapData]) -> FetchedMap:

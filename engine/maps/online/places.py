@@ -118,7 +118,7 @@ class _Search:
     def _found(self, parameters: Mapping[str, int | str]) -> list[NamedPlace]:
         answered = self._client.search(parameters)
         self.service, self.kept = answered.service, self.kept and answered.kept
-        return _pieces_joined([place for entry in answered.answer if (place := _named(entry)) is not None])
+        return _pieces_joined([place for entry in answered.answer if (place := _place_of_finding(entry)) is not None])
 
     def crossing(self, roads: Sequence[str], town: str) -> list[NamedPlace]:
         """Return the crossings of the roads, one for each town."""
@@ -141,7 +141,7 @@ def _roads_of_crossing(text: str) -> tuple[list[str], str] | None:
     return (roads, ", ".join(parts[1:])) if len(roads) == 2 else None
 
 
-def _named(entry: Mapping[str, Any]) -> NamedPlace | None:
+def _place_of_finding(entry: Mapping[str, Any]) -> NamedPlace | None:
     """Return a finding of Nominatim, or None if it has no name or no place on earth."""
     try:
         address = entry.get("address", {})

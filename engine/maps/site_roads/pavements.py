@@ -166,10 +166,10 @@ def _stated_sides(tags: Mapping[str, str]) -> Sides | None:
     left, right = (_STATED.get(tags.get(f"sidewalk:{side}", "")) for side in ("left", "right"))
     if left is None and right is None:
         return None
-    return _named(left not in (None, "no"), right not in (None, "no"))
+    return _sides(left not in (None, "no"), right not in (None, "no"))
 
 
-def _named(left: bool, right: bool) -> Sides:
+def _sides(left: bool, right: bool) -> Sides:
     if left and right:
         return "both"
     return "left" if left else "right" if right else "no"
@@ -202,7 +202,7 @@ class _FootWays:
                 for side, sign in enumerate((1.0, -1.0)):
                     across = LineString([(x, y), (x + sign * left[0], y + sign * left[1])])
                     found[side] += bool(len(self._tree.query(across, predicate="intersects")))
-        return _named(*(looked > 0 and count >= _DRAWN_SHARE * looked for count in found))
+        return _sides(*(looked > 0 and count >= _DRAWN_SHARE * looked for count in found))
 
     def _tree_of(self, osm: OsmMap, radius_m: float) -> "STRtree | None":
         from shapely import LineString, STRtree

@@ -200,7 +200,7 @@ _SMALLEST_CROSSING_ANGLE_RAD = math.radians(4.0)
 def _find_interior(table: _LaneTable, network: "LaneletNetwork") -> _JunctionInterior:
     """Return the lanelets that become internal lanes; internal lanelets never form a cycle."""
     crossings = _crossings(table)
-    named = _named_by_intersections(network)
+    named = _after_intersections(network)
     interior = {
         key
         for key, lane in table.lanes.items()
@@ -302,7 +302,7 @@ def _cross(table: _LaneTable, first: _DrivableLane, second: _DrivableLane) -> bo
     return not at_ends and min(hit[2], math.pi - hit[2]) >= _SMALLEST_CROSSING_ANGLE_RAD
 
 
-def _named_by_intersections(network: "LaneletNetwork") -> frozenset[int]:
+def _after_intersections(network: "LaneletNetwork") -> frozenset[int]:
     named: set[int] = set()
     for intersection in network.intersections:
         for incoming in intersection.incomings:

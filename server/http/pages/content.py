@@ -53,7 +53,7 @@ class Facts:
 
 
 @dataclass(frozen=True)
-class Told:
+class ToolText:
     """The answer of a tool, and whether it is a refusal."""
 
     text: str
@@ -110,20 +110,20 @@ class Content:
         asked = {"kind": kind, "limit": PAGE_SIZE, "offset": offset}
         return await self._answer(ListArtifactsResult, "list_artifacts", asked)
 
-    async def analysis(self, batch_id: str) -> Told:
+    async def analysis(self, batch_id: str) -> ToolText:
         """Return the analysis of a batch.
 
         Raises:
             Refused: there is no such batch.
         """
-        return Told(answer_text(await self._call("analyze_results", {"results": [batch_id]})))
+        return ToolText(answer_text(await self._call("analyze_results", {"results": [batch_id]})))
 
-    async def comparison(self, results: Sequence[str]) -> Told:
+    async def comparison(self, results: Sequence[str]) -> ToolText:
         """Return the comparison of results, or the reason why they cannot be compared."""
         try:
-            return Told(answer_text(await self._call("compare_results", {"results": list(results)})))
+            return ToolText(answer_text(await self._call("compare_results", {"results": list(results)})))
         except Refused as refusal:
-            return Told(str(refusal), failed=True)
+            return ToolText(str(refusal), failed=True)
 
     async def picture(self, artifact_id: str) -> bytes:
         """Return a picture of a scenario or run from above, as PNG.
