@@ -404,7 +404,7 @@ def configurations_page() -> str:
         f"A weight:\n\n{_model_table(DeclaredWeight)}\n\nA preset:\n\n{_model_table(DeclaredPreset)}",
         "## The agent\n\nVariables `PLANNERFORGE_AGENT_…` of `plannerforge agent` and `chat` ([how](../agent.md)).",
         _model_table(AgentSettings),
-        f"## Errors\n\n{_errors_table()}\n\nWhen each comes stands in [errors](../errors.md).",
+        f"## Errors\n\n{_errors_table()}\n\n[Errors](../errors.md) describes when each occurs.",
     ]
     return "\n\n".join(parts) + "\n"
 

@@ -64,7 +64,7 @@ class LaneletElement:
     @property
     def neighbour_ids(self) -> tuple[int, ...]:
         """The ids of the adjacent lanelets, left before right."""
-        return tuple(beside.lanelet_id for beside in self.neighbours.values())
+        return tuple(adjoining.lanelet_id for adjoining in self.neighbours.values())
 
     @property
     def bounds(self) -> tuple[tuple[str, Points], ...]:
@@ -238,9 +238,9 @@ def _lanelet(element: etree._Element) -> LaneletElement:
         predecessors=_references(element, "predecessor"),
         successors=_references(element, "successor"),
         neighbours={
-            side: _NeighbourElement(_number(beside, "ref"), beside.get("drivingDir") == "same")
+            side: _NeighbourElement(_number(adjoining, "ref"), adjoining.get("drivingDir") == "same")
             for side, tag in (("left", "adjacentLeft"), ("right", "adjacentRight"))
-            if (beside := element.find(tag)) is not None
+            if (adjoining := element.find(tag)) is not None
         },
         stop_line=_stop_line(element.find("stopLine")),
         types=_words(element, "laneletType"),

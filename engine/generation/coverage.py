@@ -82,7 +82,7 @@ def _covering(
 def _rank_with_covered(
     space: "_Space", key: Combination, strength: int, covered: frozenset[Combination], turn: int
 ) -> _Rank:
-    """Return a ranking that prefers levels whose combinations with the chosen ones were made before.
+    """Return a ranking that prefers levels with already covered combinations with the chosen ones.
 
     ``turn``: how often the combination was refused; equal levels take turns.
     """

@@ -346,7 +346,7 @@ class _Attempts:
             f"no road user makes the manoeuvre {wanted} on the routes of the egos tried in {draws} of traffic "
             f"here{scripted_too}",
             valid=[f"scenario_type={kind}" for kind in LIKELY_AT[wanted.name]],
-            next_step="choose such a site, a higher density, a longer duration_s or another seed",
+            next_step="choose one of these sites, a higher density, a longer duration_s or another seed",
             reason="no_manoeuvre",
         )
 
@@ -421,7 +421,7 @@ def _write(
     notes = [] if request.goal.is_through else missed  # otherwise other traffic may do better
     if task.stands_in:
         notes.append(
-            f"{request.ego} has no goal {request.goal.in_words()} on its route; a later car with one is the ego"
+            f"{request.ego} has no goal {request.goal.in_words()} on its route; a later car that has one is the ego"
         )
     counted = [] if aim.plan is None else flow_notes(aim.plan, vehicles, site)
     walking = 0 if request.people is None else people_wanted(request.people, request.density, demand.total)

@@ -104,7 +104,7 @@ class PlanRows:
             )
 
     def add(self, rows: Iterable[PlanRow]) -> None:
-        """Store planned rows: all of them or, if one fails, not any.
+        """Store planned rows, all or nothing.
 
         Raises:
             ResourceFailure: the database cannot be written.
@@ -184,7 +184,7 @@ class PlanRows:
         )
 
     def hopeless(self, tries: int) -> Hopeless:
-        """Return levels refused at least ``tries`` times at sites of a kind on a map where not one was made."""
+        """Return levels refused at least ``tries`` times, and never made, at sites of a kind on a map."""
         made: set[tuple[str, str, int, int]] = set()
         refused: Counter[tuple[str, str, int, int]] = Counter()
         for row in self._rows(

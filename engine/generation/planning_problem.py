@@ -223,7 +223,7 @@ def _check_lanelet(goal: AskedGoal, network: RoadNetwork) -> None:
         raise UnknownName(
             f"the site has no lanelet {key}: its ids are known after a scenario of it exists",
             valid=closest(str(key), [str(known) for known in sorted(network.lanelets)]),
-            next_step="generate with another goal and ask describe_scenario first, or use modify_scenario afterwards",
+            next_step="generate with another goal, then see describe_scenario, or set it with modify_scenario",
             remedies=[with_values(goal=None)],
         )
     station_m(goal.lanelet.position, key, float(arc_length(network.lanelets[key].center)[-1]))

@@ -230,8 +230,8 @@ def _miss_reason(density: DensityFacts, demand: Demand, *, too_many: bool) -> st
         small = f"the site has only {density.lane_km:g} lane-km, and no fewer than {FEWEST} vehicles are put on one"
         return small if demand.total <= FEWEST else "the request sets so many vehicles by number"
     if demand.total >= (1 - MISSED_BY) * density.target_per_lane_km * density.lane_km:
-        return "no more found room"
-    return demand.bounded_by or "the number of cars was bounded"
+        return "no further vehicle found room"
+    return demand.bounded_by or "the number of cars was limited"
 
 
 def _duration_notes(duration_s: float, recorded_s: float) -> list[str]:

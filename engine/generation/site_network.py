@@ -308,7 +308,7 @@ def _passing_note(site: Site, request: GenerationRequest) -> str:
     if len(request.streets) > 1:
         asked = cited_all((names[0] for names in request.streets), " and ")
         return f"{asked} do not meet at one point here, but pass this {kind}"
-    return f"no {kind} lies on {cited(request.streets[0][0])} itself; this is one close by"
+    return f"no {kind} is on {cited(request.streets[0][0])} itself; this one is nearby"
 
 
 def _without_traceback(refusal: NotPossible) -> NotPossible:

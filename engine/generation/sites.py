@@ -194,7 +194,7 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
         south, west, north, east = request.bbox
         where += f" in the requested part ({south:.4f} to {north:.4f}° N, {west:.4f} to {east:.4f}° E)"
     wanted_site = "site of any type" if wanted == "any" else f"{wanted} site"
-    elsewhere = f"place={request.map_id} to look in the whole map" if request.bbox is not None else "another place"
+    elsewhere = f"place={request.map_id} to search the whole map" if request.bbox is not None else "another place"
     next_step = f"choose one of these scenario types, or {elsewhere}" if held else f"choose {elsewhere}"
     if not held and len(request.streets) > 1 and not _meet(osm, request.streets):
         return _never_meet(finder, request)

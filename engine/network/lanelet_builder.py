@@ -83,9 +83,11 @@ def _lanelet(key: str, bounds: LaneBounds, ids: dict[str, int], graph: LaneGraph
     )
 
 
-def _neighbour(beside: LaneBounds | None, oncoming: LaneBounds | None, ids: dict[str, int]) -> tuple[int | None, bool]:
-    if beside is not None and beside.lane.lane_id in ids:
-        return ids[beside.lane.lane_id], True
+def _neighbour(
+    adjoining: LaneBounds | None, oncoming: LaneBounds | None, ids: dict[str, int]
+) -> tuple[int | None, bool]:
+    if adjoining is not None and adjoining.lane.lane_id in ids:
+        return ids[adjoining.lane.lane_id], True
     if oncoming is not None and oncoming.lane.lane_id in ids:
         return ids[oncoming.lane.lane_id], False
     return None, False
@@ -127,12 +129,12 @@ def _speed_signs(net: SumoNet, by_lane: dict[str, RoadLanelet], first_id: int) -
     """Return one sign for every normal edge, with its lanes' limit in m/s, at the right of its beginning."""
     signs: list[SpeedSign] = []
     for edge in net.edges.values():
-        beside = [by_lane[key] for key in edge.lane_ids if key in by_lane]
-        if edge.internal or not beside:
+        adjoining = [by_lane[key] for key in edge.lane_ids if key in by_lane]
+        if edge.internal or not adjoining:
             continue
-        position = beside[0].left[0] if net.lefthand else beside[0].right[0]
-        numbers = tuple(lanelet.lanelet_id for lanelet in beside)
-        signs.append(SpeedSign(first_id + len(signs), beside[0].speed_mps, position, numbers))
+        position = adjoining[0].left[0] if net.lefthand else adjoining[0].right[0]
+        numbers = tuple(lanelet.lanelet_id for lanelet in adjoining)
+        signs.append(SpeedSign(first_id + len(signs), adjoining[0].speed_mps, position, numbers))
     return tuple(signs)
 
 

@@ -135,9 +135,7 @@ def barred(kind: str) -> frozenset[str]:
 
 @dataclass(frozen=True)
 class Refusal:
-    """Arguments as a caller sends them, the reason for their refusal, and the texts of which the error must contain
-    one.
-    """
+    """Arguments as a caller sends them, the reason for their refusal, and texts; the error must contain one of them."""
 
     name: str
     given: Mapping[str, Any]

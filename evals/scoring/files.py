@@ -336,11 +336,11 @@ def _lanelet(element: Any) -> Lanelet:
         points = element.iterfind(f"{name}/point")
         return np.array([(float(point.findtext("x")), float(point.findtext("y"))) for point in points])
 
-    def beside(name: str) -> tuple[int | None, bool]:
+    def adjoining(name: str) -> tuple[int | None, bool]:
         found = element.find(name)
         return (None, False) if found is None else (int(found.get("ref")), found.get("drivingDir") == "same")
 
-    left, right = beside("adjacentLeft"), beside("adjacentRight")
+    left, right = adjoining("adjacentLeft"), adjoining("adjacentRight")
     limit = element.findtext("speedLimit")
     return Lanelet(
         key=int(element.get("id")),

@@ -119,8 +119,8 @@ def _reached(scene: SceneFile, begin: Iterable[int]) -> set[int]:
         lane = scene.lanelets.get(todo.pop())
         if lane is None:
             continue
-        beside = [lane.beside_left if lane.left_is_same else None, lane.beside_right if lane.right_is_same else None]
-        for key in (*lane.successors, *beside):
+        adjoining = [lane.beside_left if lane.left_is_same else None, lane.beside_right if lane.right_is_same else None]
+        for key in (*lane.successors, *adjoining):
             if key is not None and key not in reached:
                 reached.add(key)
                 todo.append(key)

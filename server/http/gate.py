@@ -181,7 +181,7 @@ class Gate:
                     return _too_long(most)
                 if message["type"] != "http.request" or not message.get("more_body", False):
                     return bytes(body)
-        return _Refusal(408, f"the body did not arrive within {BODY_TIMEOUT_S:g} s; send it faster")
+        return _Refusal(408, f"the body did not arrive within {BODY_TIMEOUT_S:g} s; send it without pauses")
 
 
 @dataclass(frozen=True)

@@ -349,9 +349,9 @@ def _document(source: Path, plane: _Plane, lanes: list[_Lane]) -> etree._Element
     first_sign = max(lane.key for lane in lanes) + 1
     speeds = sorted({lane.speed_mps for lane in lanes if lane.speed_mps is not None})
     signs = {speed: first_sign + number for number, speed in enumerate(speeds)}
-    following, before, beside = _relations(lanes)
+    following, before, adjoining = _relations(lanes)
     for lane in lanes:
-        _write(root, lane, before[lane.key], following[lane.key], beside[lane.key], signs)
+        _write(root, lane, before[lane.key], following[lane.key], adjoining[lane.key], signs)
     for speed, key in signs.items():
         sign = etree.SubElement(root, "trafficSign", {"id": str(key)})
         inside = _add(sign, "trafficSignElement")
@@ -363,10 +363,10 @@ def _document(source: Path, plane: _Plane, lanes: list[_Lane]) -> etree._Element
     return root
 
 
-_Beside = dict[str, tuple[int, str]]
+_Adjoining = dict[str, tuple[int, str]]
 
 
-def _relations(lanes: list[_Lane]) -> tuple[dict[int, list[int]], dict[int, list[int]], dict[int, _Beside]]:
+def _relations(lanes: list[_Lane]) -> tuple[dict[int, list[int]], dict[int, list[int]], dict[int, _Adjoining]]:
     """Return successors, predecessors, and neighbours (side → id and driving direction) of each lanelet."""
     starts: dict[tuple[int, int], list[int]] = {}
     on_right: dict[frozenset[int], list[_Lane]] = {}
@@ -380,7 +380,7 @@ def _relations(lanes: list[_Lane]) -> tuple[dict[int, list[int]], dict[int, list
     for key, after in following.items():
         for one in after:
             before[one].append(key)
-    beside: dict[int, _Beside] = {lane.key: {} for lane in lanes}
+    adjoining: dict[int, _Adjoining] = {lane.key: {} for lane in lanes}
     for lane in lanes:
         for side, ways, nodes, same, opposite in (
             ("adjacentLeft", lane.left_ways, lane.left_nodes, on_right, on_left),
@@ -389,16 +389,21 @@ def _relations(lanes: list[_Lane]) -> tuple[dict[int, list[int]], dict[int, list
             for other in same.get(ways, []):
                 shared = other.right_nodes if side == "adjacentLeft" else other.left_nodes
                 if other is not lane and shared == nodes:
-                    beside[lane.key].setdefault(side, (other.key, "same"))
+                    adjoining[lane.key].setdefault(side, (other.key, "same"))
             for other in opposite.get(ways, []):
                 shared = other.left_nodes if side == "adjacentLeft" else other.right_nodes
                 if other is not lane and shared == nodes[::-1]:
-                    beside[lane.key].setdefault(side, (other.key, "opposite"))
-    return following, before, beside
+                    adjoining[lane.key].setdefault(side, (other.key, "opposite"))
+    return following, before, adjoining
 
 
 def _write(
-    root: etree._Element, lane: _Lane, before: list[int], after: list[int], beside: _Beside, signs: Mapping[float, int]
+    root: etree._Element,
+    lane: _Lane,
+    before: list[int],
+    after: list[int],
+    adjoining: _Adjoining,
+    signs: Mapping[float, int],
 ) -> None:
     element = etree.SubElement(root, "lanelet", {"id": str(lane.key)})
     for tag, line in (("leftBound", lane.left), ("rightBound", lane.right)):
@@ -409,8 +414,8 @@ def _write(
         for key in keys:
             etree.SubElement(element, tag, {"ref": str(key)})
     for side in ("adjacentLeft", "adjacentRight"):
-        if side in beside:
-            key, direction = beside[side]
+        if side in adjoining:
+            key, direction = adjoining[side]
             etree.SubElement(element, side, {"ref": str(key), "drivingDir": direction})
     _add(element, "laneletType", KINDS.get(lane.subtype, "urban" if lane.subtype == "road" else "unknown"))
     for user in lane.users:

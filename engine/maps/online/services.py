@@ -137,11 +137,11 @@ class _Guard:
         """Limit status requests: osmnx asks again and again while all slots are taken."""
         self.status_reads += is_status
         if self.status_reads > _MOST_STATUS_READS:
-            raise Trouble("its slots stay taken")
+            raise Trouble("its slots stay occupied")
 
     def _refused(self, response: Any) -> Trouble:
         text = _text_of_page(self._body(response))
-        reason = {429: "asks for patience (429)", 504: "is too busy (504)"}.get(
+        reason = {429: "asks to wait (429)", 504: "is too busy (504)"}.get(
             response.status_code, f"refuses ({response.status_code})"
         )
         wait_s = _retry_after_s(response.headers.get("retry-after", ""))
@@ -288,7 +288,7 @@ class ServiceClient:
         for url in urls:
             host = _host_of(url)
             if time.monotonic() > self._give_up_at:
-                troubles.append(f"{host} was not asked, after {MOST_SECONDS:g} s")
+                troubles.append(f"{host} was not tried after the limit of {MOST_SECONDS:g} s")
                 break
             self._tell(f"asking {host}")
             try:

@@ -24,10 +24,10 @@ def unknown_successor(document: RoadDocument) -> Iterator[Defect]:
 def unknown_neighbour(document: RoadDocument) -> Iterator[Defect]:
     """A neighbour on the left or right is not in the file."""
     for lanelet in document.lanelets:
-        for side, beside in lanelet.neighbours.items():
-            if beside.lanelet_id not in document.by_id:
-                message = f"neighbour {beside.lanelet_id} on the {side} is not in the file"
-                yield Defect(message, (lanelet.lanelet_id, beside.lanelet_id))
+        for side, adjoining in lanelet.neighbours.items():
+            if adjoining.lanelet_id not in document.by_id:
+                message = f"neighbour {adjoining.lanelet_id} on the {side} is not in the file"
+                yield Defect(message, (lanelet.lanelet_id, adjoining.lanelet_id))
 
 
 @rule("error", why="Searching forwards and backwards gives different routes.")
@@ -102,27 +102,27 @@ def one_way_neighbour(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet has a neighbour that does not list it on the side where it is."""
     known = document.by_id
     for lanelet in document.lanelets:
-        for side, beside in lanelet.neighbours.items():
-            other = known.get(beside.lanelet_id)
+        for side, adjoining in lanelet.neighbours.items():
+            other = known.get(adjoining.lanelet_id)
             if other is None:
                 continue
-            facing = other.neighbours.get("left" if (side == "left") != beside.same_direction else "right")
+            facing = other.neighbours.get("left" if (side == "left") != adjoining.same_direction else "right")
             if facing is None or facing.lanelet_id != lanelet.lanelet_id:
-                message = f"{beside.lanelet_id} on its {side} does not list it as neighbour on the side where it is"
-                yield Defect(message, (lanelet.lanelet_id, beside.lanelet_id))
+                message = f"{adjoining.lanelet_id} on its {side} does not list it as neighbour on the side where it is"
+                yield Defect(message, (lanelet.lanelet_id, adjoining.lanelet_id))
 
 
 @rule("error", why="A planner changes into oncoming traffic, or avoids a lane that it may use.")
 def neighbour_direction(document: RoadDocument) -> Iterator[Defect]:
     """A neighbour leads in the opposite direction to the one that the file states."""
     for lanelet in document.drawn:
-        for beside in lanelet.neighbours.values():
-            other = document.by_id.get(beside.lanelet_id)
+        for adjoining in lanelet.neighbours.values():
+            other = document.by_id.get(adjoining.lanelet_id)
             if other is None or not other.is_drawn:
                 continue
             ahead, ahead_there = (each.center[-1] - each.center[0] for each in (lanelet, other))
-            if float(ahead @ ahead_there) * (1 if beside.same_direction else -1) < 0:
-                stated = "same" if beside.same_direction else "opposite"
+            if float(ahead @ ahead_there) * (1 if adjoining.same_direction else -1) < 0:
+                stated = "same" if adjoining.same_direction else "opposite"
                 message = f"neighbour {other.lanelet_id} does not lead the {stated} way"
                 yield Defect(message, (lanelet.lanelet_id, other.lanelet_id), lanelet.center[0])
 
@@ -137,12 +137,12 @@ def neighbour_apart(document: RoadDocument) -> Iterator[Defect]:
     from shapely import LineString, distance, points
 
     for lanelet in document.drawn:
-        for side, beside in lanelet.neighbours.items():
-            other = document.by_id.get(beside.lanelet_id)
+        for side, adjoining in lanelet.neighbours.items():
+            other = document.by_id.get(adjoining.lanelet_id)
             if other is None or not other.is_drawn:
                 continue
             bound = lanelet.left if side == "left" else lanelet.right
-            facing = other.right if (side == "left") == beside.same_direction else other.left
+            facing = other.right if (side == "left") == adjoining.same_direction else other.left
             apart = float(np.median(distance(points(bound), LineString(facing))))
             if apart > _LARGEST_DISTANCE_TO_NEIGHBOUR_M:
                 message = f"its {side} bound and that of neighbour {other.lanelet_id} are {apart:.1f} m apart"

@@ -365,12 +365,12 @@ def _left_neighbours(table: _LaneTable, interior: frozenset[int]) -> dict[int, i
     return left_of
 
 
-def _chain(start: int, beside: dict[int, int]) -> tuple[int, ...]:
+def _chain(start: int, next_of: dict[int, int]) -> tuple[int, ...]:
     """Return a lanelet and its chain of neighbours to the last one, or until the chain repeats."""
     chain = dict.fromkeys([start])
     last = start
-    while last in beside and beside[last] not in chain:
-        last = beside[last]
+    while last in next_of and next_of[last] not in chain:
+        last = next_of[last]
         chain[last] = None
     return tuple(chain)
 

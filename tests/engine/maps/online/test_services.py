@@ -25,7 +25,7 @@ NOWHERE = '[out:json][timeout:5];(way["highway"](1.0,1.0,1.1,1.1););out tags cen
 @pytest.mark.parametrize(
     ("kind", "told"),
     [
-        ("429", "asks for patience (429): “Error Error : rate_limited"),
+        ("429", "asks to wait (429): “Error Error : rate_limited"),
         ("504", "is too busy (504)"),
         ("403", "refuses (403)"),
         ("cut", "broke off in the middle of its answer"),
