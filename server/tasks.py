@@ -49,7 +49,7 @@ GRACE_S = 2.0
 _POLL_S = 1.0
 """Polling interval for clients, and for a task that checks for cancellation or answers; chosen."""
 _MOST_AT_ONCE, _MOST_WAITING = 16, 100
-"""Tasks that run at once in one server, including waiting ones; further calls become no tasks. Chosen."""
+"""Tasks that run at once in one server, including waiting ones; further calls do not become tasks. Chosen."""
 _NOTE_INTERVAL_S = 0.5
 _VERSIONS = frozenset({STATELESS_SINCE})
 

@@ -32,7 +32,7 @@ MOST_IMAGE_BYTES = 12 * 1024**2
 """Maximum bytes of all pictures of an answer; more are only linked. Chosen: clients reject messages of tens of MB."""
 
 _ESCAPE = re.compile(r"\\[ubfr]")
-"""Replaces a character in JSON that is not printable, except for line breaks and tabulators."""
+"""Matches JSON escapes of unprintable characters; line breaks and tabulators are allowed."""
 
 
 class InputNeeded(Exception):

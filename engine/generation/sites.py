@@ -70,7 +70,7 @@ SAME_PLACE_M = 60.0
 SHOWN_NAMES = 3
 """Maximum number of road classes, or of a ramp's streets, that a refusal lists."""
 NEARBY_DEG = 0.0005
-"""Half the side of the box around another site in a refusal: 56 m, because sites of a type are 60 m apart."""
+"""Half the side of the box around another site in a refusal: 56 m, because sites of a type are at least 60 m apart."""
 _WITHOUT_LINK: Mapping[Turn, tuple[str, str]] = MappingProxyType(
     {"merge": ("an exit", "joins"), "exit": ("an entry", "leaves")}
 )

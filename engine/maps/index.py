@@ -126,7 +126,7 @@ _LEAST_LIKENESS, _LEAST_WORD_LIKENESS, _TELLING_LETTERS = 78, 85, 4
 _MOST_NEAR, _COMPARED = 4, 2000
 """Maximum number of suggestions, and of compared names (chosen)."""
 _FEW_WORDS = 4
-"""Minimum number of words for inexact matches of both the place and the road (chosen)."""
+"""Maximum number of words in a text for inexact matches of both the place and the road (chosen)."""
 _SHOWN_ROADS, _MOST_WORDS, _LONGEST_UNSPACED = 3, 12, 24
 """Maximum numbers of roads that a sentence lists, of words tried in all splits, and of letters (chosen)."""
 

@@ -29,7 +29,7 @@ _SHORTEST_PIECE_M = 1e-6
 _JOINT_M = 0.1
 """Length of the roads that replace the connections of a direct junction; netconvert needs a length above 0."""
 _STEPS = 200
-"""Step of the integration along a piece of a reference line."""
+"""Number of steps of the integration along a piece of a reference line."""
 
 
 def without_namespaces(root: etree._Element) -> None:

@@ -61,7 +61,7 @@ def read_net_map(path: Path) -> NetMap:
 
 
 MOST_TRACED = 4_000
-"""Maximum number of a network's lanes for drawing all lanelets at import to find gaps (chosen: a few seconds)."""
+"""Maximum number of lanes of a network for which import draws all lanelets to find gaps (chosen: a few seconds)."""
 
 
 def untraced_links(path: Path) -> list[str]:

@@ -69,7 +69,7 @@ _SPOT_FILTERS: Mapping[ScenarioType, str] = {
     "highway": 'way["highway"~"^(motorway|trunk)$"]',
     "rural": 'way["highway"~"^(trunk|primary|secondary|tertiary|unclassified)$"]',
 }
-"""Identifies a site of a type in OpenStreetMap's tags."""
+"""Overpass filters that find the sites of each type by OpenStreetMap's tags."""
 _SETTLEMENTS = f'node["place"~"^({"|".join(PLACE_KINDS)})$"]'
 _MAIN_ROADS = 'way["highway"~"^(motorway|trunk|primary|secondary|tertiary)(_link)?$"]'
 _NAMED_ROADS = 'way["highway"]["name"]'
