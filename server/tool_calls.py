@@ -144,7 +144,7 @@ _DENORMAL = re.compile(r"\de-3\d\d\b")
 
 
 def _without_denormals(value: Any) -> Any:
-    """Return the same value with 0 for numbers below the normal range: they are left by underflow."""
+    """Return the same value with 0 for numbers below the normal range, which result from underflow."""
     if isinstance(value, dict):
         return {key: _without_denormals(part) for key, part in value.items()}
     if isinstance(value, list):

@@ -1,6 +1,6 @@
 """Generates scenarios from maps: site, road network, traffic, ego and goal, file, checks.
 
-``Hopeless``: Levels that no site of a map suits, as refused rows of a coverage plan have shown.
+``Hopeless``: Levels that no site of a map fits, according to refused rows of a coverage plan.
 ``Levels``: The level index for each factor of a coverage plan; None if the plan does not have that level.
 ``PlanCounts``: The number of rows of a coverage plan that wait, were made, were refused, or failed.
 ``PlanRow``: A scenario that a coverage plan makes or has tried to make.

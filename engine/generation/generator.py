@@ -310,9 +310,7 @@ class _Attempts:
                 return
 
     def _without_turn(self, refusal: NotPossible) -> NotPossible:
-        """Return the refusal with calls that keep the turn before the one that drops it, or with the turns that
-        exist.
-        """
+        """Return the refusal with the calls that keep the turn listed first, or with the possible turns."""
         site, request = self._fit[0][0], self._request
         ego = vehicle_classes()[request.ego.vehicle_class]
         there = possible_turns(site.net, site.focus, ego.sumo_class)

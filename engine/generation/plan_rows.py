@@ -18,7 +18,7 @@ RowState = Literal["held", "waiting", "made", "refused", "failed", "passed"]
 Levels = tuple[int | None, ...]
 """The level index for each factor; None if the plan does not have the level."""
 Hopeless = frozenset[tuple[str, str, int, int]]
-"""Levels that sites of a map do not suit: the name of the sites, the map, the factor, the level."""
+"""Levels that sites of a map do not fit: the name of the sites, the map, the factor, the level."""
 _TABLE = """
 CREATE TABLE IF NOT EXISTS plan_rows (
     plan_id TEXT NOT NULL,

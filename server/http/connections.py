@@ -257,7 +257,7 @@ class BoundedProtocol(HttpToolsProtocol):
 
 
 class _OncePerSecond(logging.Filter):
-    """Limits a statement to one log record per second; its next message states how many were dropped.
+    """Limits each log statement to one record per second; its next record states how many were dropped.
 
     Strangers choose the content of messages (a Host, the id of a key), so the position in the code identifies a
     statement.

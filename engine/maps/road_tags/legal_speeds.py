@@ -24,7 +24,7 @@ Tags = Mapping[str, str]
 _Test = Callable[[Tags, Callable[[str], bool]], bool]
 """Tests whether tags are of a kind of road; the second argument answers for other kinds that it includes."""
 _MULTILANE = frozenset({"motorway", "motorway_link", "trunk", "trunk_link"})
-"""Classes of one-way roads that are half of a dual carriageway; a one-way street of another class may be an ordinary street."""
+"""Classes of one-way roads that are half of a dual carriageway; one-way streets of other classes may be ordinary."""
 _MOTORWAYS = frozenset({"motorway", "motorway_link"})
 _INTERSTATE = "US interstate highway"
 """A kind that the table recognises by the road's number; every motorway of the USA counts as one."""
