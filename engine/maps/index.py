@@ -172,8 +172,7 @@ class MapMatch:
 
     @property
     def widened(self) -> "MapMatch | None":
-        """Return a match of the whole map if the streets are outside the circle of their place; None if the circle
-        binds.
+        """Return a match of the whole map if the streets are outside their place's circle; None if the circle is a limit.
 
         The circle of a town is mostly a guess, and a crossing of streets is unique. A quarter, however, states which
         part of a single street is requested.
@@ -413,9 +412,7 @@ def _add_incomplete_roads(shown: list[MapMatch], found: list[MapMatch], text: st
 
 
 def _joined(match: MapMatch, begun: tuple[str, ...], text: str) -> MapMatch:
-    """Return a match with the roads that begin so as other meanings; only those if the text was read as several
-    names.
-    """
+    """Return a match with these roads as alternatives; only these if the text was read as several names."""
     if not begun:
         return match
     is_one = len(match.streets) == 1 and match.area is None and not match.unnamed
