@@ -65,9 +65,24 @@ def numbers_of(folder: Path) -> dict[str, list[int]]:
     return {word: sorted(found[word]) for word in sorted(found)}
 
 
+def ordinals_of(folder: Path) -> list[str]:
+    """Return the endings that languages write behind the digits of an ordinal, in plain Latin letters; sorted.
+
+    A single letter counts if it stands for no house (``12a``), which is so of ``e`` alone.
+    """
+    found: set[str] = set()
+    for path in sorted(folder.glob("*.yaml")):
+        for group in yaml.safe_load(path.read_text(encoding="utf-8")).get("ordinal_indicators") or []:
+            found.update(latin(ending) for endings in group["suffixes"].values() for ending in endings)
+    return sorted(ending for ending in found if ending.isalpha() and (len(ending) > 1 or ending == "e"))
+
+
 SUFFIXES = "concatenated_suffixes_separable"
 DIRECTIONS = ("north", "south", "east", "west")
-JOINING, CORNERS = ("and", "x", "i", "ve"), ("corner", "corner_of", "at_the_corner_of", "na_uglu", "na_rozi", "ugul_na")
+JOINING, CORNERS = (
+    ("and", "x", "i", "ve", "con", "amb"),
+    ("corner", "corner_of", "at_the_corner_of", "na_uglu", "na_rozi", "ugul_na"),
+)
 """The entries of ``cross_streets`` for words between two roads, and for words before both."""
 _MEANS_AT = "a"
 """The Czech and Slovak word for "and" that means "at" in Catalan, French, Italian and Portuguese."""
@@ -128,6 +143,7 @@ def main(checkout: Path) -> None:
         "long_kinds": long_kinds_of(folder),
         "others": words_of(folder, OTHERS),
         "numbers": numbers_of(checkout / "resources" / "numex"),
+        "ordinals": ordinals_of(checkout / "resources" / "numex"),
         "suffixes": suffixes_of(folder),
         "directions": directions_of(checkout / "resources" / "addresses"),
         "joining": crossings_of(checkout / "resources" / "addresses", JOINING),

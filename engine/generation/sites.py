@@ -261,14 +261,19 @@ def _nearest_outside(finder: SiteFinder, request: GenerationRequest) -> Site | N
 
 
 def _fitting(finder: SiteFinder, sites: list[Site], request: GenerationRequest) -> list[Site]:
-    """Return the sites on all streets of a request and in its box."""
+    """Return the sites on all streets of a request and in its box, the nearest to the box's middle first."""
     if request.streets:
         sites = [
             finder.narrowed(site, partial(_is_on_streets, request.streets))
             for site in sites
             if _passes_by(site, request)
         ]
-    return [site for site in sites if _is_in_box(site, request)]
+    if request.bbox is None:
+        return sites
+    south, west, north, east = request.bbox
+    middle = (south + north) / 2, (west + east) / 2
+    inside = (site for site in sites if _is_in_box(site, request))
+    return sorted(inside, key=lambda site: ground_distance_m(middle, site.position))
 
 
 def _is_in_box(site: Site, request: GenerationRequest) -> bool:

@@ -26,6 +26,7 @@ from .naming.spellings import (
     MOST_KEPT,
     distinctive,
     kinds_of_road,
+    names_a_street,
     road_keys,
     road_readings,
     route_number,
@@ -172,7 +173,7 @@ class MapMatch:
 
     @property
     def widened(self) -> "MapMatch | None":
-        """Return a match of the whole map if the streets are outside their place's circle; None if the circle is a limit.
+        """Return a match of the whole map if the streets are outside their place's circle, or None if it is a limit.
 
         The circle of a town is mostly a guess, and a crossing of streets is unique. A quarter, however, states which
         part of a single street is requested.
@@ -449,7 +450,7 @@ def _crossing_patterns() -> tuple[re.Pattern[str], re.Pattern[str]]:
     joining, corners = words_for_crossings()
     phrases = sorted({*map(re.escape, corners), *_BEFORE_BOTH}, key=lambda phrase: (-len(phrase), phrase))
     words = "|".join([*map(re.escape, (*joining, *_JOINING)), *phrases])
-    between = rf"\s*[/&+×@、]\s*|\s+(?:{words})\s+|\s+(?:と|和|与)\s+|(?<=[路街道])[与和](?=[\u4e00-\u9fff])"
+    between = rf"\s*[/&+×@、]\s*|\s+(?:(?:{words})\s+)+|\s+(?:と|和|与)\s+|(?<=[路街道])[与和](?=[\u4e00-\u9fff])"
     around = rf"^(?:{'|'.join(phrases)})\s+|\s*(?:路口|交叉口|交差点)$"
     return re.compile(between, re.IGNORECASE), re.compile(around, re.IGNORECASE)
 
@@ -780,14 +781,20 @@ def _nearest_spot(settlement: Settlement, facts: MapFacts) -> Box:
 
 
 def _read_place_like(part: str, facts: MapFacts, is_like: Callable[[str, str], bool]) -> _Reading | None:
-    """Read the text as a place of the map with a name that is similar in the given way."""
+    """Read the text as a place of the map with a name that is similar in the given way.
+
+    A text that is a street's name is not part of a town with a similar name (``玄武大道``: ``玄武区``).
+    """
+    is_street = names_a_street(part)
     for area in facts.areas:
+        if is_street and area.kind not in ROAD_PLACES and not kinds_of_road(area.name):
+            continue
         if any(is_like(part, name) for name in (area.name, *area.other_names)):
             found = _read_whole(area.name, facts)
             taken = cited(area.name) if found is not None and found.streets else _area_text(area)
             return None if found is None else replace(found, understood=(f"{part!r} is taken as {taken}",))
     for name in facts.places:
-        if is_like(part, name):
+        if is_like(part, name) and not (is_street and not kinds_of_road(name)):
             return _Reading(named=True, understood=(f"{part!r} is taken as {cited(name)}",))
     return None
 

@@ -300,9 +300,7 @@ def _tags(element: Any) -> Mapping[str, str]:
 
 
 def tag_text(text: str) -> str:
-    """Return a tag's text unchanged if it is short and on one line, otherwise shortened: answers and files contain
-    it.
-    """
+    """Return a tag's text unchanged if it is short and on one line, otherwise shortened for answers and files."""
     return text if len(text) <= LONGEST_TEXT and text.isprintable() else one_line(text)
 
 

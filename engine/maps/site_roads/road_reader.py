@@ -150,7 +150,7 @@ class RoadReader:
     def _remember(self, limit: Limit, way: OsmWay, name: str) -> None:
         if limit.unread:
             self._reported.add("unread", f"{name} ({limit.unread})")
-        if limit.source in ("law", "usual"):
+        if limit.source in ("law", "usual", "driven"):
             kind = "on motorways" if way.road_class in _FAST else "in town" if limit.urban else "outside towns"
             self._limits.setdefault(limit.source, {}).setdefault((limit.kmh, kind), []).append(name)
             if limit.legal is not None and limit.legal.states > 1 and limit.source == "law":
@@ -198,12 +198,16 @@ class RoadReader:
         return notes + [self._limit_note(source, limits) for source, limits in sorted(self._limits.items())]
 
     def _limit_note(self, source: str, limits: Mapping[tuple[float, str], Sequence[str]]) -> str:
+        parts = [f"{kmh:g} km/h {kind} ({in_words(names)})" for (kmh, kind), names in sorted(limits.items())]
+        if source == "driven":
+            return (
+                f"slip roads, drives and tracks without a signed speed limit have their usual speed: {'; '.join(parts)}"
+            )
         law = f"the legal default of {self._where.name}"
         if source == "usual":
             law = "the median of all countries' legal defaults, because the country is unknown"
         elif self._states:
             law = f"the most frequent of the legal defaults of {max(self._states)} states of {self._where.name}"
-        parts = [f"{kmh:g} km/h {kind} ({in_words(names)})" for (kmh, kind), names in sorted(limits.items())]
         return f"roads without a signed speed limit have {law}: {'; '.join(parts)}"
 
 

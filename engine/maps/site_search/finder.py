@@ -397,11 +397,31 @@ class SiteFinder:
 
     def _motorways(self) -> list[_Spot]:
         fast = [way for way in self._roads if way.road_class == self._fast]
-        fast = [way for way in fast if self._fast == "motorway" or _is_expressway(way)]
+        fast = [way for way in fast if self._fast == "motorway" or self._is_expressway(way)]
         ways = [way for way in fast if length_m(self.osm, way) > SHORTEST_STRETCH_M]
         return [
             self._spot("highway", point, [way], way.way_id) for way in ways for point in _spaced_points(self.osm, way)
         ]
+
+    def _is_expressway(self, way: OsmWay) -> bool:
+        """Return True for a trunk road that drives like a motorway.
+
+        It is signed as one, or it is a one-way carriageway with a high limit, or without a signed limit and without a
+        street that meets it.
+        """
+        if way.tags.get("motorroad") == "yes":
+            return True
+        if way.tags.get("oneway") != "yes":
+            return False
+        if way.maxspeed_kmh is None:
+            return self._street_nodes.isdisjoint(way.node_ids)
+        return way.maxspeed_kmh >= EXPRESSWAY_KMH
+
+    @cached_property
+    def _street_nodes(self) -> frozenset[int]:
+        """The nodes of all roads other than motorways, trunk roads and links."""
+        fast = frozenset((*FAST_ROADS, *LINKS))
+        return frozenset(key for way in self._roads if way.road_class not in fast for key in way.node_ids)
 
     def _rural(self) -> list[_Spot]:
         """Return stretches of main roads away from houses; pavements, and limits below 60 km/h, indicate a town."""
@@ -461,12 +481,6 @@ _SPOTS: Mapping[SiteType, Callable[[SiteFinder], list[_Spot]]] = {
     "urban": SiteFinder._urban,
 }
 """The search for candidates of each kind; module-level, because in a finder it would form a reference cycle."""
-
-
-def _is_expressway(way: OsmWay) -> bool:
-    """Return whether a trunk road resembles a motorway: a one-way carriageway, or signed as a motorroad."""
-    fast = (way.maxspeed_kmh or 0) >= EXPRESSWAY_KMH and way.tags.get("oneway") == "yes"
-    return fast or way.tags.get("motorroad") == "yes"
 
 
 def _middle(positions: Sequence[tuple[float, float]]) -> tuple[float, float]:

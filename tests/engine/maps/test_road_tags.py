@@ -112,6 +112,13 @@ def test_a_limit_that_cannot_be_read_is_told() -> None:
     assert (limit.kmh, limit.source, limit.unread) == (50.0, "law", "maxspeed=signals")
 
 
+def test_a_usual_speed_below_the_law_is_not_called_law() -> None:
+    drive = limit_of({"highway": "service"}, GERMANY, urban=True)
+    ramp = limit_of({"highway": "secondary_link", "maxspeed": "DE:rural"}, GERMANY, urban=False)
+    assert (drive.kmh, drive.source) == (20.0, "driven")
+    assert (ramp.kmh, ramp.source) == (100.0, "code")
+
+
 def test_without_a_tag_the_law_of_country_and_kind_of_road_holds() -> None:
     table = legal_speeds()
     for country, town, country_road, motorway in (("DE", 50, 100, 130), ("FR", 50, 80, 130), ("PL", 50, 90, 140)):

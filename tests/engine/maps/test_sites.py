@@ -93,6 +93,14 @@ def test_a_trunk_road_makes_a_highway_and_a_ramp_only_where_no_motorway_lies(tmp
     assert not {"highway", "ramp"} & set(finder(tmp_path, sketch).kinds())
 
 
+def test_without_a_signed_limit_a_trunk_road_is_a_highway_if_no_street_meets_it(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-500, 0), (0, 0), (500, 0)], "trunk", "", oneway="yes")
+    assert "highway" in finder(tmp_path, sketch).kinds()
+    sketch.road([(0, 0), (0, 300)], "residential", "Side Road")
+    assert "highway" not in finder(tmp_path, sketch).kinds()
+
+
 def test_driveways_make_a_crossing_only_where_no_streets_meet(tmp_path: Path) -> None:
     assert finder(tmp_path, crossing("service")).kinds()["intersection"] == 1
     both = crossing("service")

@@ -30,6 +30,11 @@ SAME = [
     ("Elephant & Castle", "Elephant and Castle"),
     ("Kerkstr.", "Kerkstraat"),
     ("Kuzey Caddesi", "North Street"),
+    ("3ra Avenida", "3° Avenida"),
+    ("4ta Transversal", "4.ª Transversal"),
+    ("2do Pasaje", "Segundo Pasaje"),
+    ("1-я Тверская улица", "Первая Тверская улица"),
+    ("2ème Rue", "2e Rue"),
 ]
 OTHER = [
     ("Main St", "High St"),
@@ -40,6 +45,8 @@ OTHER = [
     ("Rua", "C Street"),
     ("Via del C", "D Street"),
     ("Calle de L", "R Street"),
+    ("12a Main Street", "12 Main Street"),
+    ("3ra Avenida", "4ta Avenida"),
 ]
 
 
@@ -83,7 +90,17 @@ def test_a_crossing_is_understood_as_people_write_it(words: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "words", ["Długa i Krótka", "na rogu Długa i Krótka", "Długa és Krótka", "Długa un Krótka", "Długa Ecke Krótka"]
+    "words",
+    [
+        "Długa i Krótka",
+        "na rogu Długa i Krótka",
+        "Długa és Krótka",
+        "Długa un Krótka",
+        "Długa Ecke Krótka",
+        "Długa con Krótka",
+        "Długa com Krótka",
+        "Długa esquina con Krótka",
+    ],
 )
 def test_the_words_for_a_crossing_are_those_of_any_language(words: str) -> None:
     assert roads(a_map("Długa", "Krótka"), words) == [("Długa",), ("Krótka",)]
@@ -114,6 +131,22 @@ def test_a_part_of_a_map_means_its_own_area_and_the_answer_says_so() -> None:
     assert match.understood == (
         "'Altstadt' is taken as quarter “Old Town”, 0.3 km around its centre (54.6000, 5.2500)",
     )
+
+
+@pytest.mark.parametrize("words", ["玄武大道, Seattle", "Xuanwu Road, Seattle", "Xuanwu Road"])
+def test_a_street_that_no_map_names_is_not_the_district_of_its_name(words: str) -> None:
+    district = PlaceArea(
+        name="玄武区", kind="quarter", other_names=("Xuanwu", "玄武"), latitude=54.6, longitude=5.25, radius_m=300
+    )
+    entry = a_map("中山路", areas=(district,))
+    assert find_maps([entry], place="玄武, Seattle")[0].area == district
+    with pytest.raises(UnknownName):
+        find_maps([entry], place=words)
+
+
+def test_a_square_may_be_the_quarter_of_its_name() -> None:
+    quarter = PlaceArea(name="Taksim", kind="square", other_names=(), latitude=54.6, longitude=5.25, radius_m=300)
+    assert find_maps([a_map("Pine Street", areas=(quarter,))], place="Taksim Square, Seattle")[0].area == quarter
 
 
 def test_the_largest_place_of_a_map_is_the_map() -> None:
