@@ -233,8 +233,9 @@ class _Place:
         return self._net.edges[way[0]].from_junction == self._net.edges[way[-1]].to_junction
 
     def _beginning(self, word: str, edges: frozenset[str], end: int) -> list[str]:
-        """Return the edges that a name refers to; ``end``: whether the start (0) or the end (1) decides a compass
-        direction.
+        """Return the edges with a name, or, for a compass direction, those whose start or end is on that side.
+
+        ``end``: 0 for the start of an edge, 1 for its end.
         """
         heading_deg = COMPASS_DEG.get(word.lower())
         if heading_deg is None:

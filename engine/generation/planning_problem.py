@@ -301,7 +301,7 @@ class _Passage:
 
 
 def passage(spec: TaskSpec, car: GeneratedVehicle, network: RoadNetwork, step_s: float) -> _Passage | None:
-    """Return where and when a car is at the goal, or None if it is not there, or if the goal is too near to its
+    """Return where and when a car is at the goal, or None if it is not there, or if the goal is too close to its
     start.
     """
     goal, driven = spec.goal, arc_length(car.motion.positions)

@@ -171,7 +171,7 @@ def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
 
 
 def _read(path: Path) -> tuple[OsmMap, int]:
-    """Return the extract, and how many of its nodes were left out because they are too near to a pole."""
+    """Return the extract, and how many of its nodes were left out because they are too close to a pole."""
     nodes: dict[int, OsmNode] = {}
     ways: dict[int, OsmWay] = {}
     relations: list[OsmRelation] = []

@@ -36,7 +36,7 @@ Presets = Mapping[str, Mapping[str, float]]
 class Asked:
     """One request: its task (T, B, P, G, composite or refuse), the edits, and the ground truth of each edit.
 
-    ``must_name``: texts that the reason of a refusal must contain, all of them.
+    ``must_name``: texts that must all appear in the reason of a refusal.
     """
 
     task: str
