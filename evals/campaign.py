@@ -51,9 +51,7 @@ class Evaluation:
     fresh: bool = False
 
     def is_fresh(self, request: EvalRequest) -> bool:
-        """Return whether a request gets its own session; conversations always do, because they refer to "the last
-        one".
-        """
+        """Return whether a request gets its own session; conversations do, because they refer to "the last one"."""
         return self.fresh or bool(request.turns)
 
 

@@ -57,9 +57,7 @@ class RegexRouter:
 
 
 class KeywordSearch:
-    """An ``EvaluatedAgent`` that searches for the text of the request by BM25, without conditions; for selection
-    only.
-    """
+    """An ``EvaluatedAgent`` for selection that searches for the request's text by BM25, without conditions."""
 
     name = "bm25"
 

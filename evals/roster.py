@@ -22,9 +22,7 @@ class AgentChoice:
 
 @dataclass(frozen=True)
 class _Entry:
-    """How an agent is opened, and the form of its name (``form``); ``fresh``: each of its requests needs its own
-    session.
-    """
+    """How an agent is opened, and the form of its name; if ``fresh``, each request needs its own session."""
 
     open: Callable[[AgentChoice], EvaluatedAgent]
     form: str

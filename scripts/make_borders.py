@@ -22,9 +22,7 @@ UNITS_PER_DEG = 250
 
 
 def main(source: Path) -> None:
-    """Write the table: for every country, its ISO alpha-3 code (empty if there is no agreed one) and its areas'
-    rings.
-    """
+    """Write the table: the ISO alpha-3 code of every country (empty if not agreed) and the rings of its areas."""
     topology = json.loads(source.read_bytes())
     scale, offset = topology["transform"]["scale"], topology["transform"]["translate"]
     arcs = [np.cumsum(np.array(arc), axis=0) * scale + offset for arc in topology["arcs"]]

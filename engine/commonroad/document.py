@@ -159,9 +159,7 @@ class SplitDocument:
         return cls(tuple(chunks), b"".join((*rest, content[at:])))
 
     def with_chunks(self, rest: bytes, made_of: Callable[[bytes], bytes] = bytes) -> bytes:
-        """Return a rest, original or serialised again, with the chunks, transformed by ``made_of``, instead of
-        stand-ins.
-        """
+        """Return a rest, original or serialised again, with the transformed chunks in place of its stand-ins."""
         if not self.chunks:
             return rest
         return _STAND_IN.sub(lambda found: made_of(self.chunks[int(found[1])]), rest)
@@ -273,9 +271,7 @@ class ScenarioDocument:
             self.root.insert(0, made)
 
     def set_scripts(self, texts: Iterable[str], without: Container[int] = ()) -> None:
-        """Store what road users do depending on the ego, as JSON with their ids; drop the scripts of those in
-        ``without``.
-        """
+        """Store what road users do depending on the ego, as JSON, without the scripts of those in ``without``."""
         kept = []
         for old in _instructions_starting_with(self.root, "script="):
             own = _SCRIPT_ID.search(old.text or "")
@@ -292,9 +288,7 @@ class ScenarioDocument:
         self.root.remove(element)
 
     def add_obstacle(self, element: "etree._Element", *, is_static: bool = False) -> None:
-        """Add an obstacle after the last dynamic one or at the format's place for the first; a static one before
-        them.
-        """
+        """Add an obstacle: a static one before the dynamic ones, another one after them."""
         names = ("staticObstacle",) if is_static and not self.is_2018b else ("dynamicObstacle", "obstacle")
         existing = [child for child in self.root if child.tag in names]
         after = (*(("dynamicObstacle",) if is_static else ()), *_AFTER_OBSTACLES)

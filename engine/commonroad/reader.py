@@ -103,9 +103,7 @@ class LoadedScenario:
 
     @property
     def footways(self) -> "tuple[Lanelet, ...]":
-        """The lanelets that are open to pedestrians in both directions and to no other users; they are not in the
-        network.
-        """
+        """The lanelets, outside the network, that are open to pedestrians in both directions and to no others."""
         return tuple(getattr(self.scenario, "footways", ()))  # format 2018b has none
 
     @property
@@ -398,8 +396,9 @@ def _known_obstacle(digest: bytes) -> list[_ReadObstacle]:
 
 
 def _check(path: Path, root: Element, limits: XmlLimits | None, taken: Collection[int] = ()) -> None:
-    """Raise an error for values beyond the limits; states may have been removed, so the whole document gives the
-    line.
+    """Raise an error for values beyond the limits.
+
+    The line is that in the whole document, because states may have been removed from ``root``.
     """
     try:
         check_document(root, taken)
@@ -448,8 +447,9 @@ def _line_of(path: Path, number: int) -> int | None:
 
 
 def _refuse_duplicate_ids(path: Path, root: Element) -> None:
-    """Raise an error for duplicate ids, because commonroad-io drops one of two lanelets; planning problems may share
-    ids.
+    """Raise an error for duplicate ids, because commonroad-io drops one of two lanelets.
+
+    A planning problem may have the id of another element.
     """
     seen: set[tuple[bool, str]] = set()
     for element in root:

@@ -63,9 +63,7 @@ def _covering(
     covered: frozenset[Combination],
     times: Mapping[Combination, int],
 ) -> list[tuple[int, ...]]:
-    """Return rows that cover everything left: array rows for untried combinations, then one row for each of the
-    others.
-    """
+    """Return rows that cover all the rest: array rows for untried combinations, then one row per other element."""
     fresh = frozenset(key for key in left if not times.get(key))
     rows = space.array(strength, salt="", without=[key for key in space.all_of(strength) if key not in fresh])
     there = {key for row in rows for key in combinations_in(row, strength)}

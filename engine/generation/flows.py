@@ -186,9 +186,7 @@ class FlowTrips(TripMaker):
         self._plan = plan
 
     def trip(self, vehicle_class: VehicleClass) -> tuple[str, ...]:
-        """Return the rest of a route, drawn by the number of vehicles on it; the start is drawn by the time on each
-        edge.
-        """
+        """Return the rest of a route, drawn by the vehicles on it; its start is drawn by the time on each edge."""
         edges = self.open_to(vehicle_class)
         routes = [route for route in self._plan.routes if edges.length_m.keys() >= set(route.edges)]
         if not routes:

@@ -301,9 +301,7 @@ class _Passage:
 
 
 def passage(spec: TaskSpec, car: GeneratedVehicle, network: RoadNetwork, step_s: float) -> _Passage | None:
-    """Return where and when a car is at the goal, or None if it is not there, or if the goal is too close to its
-    start.
-    """
+    """Return where and when a car is at the goal, or None if it is not there or the goal is too close to its start."""
     goal, driven = spec.goal, arc_length(car.motion.positions)
     if goal.lanelet is not None:
         return _on_lanelet(goal.lanelet, car, network.lanelets[goal.lanelet.lanelet_id], driven)

@@ -306,9 +306,7 @@ def radius_for(site: Site, request: GenerationRequest) -> float:
 
 
 def classes_for(site: Site, request: GenerationRequest) -> tuple[str, ...]:
-    """Return OSM classes to keep around a site: the requested ones, else all roads, with links for sites about
-    links.
-    """
+    """Return the OSM classes to keep around a site: as requested, or all roads, with links if the site has them."""
     return request.road_classes or (ROADS + LINKS if site.kind in ("ramp", "highway") or site.by_links else ROADS)
 
 

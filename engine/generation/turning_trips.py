@@ -127,9 +127,7 @@ class TurningTrips(TripMaker):
         return (*self._approach(edges, way, wanted_s), *way, *onward[1:])
 
     def _approach(self, edges: OpenEdges, way: tuple[str, ...], wanted_s: float) -> tuple[str, ...]:
-        """Return edges that lead to a route: enough for the wanted time together with its first edge, or all there
-        are.
-        """
+        """Return edges that lead to a route: enough for the wanted time with its first edge, or all that exist."""
         leading: dict[str, list[str]] = {}
         for edge, following in edges.following.items():
             for other in following:

@@ -94,9 +94,7 @@ def _map_id_of(path: Path) -> str:
 
 
 def _road_names(osm: OsmMap) -> tuple[tuple[str, ...], ...]:
-    """Return names of roads and motorway junctions with several names: the main one, then the others, sorted by the
-    main.
-    """
+    """Return the names of roads and motorway junctions with several names: the main one first, sorted by it."""
     found: dict[str, dict[str, None]] = {}
     junctions = (node.tags for node in osm.nodes.values() if node.tags.get("highway") == "motorway_junction")
     for tags in (*(way.tags for way in osm.roads()), *junctions):
@@ -170,9 +168,7 @@ def _table() -> tuple["STRtree", tuple[str, ...]]:
 
 
 def _polygon(rings: list[list[int]]) -> "Polygon":
-    """Return the area inside the first ring and outside the others; a ring is steps (east, north) from (0, 0) in
-    units.
-    """
+    """Return the area inside the first ring and outside the others; rings are steps (east, north) in units."""
     from shapely import Polygon
 
     lines = [list(zip(_summed(steps[::2]), _summed(steps[1::2]), strict=True)) for steps in rings]

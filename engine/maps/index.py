@@ -264,9 +264,7 @@ def _streets_of(facts: MapFacts, place: NamedPlace | None) -> tuple[tuple[str, .
 
 
 def same_street(one: str, other: str) -> bool:
-    """Return whether two spellings refer to one street, whatever their case, accents, script, word order,
-    abbreviations.
-    """
+    """Return whether two spellings refer to one street: case, accents, script, abbreviations may differ."""
     return bool(road_keys(one) & road_keys(other))
 
 
@@ -436,9 +434,7 @@ def listed_parts(place: str) -> list[str]:
 
 
 def crossing_parts(text: str) -> list[str]:
-    """Return the roads of a crossing (``A & B``, ``A at B``, ``corner of A and B``, ``A/B``); otherwise the text
-    alone.
-    """
+    """Return the roads of a crossing (``A & B``, ``A at B``, ``corner of A and B``, ``A/B``), or the text alone."""
     between, around = _crossing_patterns()
     inner = around.sub("", text).strip()
     return [part.strip() for part in between.split(inner) if part.strip()]
@@ -511,9 +507,7 @@ def _not_shown_error(
 
 
 def _near_in_town(town: _Town) -> list[str]:
-    """Return the streets of an available town that resemble the other parts of a text, then the town; all are
-    findable.
-    """
+    """Return the streets of an available town that resemble the other parts of a text, then the town."""
     scores: dict[str, float] = {}
     for match in town.maps:
         facts = match.entry.facts
@@ -627,9 +621,7 @@ def _without_area(reading: "_Reading", area: PlaceArea) -> "_Reading":
 
 
 def _match_file_name(reading: "_Reading", facts: MapFacts) -> "_Reading":
-    """Accept words that match the map's file name although nothing on it has this name: people name files after
-    places.
-    """
+    """Accept words of the map's file name although nothing on it has this name: people name files after places."""
     named = _words_of_file_name(file_stem(facts.file_name))
     rest = replace(reading, unnamed=())
     for part in reading.unnamed:
@@ -983,8 +975,9 @@ def _read_roads_of_crossing(text: str, facts: MapFacts) -> _Reading | None:
 
 
 def _read_other_kind(part: str, facts: MapFacts) -> _Reading | None:
-    """Read the text as a road with that name but of another kind; a number is not a name (``5th Street``, ``5th
-    Avenue``).
+    """Read the text as a road with that name but of another kind.
+
+    A number is not a name: ``5th Street`` is not ``5th Avenue``.
     """
     told_by = [distinctive(words) for words in road_readings(part)]
     is_number = any(all(map(str.isdecimal, words)) for words in told_by)
@@ -1019,9 +1012,7 @@ def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading
 
 
 def _splits(text: str) -> Iterator[tuple[str, str]]:
-    """Yield all splits of a text in two: between words, or between letters in scripts without spaces such as
-    Chinese.
-    """
+    """Yield all splits of a text in two: between words, or between letters in scripts without spaces."""
     words = text.split()
     if len(words) == 1 and len(text) <= _LONGEST_UNSPACED and re.search(r"[\u3040-\u30ff\u4e00-\u9fff]", text):
         yield from ((text[:index], text[index:]) for index in range(2, len(text) - 1))

@@ -120,9 +120,7 @@ class OsmMap:
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
-        """(south, west, north, east) in degrees: as declared, or around all roads if the declared box is not
-        plausible.
-        """
+        """(south, west, north, east) in degrees: as declared, or around all roads if that is not plausible."""
         declared = self.declared_bounds
         if declared is not None and _is_area(declared) and _fits(declared, self.nodes.values()):
             return declared
@@ -237,9 +235,7 @@ def _forget(element: Any) -> None:
 
 
 def ground_distance_m(first: tuple[float, float], second: tuple[float, float]) -> float:
-    """Return the distance in m between (latitude, longitude) pairs in degrees (equirectangular; good for one map's
-    size).
-    """
+    """Return the distance in m between (latitude, longitude) pairs in degrees (equirectangular, within a map)."""
     middle = math.radians((first[0] + second[0]) / 2)
     north = math.radians(second[0] - first[0])
     east = math.radians(math.remainder(second[1] - first[1], 2 * HALF_TURN_DEG)) * math.cos(middle)

@@ -171,9 +171,7 @@ def is_net(path: Path) -> bool:
 
 
 def is_binary(path: Path) -> bool:
-    """Return whether a file is an extract in OpenStreetMap's binary format: by its name, or by its head if it ends in
-    .pbf.
-    """
+    """Return whether a file is in OpenStreetMap's binary format, by its name or, for plain .pbf, by its head."""
     name = path.name.lower()
     return name.endswith(BINARY_ENDING) or (name.endswith(".pbf") and _is_pbf(path))
 

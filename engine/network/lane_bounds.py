@@ -259,9 +259,7 @@ def stations_along(points: Points, maximum_step_m: float = 4.0) -> Values:
 
 
 def _normals(points: Points) -> Points:
-    """Return left normals at the vertices, lengthened in curves so that an offset keeps its distance (at most
-    doubled).
-    """
+    """Return left normals at the vertices, up to doubled in curves so that an offset keeps its distance."""
     step = np.diff(points, axis=0)
     step = step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-9)
     normal = np.stack([-step[:, 1], step[:, 0]], axis=1)

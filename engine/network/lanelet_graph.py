@@ -126,9 +126,7 @@ class LaneletGraph:
         )
 
     def shortest_route(self, starts: Iterable[int], goals: Iterable[int]) -> tuple[int, ...] | None:
-        """Return the route with the least length and lane changes from any start to any goal, both included, or
-        None.
-        """
+        """Return the route, if any, with the least length and lane changes from a start to a goal, both included."""
         return Digraph(self._steps_from).cheapest_route(starts, goals)
 
     def reachable(self, starts: Iterable[int]) -> dict[int, int]:

@@ -185,8 +185,9 @@ class LaneletLookup:
         self._tree = STRtree([Polygon(lanelet.polygon) for lanelet in self._lanelets])
 
     def under(self, position: Points, heading_rad: float) -> RoadLanelet | None:
-        """Return the lanelet at a point (2,) with the direction closest to the heading; None off the road or across
-        it.
+        """Return the lanelet at a point (2,) with the direction closest to the heading.
+
+        The result is None off the road, and if the heading is across every lanelet there.
         """
         from shapely import Point
 

@@ -161,9 +161,7 @@ def places_on(network: "LaneletNetwork", lanelet_id: int, share: float, vehicle_
 
 
 def places_along(network: "LaneletNetwork", position: Points, offset_m: float) -> list[Points]:
-    """Return all points ``offset_m`` ahead of a point (negative: behind), along the lanelets under it and their
-    successors.
-    """
+    """Return all points ``offset_m`` ahead of a point (negative: behind), along its lanelets and what follows."""
     places: list[Points] = []
     for key in network.find_lanelet_by_position([position])[0]:
         station_m = project(network.find_lanelet_by_id(key).center_vertices, position)[0] + offset_m
@@ -182,9 +180,7 @@ def _ends(speeds_mps: Any) -> tuple[float, float]:
 
 
 def _farthest_m(speed_mps: float, final_mps: float, seconds: float) -> float:
-    """Return the longest distance in m in a time between two speeds: full power, top speed if possible, then full
-    brakes.
-    """
+    """Return the longest distance in m in a time between two speeds: full power, top speed, then full brakes."""
     doubled = 2 * LARGEST_ACCELERATION_MPS2
     top = min((speed_mps + final_mps + LARGEST_ACCELERATION_MPS2 * seconds) / 2, max(LARGEST_SPEED_MPS, speed_mps))
     at_top_s = seconds - (2 * top - speed_mps - final_mps) / LARGEST_ACCELERATION_MPS2

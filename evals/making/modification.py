@@ -118,8 +118,9 @@ def _code(asked: Asked) -> str:
 def modification_lines(
     letter: str, materials: Materials, possible: PossibleEdits, count: int, draw: Draw
 ) -> Iterator[CorpusLine]:
-    """Yield four fifths feasible requests, the others to be refused or asked back about; each scenario at most
-    twice.
+    """Yield requests, four fifths of them feasible, the others to be refused or asked back about.
+
+    Each scenario is in at most two of them.
     """
     name = f"modification_{letter}"
     scenarios, styles = draw.sample(materials.scenarios, len(materials.scenarios)), rounds(STYLES, draw)

@@ -358,9 +358,7 @@ def lies_in(made: MadeFiles, box: Sequence[float], slack: float) -> bool:
 def lies_at_street(
     made: MadeFiles, street: str, places: Sequence[str], evidence: MapEvidence, within_m: float = STREET_WITHIN_M
 ) -> bool:
-    """Return whether every part of ``street, place`` is a place of the whole map, or has a match with that name
-    nearby.
-    """
+    """Return whether every part of ``street, place`` is a place of the map, or has a match of that name nearby."""
     parts = [part.strip() for part in street.split(",")]
     return all(part in places or evidence.names_near(part, made.latitude, made.longitude, within_m) for part in parts)
 

@@ -161,9 +161,7 @@ def _added(truth: Mapping[str, Any], report: Mapping[str, Any], scene: SceneFile
 
 
 def _begins_at(scene: SceneFile, user: RoadUser, place: Mapping[str, Any]) -> bool:
-    """Return whether a vehicle begins at a place: metres along a lanelet, moved inwards by half its length at an
-    end.
-    """
+    """Return whether a vehicle begins at a place in m along a lanelet, moved inwards by half its length at ends."""
     lane = scene.lanelets.get(int(place["lanelet"]))
     if lane is None:
         return False

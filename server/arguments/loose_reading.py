@@ -90,9 +90,7 @@ def _takes_none(annotation: Any) -> bool:
 
 
 def _value(annotation: Any, value: Any, path: str, notes: list[str], *, in_list: bool = False) -> Any:
-    """Return a value in the form that an annotation accepts; a list of one element becomes it, except for
-    ``in_list``.
-    """
+    """Return a value in the form an annotation accepts; a list of one becomes its element unless ``in_list``."""
     arms = [arm for arm in _arms(annotation) if arm is not type(None)]
     if value is None or len(arms) != 1:
         return value

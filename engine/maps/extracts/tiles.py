@@ -344,9 +344,7 @@ class TileStore:
         return count
 
     def read(self, box: Box) -> OsmMap:
-        """Return the part of the extract in a box: ways that enter it are complete, and so are relations of these
-        ways.
-        """
+        """Return the part of the extract in a box, with whole ways that enter it and whole relations of these ways."""
         sides = south, west, north, east = [round(side * _UNITS_PER_DEG) for side in box]
         nodes: dict[int, OsmNode] = {}
         ways: dict[int, OsmWay] = {}

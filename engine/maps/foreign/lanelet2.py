@@ -96,9 +96,7 @@ class _Plane:
 
     @cached_property
     def same(self) -> dict[int, int]:
-        """Map each node to the first node at its place: some programs write a new node for every line that ends
-        there.
-        """
+        """Map each node to the first at its place: some programs write a new node for every line that ends there."""
         first: dict[tuple[int, int], int] = {}
         return {
             key: first.setdefault((round(x / SAME_PLACE_M), round(y / SAME_PLACE_M)), key)

@@ -118,9 +118,7 @@ def is_half_of(typed: str, name: str) -> bool:
 
 @lru_cache(maxsize=MOST_KEPT)
 def _scripts(text: str) -> frozenset[str]:
-    """Return the scripts of a text's letters, by the first words of their Unicode names (``LATIN``, ``CYRILLIC``,
-    ``CJK``).
-    """
+    """Return the scripts of a text's letters, as in their Unicode names (``LATIN``, ``CYRILLIC``, ``CJK``)."""
     return frozenset(unicodedata.name(letter, "").partition(" ")[0] for letter in text if letter.isalpha())
 
 

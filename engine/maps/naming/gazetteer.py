@@ -68,9 +68,7 @@ def settlements_called(text: str) -> tuple[Settlement, ...]:
 
 @lru_cache(maxsize=4096)
 def names_elsewhere(text: str) -> frozenset[str]:
-    """Return the keys of a text and of all names of the settlements that it may refer to (``Мюнхен``: those of
-    Munich).
-    """
+    """Return the keys of a text and of all names of settlements it may refer to (``Мюнхен``: those of Munich)."""
     return place_keys(text).union(*(settlement.keys for settlement in settlements_called(text)))
 
 

@@ -33,9 +33,7 @@ def fold(text: str) -> str:
 
 @cache
 def _codes() -> dict[str, str]:
-    """Return ISO 3166-1 alpha-3 by the key of a code or name; codes and ISO's own names take precedence over the
-    CLDR's.
-    """
+    """Return ISO 3166-1 alpha-3 by the key of a code or name; codes and ISO's own names precede the CLDR's."""
     from iso3166 import countries
 
     codes: dict[str, str] = {}

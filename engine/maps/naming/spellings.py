@@ -296,9 +296,7 @@ def kinds_of_road(name: str) -> frozenset[str]:
 
 
 def always_says_kind(name: str) -> bool:
-    """Return whether every reading of a name has a kind of road: the ``C`` of ``M.C. Briones`` need not be
-    ``Calle``.
-    """
+    """Return whether every reading of a name has a kind of road: ``C`` in ``M.C. Briones`` need not be ``Calle``."""
     return all(reading & _KINDS for reading in road_readings(name))
 
 

@@ -262,9 +262,7 @@ class _Area:
 
 
 def map_query(request: FetchMapRequest, core: Box) -> str:
-    """Return the query for everything that a map needs: whole roads and paths, land use, settlements, turn
-    restrictions.
-    """
+    """Return the query for everything in a map: whole roads and paths, land use, settlements, turn restrictions."""
     area = box_text(widened(core, margin_m(request.scenario_type)))
     houses = f'way["building"]({area});node["building"]({area});' if request.scenario_type in _WITH_HOUSES else ""
     return (

@@ -124,9 +124,7 @@ def _mid_block(
     center: tuple[float, float],
     radius_m: float,
 ) -> Iterator[int]:
-    """Yield the marked crossings with pavements on both sides, and with neither a junction nor the cut's edge
-    nearby.
-    """
+    """Yield the marked crossings with pavements on both sides, away from junctions and the edge of the cut."""
     arms = Counter(key for way in ways for key in (*way.node_ids, *way.node_ids[1:-1]))
     without = {key for way in ways if sides.get(way.way_id) != "both" for key in way.node_ids}
     others = [osm.nodes[key].position for key, count in arms.items() if count != _THROUGH]

@@ -172,9 +172,7 @@ class RoadReader:
         return inside >= _BUILT_UP_SHARE * len(points)
 
     def _type_tags(self, way: OsmWay, users: frozenset[RoadUser], name: str) -> dict[str, str]:
-        """Return tags that give a road a type of its own if some vehicles may not use it or have a limit of their
-        own.
-        """
+        """Return tags for a type of its own if some vehicles may not use a road or have a limit of their own on it."""
         speeds = class_limits(way.tags)
         bus = {"bus": "yes"} if way.road_class == "service" and _opens_to_buses(way.tags) else {}
         if "car" not in users:

@@ -26,9 +26,7 @@ class BuiltUp:
         return self._shapes.any_within(self.metres(node), distance_m)
 
     def metres(self, node: OsmNode) -> tuple[float, float]:
-        """Return metres east and north of a corner of the map; a map around the world is measured from its first
-        road.
-        """
+        """Return metres east and north of a corner of the map, or of its first road if it spans the world."""
         south, west = self._origin
         north = ground_distance_m((south, west), (node.latitude, west))
         east = ground_distance_m((node.latitude, west), (node.latitude, node.longitude))
@@ -42,9 +40,7 @@ class BuiltUp:
 
     @cached_property
     def is_dense(self) -> bool:
-        """Return whether junctions are as dense as in towns, or a settlement is marked: for maps that show only
-        roads.
-        """
+        """Return whether junctions are as dense as in towns, or a settlement is marked, for maps of roads alone."""
         roads = self._osm.roads()
         arms = Counter(key for way in roads for key in (*way.node_ids, *way.node_ids[1:-1]))
         junctions = sum(count > 2 for count in arms.values())

@@ -55,9 +55,7 @@ class Rings:
         return ring if len(list(islice(entries, LEAST_ENTRIES))) == LEAST_ENTRIES else ()
 
     def _shortest(self, line: tuple[int, ...]) -> tuple[int, ...]:
-        """Return the nodes of the shortest one-way path from the end of a line back to its beginning, or an empty
-        tuple.
-        """
+        """Return the nodes of the shortest one-way path from the end of a line back to its beginning, if any."""
         paths: list[tuple[float, tuple[int, ...]]] = [(self._length_m(line), (line[-1],))]
         seen = {line[-1]}
         while paths and len(seen) < MOST_NODES:

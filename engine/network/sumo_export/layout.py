@@ -328,8 +328,9 @@ _LARGEST_STAGGER_M = 5.0
 
 
 def _group_into_edges(table: _LaneTable, interior: frozenset[int]) -> dict[str, tuple[int, ...]]:
-    """Return edge id → its lanelets from right to left (SUMO's lane index); the id is ``e`` plus the rightmost
-    lanelet's id.
+    """Return the lanelets of each edge from right to left, in the order of SUMO's lane index.
+
+    The id of an edge is ``e`` plus the id of its rightmost lanelet.
     """
     left_of = _left_neighbours(table, interior)
     right_of = {left: right for right, left in left_of.items()}
@@ -399,9 +400,7 @@ def _junctions(
     lane_of: Mapping[int, tuple[str, int]],
     interior: _JunctionInterior,
 ) -> dict[str, tuple[str, str]]:
-    """Return the from and to junction of every edge: ends that a path joins, or with crossing paths, are one
-    junction.
-    """
+    """Return the from and to junction of every edge: ends with a common path or crossing paths are one junction."""
     from scipy.cluster.hierarchy import DisjointSet
 
     groups = DisjointSet((edge, side) for edge in edges for side in ("start", "end"))

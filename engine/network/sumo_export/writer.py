@@ -211,9 +211,7 @@ def _path_shape(layout: NetLayout, path: JunctionPath) -> Points:
 
 
 def _hull(points: list[Points]) -> Points:
-    """Return the corners of the convex hull, counter-clockwise from the leftmost; one point or both ends if it has no
-    area.
-    """
+    """Return the corners of the convex hull, counter-clockwise from the leftmost; at least one point."""
     from shapely import MultiPoint, get_coordinates
 
     corners: Points = get_coordinates(MultiPoint(np.round(points, 3)).convex_hull.normalize())
