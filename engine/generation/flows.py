@@ -231,7 +231,7 @@ class _Place:
         return self._net.edges[way[0]].from_junction == self._net.edges[way[-1]].to_junction
 
     def _beginning(self, word: str, edges: frozenset[str], end: int) -> list[str]:
-        """Return the edges with a name, or, for a compass direction, those whose start or end is on that side.
+        """Return the edges with a name, or, for a compass direction, those with their start or end on that side.
 
         ``end``: 0 for the start of an edge, 1 for its end.
         """
