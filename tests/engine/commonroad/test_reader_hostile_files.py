@@ -164,7 +164,7 @@ def test_the_good_file_that_the_hostile_ones_are_made_of_is_taken(tmp_path: Path
     path = tmp_path / "good.xml"
     path.write_text(GOOD, encoding="utf-8")
     assert read_facts(ReadFactsRequest(path=path), silent).scenario_id == "ZAM_Builder-1_1_T-1"
-    with pytest.raises(UnsafeInput, match="at most 5,000 are read"):
+    with pytest.raises(UnsafeInput, match="the limit is 5,000"):
         read_facts(ReadFactsRequest(path=path, file_bytes=5000), silent)
 
 
