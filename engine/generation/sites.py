@@ -7,6 +7,7 @@ before its traffic is generated. Distances in m.
 
 import random
 from collections.abc import Callable, Mapping, Set
+from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
@@ -23,6 +24,7 @@ from ..execution import ProgressReporter
 from ..geometry import Points
 from ..maps import (
     ALL_ROADS,
+    EXPRESSWAY_KMH,
     FAST_ROADS,
     LINKS,
     RAMP_LINKS,
@@ -195,6 +197,11 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
         where += f" in the requested part ({south:.4f} to {north:.4f}° N, {west:.4f} to {east:.4f}° E)"
     wanted_site = "site of any type" if wanted == "any" else f"{wanted} site"
     elsewhere = f"place={request.map_id} to search the whole map" if request.bbox is not None else "another place"
+    if wanted == "highway" and not request.road_classes:
+        where += (
+            "; a highway is a motorway or, on a map without one, a trunk road that is signed as a motor road, or is "
+            f"one-way with a limit of {EXPRESSWAY_KMH} km/h or more"
+        )
     next_step = f"choose one of these scenario types, or {elsewhere}" if held else f"choose {elsewhere}"
     if not held and len(request.streets) > 1 and not _meet(osm, request.streets):
         return _never_meet(finder, request)
@@ -268,12 +275,33 @@ def _fitting(finder: SiteFinder, sites: list[Site], request: GenerationRequest) 
             for site in sites
             if _passes_by(site, request)
         ]
+        sites = [_requested_first(site, request) for site in _ramps_of(finder, sites, request) or sites]
     if request.bbox is None:
         return sites
     south, west, north, east = request.bbox
     middle = (south + north) / 2, (west + east) / 2
     inside = (site for site in sites if _is_in_box(site, request))
     return sorted(inside, key=lambda site: ground_distance_m(middle, site.position))
+
+
+def _requested_first(site: Site, request: GenerationRequest) -> Site:
+    """Return the site with the requested streets before the others in its name."""
+    requested = [name for name in site.streets if any(_carries((name,), names) for names in request.streets)]
+    return replace(site, streets=tuple(dict.fromkeys((*requested, *site.streets))))
+
+
+def _ramps_of(finder: SiteFinder, sites: list[Site], request: GenerationRequest) -> list[Site]:
+    """Return the ramps whose main road is one of the requested streets, without their other parts.
+
+    The name of a ramp also has the roads that its links lead to, which may be a kilometre away.
+    """
+
+    def is_of_street(part: SitePart) -> bool:
+        main = finder.main_streets(part)
+        return any(_carries(main, names) for names in request.streets)
+
+    ramps = (site for site in sites if site.kind == "ramp" and any(map(is_of_street, site.parts)))
+    return [finder.narrowed(site, is_of_street) for site in ramps]
 
 
 def _is_in_box(site: Site, request: GenerationRequest) -> bool:

@@ -42,6 +42,7 @@
 ``fold``: Reduce a text to lower-case letters and digits without accents.
 ``place_keys``: Return all keys of a place's name; two spellings mean the same place if they share one.
 ``ALL_ROADS``: OSM's road classes that vehicles use, including links.
+``EXPRESSWAY_KMH``: Minimum speed limit of a one-way trunk road that counts as an expressway, in km/h.
 ``FAST_ROADS``: OSM's road classes of motorways and similar roads.
 ``LINKS``: OSM's road classes of slip roads.
 ``RAMP_LINKS``: OSM's road classes of the links of fast roads.
@@ -99,7 +100,7 @@ if TYPE_CHECKING:
     from .site_roads.jurisdictions import jurisdiction_of
     from .site_roads.pavements import Pavements, find_pavements
     from .site_roads.road_reader import RoadReader
-    from .site_search.finder import Site, SiteFinder, SitePart
+    from .site_search.finder import EXPRESSWAY_KMH, Site, SiteFinder, SitePart
     from .site_search.nearness import Gathering
     from .unpacking import (
         MAP_ENDINGS,

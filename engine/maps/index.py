@@ -119,6 +119,8 @@ _PLACE_FRAME = re.compile(
 _FILE_ENDINGS = re.compile(r"(?:\.(?:osm|pbf|xml|net|xodr|roads|pb|gz|bz2))+$", re.IGNORECASE)
 _HOUSE_NUMBER = re.compile(r"\s+\d+\s?[a-z]?$|^\d+[a-z]?\s+", re.IGNORECASE)
 _DISTRICT_NUMBER = re.compile(r"\s+(?:\d{1,2}(?:e|er|[°º.])?|[ivx]+)$", re.IGNORECASE)
+_WORDS_BEFORE = 3
+"""Maximum number of words before the first of two roads (chosen): a preposition, a noun and its preposition."""
 _PREPOSITIONS = frozenset(("in", "at", "near", "im", "bei", "à", "a", "en", "em", "nel", "в", "i", "w", "of", "auf"))
 """Words between a road and its place: libpostal's stopwords that express a location."""
 _EARTH_RADIUS_M = 6_371_008.8
@@ -446,7 +448,7 @@ def _crossing_patterns() -> tuple[re.Pattern[str], re.Pattern[str]]:
     joining, corners = words_for_crossings()
     phrases = sorted({*map(re.escape, corners), *_BEFORE_BOTH}, key=lambda phrase: (-len(phrase), phrase))
     words = "|".join([*map(re.escape, (*joining, *_JOINING)), *phrases])
-    between = rf"\s*[/&+×@、]\s*|\s+(?:(?:{words})\s+)+|\s+(?:と|和|与)\s+|(?<=[路街道])[与和](?=[\u4e00-\u9fff])"
+    between = rf"\s*[/&+×@、]\s*|\s+(?:(?:{words})\.?\s+)+|\s+(?:と|和|与)\s+|(?<=[路街道])[与和](?=[\u4e00-\u9fff])"
     around = rf"^(?:{'|'.join(phrases)})\s+|\s*(?:路口|交叉口|交差点)$"
     return re.compile(between, re.IGNORECASE), re.compile(around, re.IGNORECASE)
 
@@ -599,6 +601,7 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
                 or _read_part(part, facts, closeness, settled=settled)
                 or _read_crossing(part, facts, closeness)
                 or _read_together(part, facts, closeness)
+                or _read_roads_in_a_phrase(part, facts)
             )
             if found is None and country_code(part) not in (None, facts.country) and len(part) > 3:
                 return None
@@ -1011,6 +1014,31 @@ def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading
     return None
 
 
+def _read_roads_in_a_phrase(text: str, facts: MapFacts) -> _Reading | None:
+    """Read the text as two roads of the map in a phrase of any language (``cruce de A con B``, ``A ile B``).
+
+    Both roads need their whole names, with up to three words before them and one between. Such a word may not look
+    like a name: it is the first word, or has no capital letter.
+    """
+    words = text.split()
+    if not 3 <= len(words) <= _MOST_WORDS:
+        return None
+    for begin in range(min(_WORDS_BEFORE, len(words) - 2) + 1):
+        if begin > 1 and not all(map(_is_no_name, words[1:begin])):
+            break
+        for end in range(begin + 1, len(words) - 1):
+            first = _read_road(" ".join(words[begin:end]), facts, whole=True)
+            if first is None or not _is_no_name(words[end]):
+                continue
+            if (second := _read_road(" ".join(words[end + 1 :]), facts, whole=True)) is not None:
+                return first + second
+    return None
+
+
+def _is_no_name(word: str) -> bool:
+    return not any(map(str.isupper, word)) and any(map(str.islower, word))
+
+
 def _splits(text: str) -> Iterator[tuple[str, str]]:
     """Yield all splits of a text in two: between words, or between letters in scripts without spaces."""
     words = text.split()
@@ -1073,7 +1101,11 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
     """
     index = _road_index((*facts.streets, *facts.refs), facts.road_names)
     keys = road_keys(part)
-    same = {name for key in keys for name in (*index.by_key.get(key, ()), *index.by_whole.get(key, ()))}
+    called = {name for key in keys for name in index.by_key.get(key, ())}
+    if any(fold(name) == fold(part) for name in called):
+        # ``6. Sokak`` shares a reading with ``6. Cadde``, and is another road if the map has both.
+        called = {name for name in called if _is_spelling(part, name)}
+    same = called.union(name for key in keys for name in index.by_whole.get(key, ()))
     if not same and (number := route_number(part)) is not None:
         same = {name for name in facts.refs if name.split()[-1:] == [number] or re.fullmatch(rf"[A-Z]+{number}", name)}
     if not same and not whole:
@@ -1085,6 +1117,11 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
             if enough and any(words <= held for words in asked for held in _all_readings(spellings))
         }
     return tuple(sorted(same, key=index.order.__getitem__))
+
+
+def _is_spelling(typed: str, name: str) -> bool:
+    """Return True if a name is the typed one, shortens it, or is shortened by it."""
+    return fold(name) == fold(typed) or is_abbreviated(typed, name) or is_abbreviated(name, typed)
 
 
 def _roads_after(part: str, facts: MapFacts) -> tuple[str, ...]:

@@ -47,9 +47,10 @@ _ALWAYS = ("emergency", "authority", "army")
 _NO_MOTOR = ("bicycle", "pedestrian")
 _TOWN_ROADS = frozenset({"residential", "living_street"})
 _FAST = frozenset({"motorway", "motorway_link"})
-_HOUSES_WITHIN_M, _LOOKED_EVERY_M, _BUILT_UP_SHARE = 100.0, 50.0, 0.5
+_HOUSES_WITHIN_M, _LOOKED_EVERY_M, _BUILT_UP_SHARE = 100.0, 50.0, 0.2
 """A road is in a town if a house or a built-up area is within this distance, sampled at this spacing, over this share
-of its length (see ``docs/generation.md`` for the measurement).
+of its length. Of 785 roads of 68 maps with a signed limit and no tag of a town, 599 have at most 60 km/h: by half of
+their length, 93 % of these count as roads of a town; by a fifth and the cores of settlements, 96 %.
 """
 _SIDES = ("yes", "both", "left", "right", "separate")
 
@@ -169,7 +170,7 @@ class RoadReader:
             return self._built_up.is_dense
         points = _along(nodes)
         inside = sum(self._built_up.within(point, _HOUSES_WITHIN_M) for point in points)
-        return inside >= _BUILT_UP_SHARE * len(points)
+        return inside >= _BUILT_UP_SHARE * len(points) or self._built_up.is_in_settlement(points[len(points) // 2])
 
     def _type_tags(self, way: OsmWay, users: frozenset[RoadUser], name: str) -> dict[str, str]:
         """Return tags for a type of its own if some vehicles may not use a road or have a limit of their own on it."""
@@ -203,7 +204,10 @@ class RoadReader:
             )
         law = f"the legal default of {self._where.name}"
         if source == "usual":
-            law = "the median of all countries' legal defaults, because the country is unknown"
+            unknown = "the country is unknown"
+            if self._where.name:
+                unknown = f"the law of {self._where.name} is unknown for this kind of road"
+            law = f"the median of all countries' legal defaults, because {unknown}"
         elif self._states:
             law = f"the most frequent of the legal defaults of {max(self._states)} states of {self._where.name}"
         return f"roads without a signed speed limit have {law}: {'; '.join(parts)}"

@@ -203,6 +203,11 @@ class SiteFinder:
             return replace(site, only_passed=True)
         return replace(narrow, by_links=site.by_links)
 
+    def main_streets(self, part: SitePart) -> tuple[str, ...]:
+        """Return the names and numbers of the roads at the node of a ramp that are not links."""
+        roads = (way for way in self._with_links.ways_at(part.mark) if way.road_class not in LINKS)
+        return tuple(name for way in roads for key in ("name", "ref") if (name := way.tags.get(key)))
+
     def kinds(self) -> dict[SiteType, int]:
         """Count the sites of each kind on the map; kinds without sites are left out."""
         counts = {kind: len(self.find(kind)) for kind in _SPOTS}

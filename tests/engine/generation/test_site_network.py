@@ -143,7 +143,7 @@ def test_a_site_whose_network_breaks_a_rule_is_refused_with_the_rule(
 @pytest.mark.parametrize("kind", ["urban", "intersection", "highway", "any"])
 def test_a_type_that_the_road_classes_leave_out_is_refused_with_what_they_leave(kind: ScenarioType) -> None:
     request = request_for_fahrhausen().model_copy(update={"scenario_type": kind, "road_classes": ("track",)})
-    with pytest.raises(NotPossible, match=f"holds no .*{'any type' if kind == 'any' else kind}") as caught:
+    with pytest.raises(NotPossible, match=f"has no .*{'any type' if kind == 'any' else kind}") as caught:
         fitting_sites(read_map_file(Path(request.map_path)), request)
     assert caught.value.valid == ()
     made_of = "track only" in caught.value.message

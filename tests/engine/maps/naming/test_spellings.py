@@ -72,6 +72,11 @@ def test_other_roads_are_not_mistaken(one: str, other: str) -> None:
     assert not same_street(one, other)
 
 
+def test_an_exact_name_is_not_a_road_of_another_kind_and_stays_its_abbreviation() -> None:
+    assert roads(a_map("6. Cadde", "6. Sokak"), "6. Cadde") == [("6. Cadde",)]
+    assert roads(a_map("Main Street", "Main St"), "Main Street") == [("Main Street", "Main St")]
+
+
 def test_a_road_means_its_numbered_sections_and_a_section_itself() -> None:
     entry = a_map("中山北一路", "中山北二路", "四平路")
     assert roads(entry, "中山北路") == [("中山北一路", "中山北二路")]
@@ -100,10 +105,22 @@ def test_a_crossing_is_understood_as_people_write_it(words: str) -> None:
         "Długa con Krótka",
         "Długa com Krótka",
         "Długa esquina con Krótka",
+        "Długa esq. Krótka",
+        "cruce de Długa y Krótka",
+        "róg Długa z Krótka",
+        "Długa ile Krótka",
+        "hoek Długa met Krótka",
+        "incrocio tra Długa e Krótka",
     ],
 )
 def test_the_words_for_a_crossing_are_those_of_any_language(words: str) -> None:
     assert roads(a_map("Długa", "Krótka"), words) == [("Długa",), ("Krótka",)]
+
+
+@pytest.mark.parametrize("words", ["Długa Nowa Krótka", "stara Długa ile Krótka Nowa", "Długa ile Nowa"])
+def test_a_phrase_that_holds_another_name_is_no_crossing_of_two_roads(words: str) -> None:
+    with pytest.raises(UnknownName):
+        roads(a_map("Długa", "Krótka"), words)
 
 
 @pytest.mark.parametrize(
