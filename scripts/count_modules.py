@@ -1,13 +1,12 @@
-"""Counts the modules that a generation's request passes, and its returns: ``python scripts/count_modules.py``.
+"""Count the modules that a generation request passes, and its returns: ``python scripts/count_modules.py``.
 
-A module is *passed* if one of its functions receives the request: the arguments of the tool, the ``GenerationSpec``
-read from them, or the ``GenerationRequest`` of a scenario. A *return* is such a call from another module into one that
-was passed before; the same call of the same function counts once, because a loop is read once. Both sides count
-together: the server's, and the worker's, which runs here in the same process. Modules that carry the request without
-looking into it (``workflows/context.py``) do not count, and neither do ``schemas/``, which define the request.
+A request *passes* a module if one of its functions gets the request: the tool's arguments, the ``GenerationSpec`` that
+is read from them, or a scenario's ``GenerationRequest``. A *return* is a call from another module into one that was
+passed before; repeated calls of one function count once. The counts include the worker, which runs in this process.
+They exclude ``schemas/``, which defines the request, and ``workflows/context.py``, which only carries it.
 
-``--all`` counts every call between modules of ``tools/``, ``workflows/`` and ``engine/generation/`` instead, regardless
-of the arguments. The last line is one JSON object.
+``--all`` counts every call between modules of ``tools/``, ``workflows/`` and ``engine/generation/`` instead. The last
+line is one JSON object.
 """
 
 import argparse
@@ -32,7 +31,7 @@ from plannerforge.workflows.context import Services
 
 PROJECT = Path(plannerforge.__file__).resolve().parent
 USUAL = {"place": "Musterstadt", "vehicles": ["truck=1"], "duration_s": 5, "seed": 3}
-"""The default request: on a map of the package."""
+"""The default request, on a packaged map."""
 REQUEST = GenerateScenariosArguments | GenerationSpec | GenerationRequest
 CARRIERS = ("workflows/context.py",)
 OWN = ("tools/", "workflows/", "engine/generation/")
@@ -41,9 +40,9 @@ _SUSPENDED = CO_COROUTINE | CO_GENERATOR | CO_ASYNC_GENERATOR
 
 @dataclass
 class Way:
-    """The calls from one module into another, in order; each as (from module, function, into module, function).
+    """The calls between modules, in order; each is (from module, function, to module, function).
 
-    ``all_calls``: count every call in ``OWN``, not only those that receive the request.
+    ``all_calls``: count every call in ``OWN``, not only those that get the request.
     """
 
     all_calls: bool = False
@@ -52,13 +51,13 @@ class Way:
     _begun: dict[int, FrameType] = field(default_factory=dict)
 
     def __call__(self, frame: FrameType, event: str, argument: object) -> None:
-        """Record a call; a profile function of the interpreter."""
+        """Record a call; this is the interpreter's profile function."""
         del argument
         code = frame.f_code
         module = self._module(code)
         if event != "call" or not module or not self._counts(frame, module):
             return
-        if code.co_flags & _SUSPENDED:  # it is entered once, and later only resumed
+        if code.co_flags & _SUSPENDED:  # it is entered once, and only resumed later
             if id(frame) in self._begun:
                 return
             self._begun[id(frame)] = frame  # kept, or another frame could get its id
@@ -71,7 +70,7 @@ class Way:
             self.calls[before, name, module, code.co_qualname] = None
 
     def figures(self) -> dict[str, Any]:
-        """Return how many modules were passed, how many returns there were, and the entries by module."""
+        """Return the number of passed modules, of returns, and of entries by module."""
         entered: dict[str, int] = {}
         for _, _, module, _ in self.calls:
             entered[module] = entered.get(module, 0) + 1
@@ -79,7 +78,7 @@ class Way:
 
     def _counts(self, frame: FrameType, module: str) -> bool:
         code = frame.f_code
-        if module in CARRIERS or not code.co_flags & CO_NEWLOCALS:  # a class or module is being created
+        if module in CARRIERS or not code.co_flags & CO_NEWLOCALS:  # no function: a class or a module is being made
             return False
         if self.all_calls:
             return module.startswith(OWN)
@@ -88,7 +87,7 @@ class Way:
         return handed and not module.startswith(("schemas/", "scripts/"))
 
     def _module(self, code: CodeType) -> str:
-        """Return the file below the project, or nothing for other code and for a lambda or a comprehension."""
+        """Return the file relative to the project; empty for other code, lambdas and comprehensions."""
         if code.co_name.startswith("<"):
             return ""
         if code.co_filename not in self._names:
@@ -99,7 +98,7 @@ class Way:
 
 
 class _InProcess:
-    """An executor that runs operations here, so that the worker's side counts too."""
+    """An executor that runs operations in this process, so that the worker's calls count too."""
 
     capacity = 1
     notice = ""
@@ -111,10 +110,10 @@ class _InProcess:
 
 
 def count(arguments: GenerateScenariosArguments, folder: Path, *, all_calls: bool = False) -> dict[str, Any]:
-    """Make the scenarios of a call in a workspace of the folder, and count the modules that its request passes.
+    """Generate a call's scenarios in a workspace in the folder, and count its request's modules.
 
     Returns:
-        ``modules``, ``returns``, and ``entered``: how often each module was entered.
+        ``modules``, ``returns``, and ``entered``: the number of calls into each module.
     """
     way, unused, workspace = Way(all_calls), cast("Any", None), Workspace(folder)
     services = Services(

@@ -1,21 +1,20 @@
-"""Make ``engine/vehicles/vehicle_words.json.gz``: the words of languages for the classes of road users.
+"""Write ``engine/vehicles/vehicle_words.json.gz``, the words for road users' classes in many languages.
 
     python scripts/make_vehicle_words.py CLDR_ANNOTATIONS WORDNET DICTIONARIES
 
 ``CLDR_ANNOTATIONS`` is the folder ``annotations`` of the package ``cldr-annotations-full`` of Unicode's Common Locale
-Data Repository (Unicode License), with names and key words of vehicle pictures in about 150 languages. ``WORDNET`` is
-the folder ``dict`` of WordNet 3 (WordNet License), with the English hierarchy of nouns. ``DICTIONARIES`` is the dictd
-folder of Debian's packages ``dict-freedict-*-*``; those that WikDict makes from Wiktionary (CC BY-SA 3.0) are read
-(``wikdict.py``). The class of a word comes from the first source that has it:
+Data Repository (CLDR, Unicode License) with names and keywords of vehicle pictures in about 150 languages. ``WORDNET``
+is the folder ``dict`` of WordNet 3 (WordNet License) with the hierarchy of English nouns. ``DICTIONARIES`` is the
+folder of dictd with Debian's packages ``dict-freedict-*-*``; ``wikdict.py`` reads WikDict's dictionaries (CC BY-SA
+3.0). A word's class comes from the first source that has one:
 
-1. WordNet, if it gives one class: as a synonym of the class, or because the word's first meaning is a kind of one.
-2. The class that the dictionaries of most languages give to its first two meanings, or to the words that it translates.
-3. The class of the picture that most languages give this name.
-4. The class of the kind of pictures that alone have the word as a common key word in most languages.
+1. WordNet, if the word has one class there: as the class's synonym, or because its first meaning is a kind of it;
+2. the dictionaries of most languages, by its first two meanings or the words that it translates;
+3. the pictures that it names in most languages;
+4. the pictures that it is a keyword of in most languages, if all pictures of one kind have it and no others.
 
-English texts are searched for these words too. An English word of WordNet without a class in WordNet or English is
-therefore left out (a bill is a car in Icelandic), and so is a word without letters. Words are stored in small letters
-without accents, as letters and digits only.
+Words also match English texts. An English word without a class is therefore left out (a bill is a car in Icelandic), as
+are words without a letter. Words are in lower case, without accents, with letters and digits only.
 """
 
 import gzip
@@ -42,14 +41,12 @@ PICTURES = {
     "pedestrian": ["🚶🚷", "🚷🚸"],
 }
 """The pictures of each class, those of one kind together; a sequence that begins or ends with one (a woman on a
-bicycle) has its class too.
-"""
+bicycle) is of its class too."""
 POLICE = "👮🚨"
-"""Pictures of police, which share its word with the cars."""
+"""Pictures of police, which share the word with police cars."""
 DELIVERY_TRUCK, ARTICULATED_LORRY, PICKUP = "🚚🚛🛻"
 """A word for both of the first two is a truck, and so is one for a pickup; one for the first alone is a delivery van.
-The name of the second is a trailer if the language has a word for both, and otherwise its word for trucks.
-"""
+The name of the second is a trailer if the language has a word for both, and otherwise its word for trucks."""
 _KINDS = [kind for kinds in PICTURES.values() for kind in kinds if len(kind) > 1] + [DELIVERY_TRUCK + ARTICULATED_LORRY]
 SYNSETS = {
     "car": ["car automobile"],
@@ -64,11 +61,10 @@ SYNSETS = {
     "bicycle": ["bicycle bike", "cyclist bicyclist"],
     "pedestrian": ["pedestrian footer"],
 }
-"""WordNet's synonyms for each class, identified by words that they contain; these words have the class regardless of
-other meanings. A word under several of them has the class of the nearest.
-"""
+"""The synonyms of WordNet that stand for each class, by words that they hold, which have the class whatever else they
+mean. What is under several of them has the class of the nearest."""
 COACH = "coach"
-"""A class without a synonym in WordNet and without a picture; only its English name represents it."""
+"""A class that is no synonym of WordNet's and no picture; only its English name stands for it."""
 _NOUN_OF_ARTEFACT, _NOUN_OF_PERSON = 6, 18
 """WordNet's files of nouns (lexnames(5WN)): only their words can be road users."""
 
@@ -101,7 +97,7 @@ def words_of_wordnet(folder: Path) -> dict[str, str]:
 
 
 def _first_senses(folder: Path) -> Iterator[tuple[str, str]]:
-    """Yield each noun with the synonyms of its first meaning, which is the most frequent one (wndb(5WN))."""
+    """Yield each noun with the synonyms of its first and most frequent meaning (wndb(5WN))."""
     for line in (folder / "index.noun").read_text(encoding="utf-8").splitlines():
         if not line.startswith(" "):
             fields = line.split()
@@ -117,13 +113,13 @@ def english_words(folder: Path) -> Iterator[str]:
 
 
 def _head(words: Sequence[str], synsets: Mapping[str, tuple[list[str], list[str]]]) -> str:
-    """Return the synonyms that contain the words; of several, as for van, those with the most kinds."""
+    """Return the synonyms that contain the words; if there are several, as for van, those with the most hyponyms."""
     found = [offset for offset, (lemmas, _) in synsets.items() if set(words) <= set(lemmas)]
     return max(found, key=lambda offset: len(synsets[offset][1]))
 
 
 def words_of_cldr(folder: Path, languages: str) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the classes of picture names, and of key words, in the languages that match a pattern of codes."""
+    """Return the classes of picture names, and of keywords, in the languages that match a pattern of codes."""
     names: dict[str, Counter[str]] = defaultdict(Counter)
     keywords: dict[str, Counter[str]] = defaultdict(Counter)
     told = [dict(_pictures(path)) for path in sorted(folder.glob(f"{languages}/annotations.json"))]
@@ -143,7 +139,7 @@ def words_of_cldr(folder: Path, languages: str) -> tuple[dict[str, str], dict[st
 
 
 def _for_both_trucks(pictures: Mapping[str, tuple[set[str], set[str]]]) -> set[str]:
-    """Return the words that a language has for a delivery truck and for an articulated lorry."""
+    """Return the words that a language uses for both a delivery truck and an articulated lorry."""
     delivery, articulated = (pictures.get(one, (set(), set()))[1] for one in (DELIVERY_TRUCK, ARTICULATED_LORRY))
     return delivery & articulated
 
@@ -171,7 +167,7 @@ def _class_of(picture: str, truck: bool, articulated: bool) -> str:
 
 
 def words_of_wikdict(folder: Path, annotations: Path, english: Mapping[str, str]) -> dict[str, str]:
-    """Return the class of each word of bilingual dictionaries, starting from the CLDR's words for pictures."""
+    """Return the class of each word in the dictionaries, starting from the CLDR's words for pictures."""
     dictionaries = Dictionaries.read(folder)
     languages = {
         language: two_letters(language) for language, _ in dictionaries.meanings.keys() | dictionaries.translated

@@ -1,11 +1,10 @@
-"""Make the table of legal speed limits from the JSON that osm-legal-default-speeds generates from OpenStreetMap's wiki.
+"""Write the table of legal speed limits from osm-legal-default-speeds' JSON of OpenStreetMap's wiki.
 
     python scripts/pack_legal_speeds.py legal_default_speeds.json
 
 The JSON is generated from https://wiki.openstreetmap.org/wiki/Default_speed_limits (content CC BY-SA 2.0) by the
-project https://github.com/westnordost/osm-legal-default-speeds, which publishes it. The table keeps the limits for all
-vehicles (``maxspeed``, or ``maxspeed:advisory`` if there is none), and the required kinds of road. It contains its
-source, its date and its licence.
+project https://github.com/westnordost/osm-legal-default-speeds. The table keeps the limits for all vehicles
+(``maxspeed``, or else ``maxspeed:advisory``), their road types, its source, date and licence.
 """
 
 import argparse
@@ -17,13 +16,12 @@ from pathlib import Path
 TARGET = Path(__file__).parent.parent / "engine" / "maps" / "road_tags" / "legal_speeds.json.gz"
 KEPT = ("maxspeed", "maxspeed:advisory")
 CORRECTED = {"FI": {"100": "80"}}
-"""Corrections of limits that differ from the law: Finland's Road Traffic Act (729/2018), section 100: 80 km/h outside
-built-up areas.
-"""
+"""Limits of the table that the law has otherwise: Finland's Road Traffic Act (729/2018), section 100: 80 km/h outside
+built-up areas."""
 
 
 def packed(source: dict[str, dict[str, object]]) -> dict[str, object]:
-    """Return the table: its source, the filters of its kinds of road, and the rules of each country."""
+    """Return the table: its source, the filters of its road types, and the rules of each country."""
     limits: dict[str, list[tuple[str, dict[str, str]]]] = {}
     for code, rules in source["speedLimitsByCountryCode"].items():
         kept = [(rule.get("name", ""), {k: v for k, v in rule["tags"].items() if k in KEPT}) for rule in rules]  # type: ignore[attr-defined]
@@ -45,7 +43,7 @@ def packed(source: dict[str, dict[str, object]]) -> dict[str, object]:
 
 
 def main() -> None:
-    """Read the JSON given on the command line and write the table."""
+    """Read the JSON that the command line gives, and write the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("source", type=Path)
     table = packed(json.loads(parser.parse_args().source.read_text(encoding="utf-8")))

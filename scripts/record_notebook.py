@@ -1,7 +1,6 @@
-"""Writes and executes ``docs/examples/thirty_runs.ipynb``: ``make notebook``.
+"""Write and execute ``docs/examples/thirty_runs.ipynb``: ``make notebook``.
 
-The notebook runs in its own workspace, like for a user who has just installed the package, and keeps the output of its
-cells.
+The notebook runs in a new workspace, as after a new installation, and keeps the output of its cells.
 """
 
 import os
@@ -31,7 +30,7 @@ runs.to_pandas()[["scenario_id", "config_name", "outcome"]].pivot(index="scenari
 
 
 def cells() -> list[nbformat.NotebookNode]:
-    """Return the cells without their output."""
+    """Return the cells without output."""
     text, code = nbformat.v4.new_markdown_cell, nbformat.v4.new_code_cell
     made = [
         text(
@@ -57,7 +56,7 @@ def cells() -> list[nbformat.NotebookNode]:
 
 
 def executed(folder: Path) -> nbformat.NotebookNode:
-    """Return the notebook with the output of its cells in a folder; nothing is installed."""
+    """Return the notebook with the output of its cells, run in a folder without installing anything."""
     notebook = nbformat.v4.new_notebook(cells=cells())
     notebook.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3", "language": "python"}
     runnable = nbformat.v4.new_notebook(
@@ -69,7 +68,7 @@ def executed(folder: Path) -> nbformat.NotebookNode:
     notebook.metadata.pop("language_info", None)
     for cell in runnable.cells:
         for output in cell.get("outputs", []):
-            if "text/html" in output.get("data", {}):  # shown to people; the other has this folder
+            if "text/html" in output.get("data", {}):  # which is what people see; the other names this run's folder
                 output["data"]["text/plain"] = "shown as HTML"
     return notebook
 

@@ -21,7 +21,7 @@ def test_a_counted_class_has_that_many_vehicles_and_no_more(tmp_path: Path) -> N
 
 def test_more_than_find_room_are_refused_with_the_number_that_does(tmp_path: Path) -> None:
     crowd = [VehicleDemand(vehicle_class="trailer", least=120)]
-    with pytest.raises(NotPossible, match="asked for 120 trailers; of them") as caught:
+    with pytest.raises(NotPossible, match="120 trailers requested, but only") as caught:
         make("Landmoor", tmp_path, scenario_type="intersection", vehicles=crowd)
     (room,) = caught.value.valid
     name, _, count = str(room).partition("=")
@@ -47,7 +47,7 @@ def test_a_site_that_is_full_is_not_filled_again_but_one_that_lacks_few_is(
     monkeypatch.setattr(generator, "generate_traffic", counted_round)
     monkeypatch.setattr(traffic, "simulate_traffic", no_trailer)
     crowd = [VehicleDemand(vehicle_class="trailer", least=asked_for)]
-    with pytest.raises(NotPossible, match=r"of them \d+ trailers? found room"):
+    with pytest.raises(NotPossible, match=r"but only \d+ trailers? found room"):
         make("Landmoor", tmp_path, scenario_type="intersection", vehicles=crowd)
     assert filled.count(1) == simulations  # of the first round
 
