@@ -485,7 +485,7 @@ def _against_schema(path: Path) -> str:
 
 @contextmanager
 def _silence_commonroad_warnings() -> Iterator[None]:
-    """Suppress commonroad-io's warnings: on standard error, they do not state their file.
+    """Suppress commonroad-io's warnings on standard error, because they do not state their file.
 
     They concern faults that the rules for networks report too (``network/rules``), or countries with signs that it does
     not know.

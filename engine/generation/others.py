@@ -277,7 +277,7 @@ def nearest_at(place: Points, step: int, tracks: Mapping[int, Track]) -> list[in
 
 @dataclass(frozen=True)
 class _Surroundings:
-    """The input of tries: vehicles near the ego, the nearest first; the class of an actor; the ego's speed."""
+    """The input of attempts: vehicles near the ego, the nearest first; the class of an actor; the ego's speed."""
 
     near: tuple[int, ...]
     vehicle_class: str

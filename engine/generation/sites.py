@@ -291,7 +291,7 @@ def _requested_first(site: Site, request: GenerationRequest) -> Site:
 
 
 def _ramps_of(finder: SiteFinder, sites: list[Site], request: GenerationRequest) -> list[Site]:
-    """Return the ramps whose main road is one of the requested streets, without their other parts.
+    """Return the ramps with a requested street as main road, without their other parts.
 
     The name of a ramp also has the roads that its links lead to, which may be a kilometre away.
     """

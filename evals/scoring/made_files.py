@@ -138,7 +138,7 @@ def _near_a_road(made: MadeFiles) -> bool:
 
 
 def _in_town(made: MadeFiles, evidence: MapEvidence) -> bool:
-    """Return whether it is in a town: by clear limits, otherwise by streets with houses and built-up land."""
+    """Return whether the scenario is in a town: by clear limits, otherwise by streets with houses and built-up land."""
     spot = (made.latitude, made.longitude)
     limits = evidence.limits_kmh(*spot, BESIDE_M)
     if max(limits, default=0.0) >= FAST_KMH:
