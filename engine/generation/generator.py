@@ -68,7 +68,7 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
     The same request gives the same bytes on one type of machine.
 
     Raises:
-        NotPossible: the map has no such site, a class finds no road or no room, or no car has such a goal.
+        NotPossible: the map has no such site, a class finds no road or no room, or no car can have the requested goal.
         InvalidRequest: the ego or goal has no valid form, or the ego's class is excluded from the traffic.
         UnsafeInput: the map file is broken or hostile.
     """

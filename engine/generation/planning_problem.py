@@ -115,7 +115,7 @@ def choose_task(
     followed. Of equal cars the first is taken. A task that ``accepts`` rejects does not count.
 
     Raises:
-        NotPossible: there is no car, there are fewer cars than the requested index, or no car reaches such a goal.
+        NotPossible: there are fewer cars than the requested index, or no car reaches the requested goal.
         UnknownName: the goal is on a lanelet that the site does not have.
         InvalidRequest: the goal is beyond its lanelet.
     """
@@ -157,7 +157,7 @@ def _best_task(
     step_s: float,
     accepts: Callable[[PlanningTask], bool] | None,
 ) -> PlanningTask | None:
-    """Return the task of the best car, as ``choose_task`` ranks them, or None if no car has such a goal."""
+    """Return the task of the best car, as ``choose_task`` ranks them, or None if no car has the goal."""
     best: tuple[tuple[int, ...], PlanningTask] | None = None
     for car in cars:
         task = _task(car, spec, network, lookup, step_s)
@@ -242,7 +242,7 @@ def _under(lookup: LaneletLookup, vehicle: GeneratedVehicle, step: int) -> RoadL
 def _task(
     car: GeneratedVehicle, spec: TaskSpec, network: RoadNetwork, lookup: LaneletLookup, step_s: float
 ) -> PlanningTask | None:
-    """Return the task of a car, or None if it does not reach such a goal or lanelets do not lead there."""
+    """Return the task of a car, or None if it does not reach the goal or lanelets do not lead there."""
     goal, at_goal = spec.goal, passage(spec, car, network, step_s)
     if at_goal is None:
         return None

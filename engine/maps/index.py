@@ -125,7 +125,7 @@ _PREPOSITIONS = frozenset(("in", "at", "near", "im", "bei", "à", "a", "en", "em
 """Words between a road and its place: libpostal's stopwords that express a location."""
 _EARTH_RADIUS_M = 6_371_008.8
 _LEAST_LIKENESS, _LEAST_WORD_LIKENESS, _TELLING_LETTERS = 78, 85, 4
-"""Minimum similarity (of 100) of a name, or of its words, for a suggestion; minimum length of such a word (chosen)."""
+"""Minimum similarity (of 100) of a name, or of its words, for a suggestion; minimum length of these words (chosen)."""
 _MOST_NEAR, _COMPARED = 4, 2000
 """Maximum number of suggestions, and of compared names (chosen)."""
 _FEW_WORDS = 4
@@ -1017,8 +1017,8 @@ def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading
 def _read_roads_in_a_phrase(text: str, facts: MapFacts) -> _Reading | None:
     """Read the text as two roads of the map in a phrase of any language (``cruce de A con B``, ``A ile B``).
 
-    Both roads need their whole names, with up to three words before them and one between. Such a word may not look
-    like a name: it is the first word, or has no capital letter.
+    Both roads need their whole names, with up to three words before them and one between. These words may not look
+    like names: only the first may have a capital letter.
     """
     words = text.split()
     if not 3 <= len(words) <= _MOST_WORDS:

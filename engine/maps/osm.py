@@ -210,7 +210,7 @@ def _names_a_place(way: OsmWay) -> bool:
 def _parted_at_antimeridian(ways: list[OsmWay], nodes: Mapping[int, OsmNode]) -> list[OsmWay]:
     """Split ways at the antimeridian; further parts of a way have new ids.
 
-    Longitudes jump there by 360 degrees: measuring, cutting or drawing such a way would lead around the world.
+    Longitudes jump there by 360 degrees: measuring, cutting or drawing the way would lead around the world.
     """
     new_ids = count(max((way.way_id for way in ways), default=0) + 1)
     parted: list[OsmWay] = []

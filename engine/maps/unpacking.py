@@ -42,7 +42,7 @@ MAP_FORMATS: tuple[MapFormat, ...] = (
     MapFormat(".osm", (".osm", ".osm.xml"), "osm"),
     MapFormat(NET_ENDING, (NET_ENDING,), "net"),
     MapFormat(DRIVE_ENDING, (DRIVE_ENDING,), "OpenDRIVE"),
-    MapFormat(LANELETS_ENDING, (), "commonRoad"),  # by its name, such a file is a scenario
+    MapFormat(LANELETS_ENDING, (), "commonRoad"),  # by its name, the file is a scenario
 )
 """All formats except OpenStreetMap's binary one. If two endings fit a name, the first counts.
 

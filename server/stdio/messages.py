@@ -1,7 +1,7 @@
 """Handles messages on standard input that the SDK cannot read: limits their length, and answers them.
 
 The SDK's parser silently drops a number with thousands of digits, nested lists or half a message. A client that waits
-for the answer of such a request would wait forever.
+for an answer would wait forever.
 """
 
 import json

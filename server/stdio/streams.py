@@ -1,7 +1,7 @@
 """Standard input and output as the wire of the protocol, which nothing else reads or writes.
 
 The SDK's streams use a thread of a shared pool for each line. If no further thread can be started (memory, or the
-process limit of a container), such a line would end the server; with threads of their own, both continue.
+process limit of a container), the server would end; with threads of their own, both continue.
 """
 
 import io

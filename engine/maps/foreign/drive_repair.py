@@ -19,7 +19,7 @@ from ....schemas.text import cited, shown_name
 
 LEFT, RIGHT = "LHT", "RHT"
 LONGEST_SECTION_M = 2_000.0
-"""Longer lane sections are cut: at netconvert's resolution of 1 m, such a lane has 2,000 points; 5,000 are allowed."""
+"""Longer lane sections are cut: at netconvert's resolution of 1 m, a lane then has 2,000 of 5,000 allowed points."""
 _STRAIGHT_PER_M = 1e-8
 """An arc with less curvature is a line: after 1 km, it deviates by 5 mm."""
 _SAME_PER_M = 1e-7

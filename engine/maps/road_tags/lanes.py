@@ -236,7 +236,7 @@ def arrows(turns: Sequence[str]) -> tuple[str, ...]:
     """Return the directions of lanes, left to right; lanes without arrows lead straight, the outer ones also to their
     side.
 
-    A lane next to a right arrow leads to the right only if it has such an arrow, or if no other lane does.
+    A lane next to a right arrow leads to the right only if it has an arrow to the right, or if no other lane does.
     """
     parts = [{word.strip() for word in turn.split(";")} - {""} for turn in turns]
     has_left, has_right = (any(words & set(side) for words in parts) for side in (_LEFT, _RIGHT))

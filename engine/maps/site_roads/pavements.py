@@ -181,7 +181,7 @@ class _FootWays:
         self._tree = self._tree_of(osm, radius_m)
 
     def sides_of(self, segments: Iterable[tuple[OsmNode, OsmNode]]) -> Sides:
-        """Return the sides of a road that such a way follows for most of its length."""
+        """Return the sides of a road that a separate pavement follows for most of its length."""
         from shapely import LineString
 
         if self._tree is None:

@@ -9,9 +9,7 @@ from ...geometry import Points, arc_length, headings, length_m, segment_lengths,
 from .rule import Defect, rule
 
 
-@rule(
-    "error", why="The centre line is the middle of points with the same number; commonroad-io rejects such a lanelet."
-)
+@rule("error", why="The centre line is the middle of points with the same number; commonroad-io rejects the lanelet.")
 def unequal_bounds(document: RoadDocument) -> Iterator[Defect]:
     """The left and the right bound have different numbers of points."""
     for lanelet in document.lanelets:

@@ -41,7 +41,7 @@ def unknown_light(document: RoadDocument) -> Iterator[Defect]:
             yield Defect(f"traffic light {key} is not in the file", (lanelet.lanelet_id, key))
 
 
-@rule("error", why="The sign has no effect; commonroad-io does not read such a file.")
+@rule("error", why="The sign has no effect; commonroad-io does not read the file.")
 def unused_sign(document: RoadDocument) -> Iterator[Defect]:
     """No lanelet refers to a traffic sign."""
     used = {key for lanelet in document.lanelets for key in lanelet.sign_ids}
